@@ -1,0 +1,59 @@
+# Two commands: `make demo` shows the sensor running without hardware, `make test` proves it.
+# Both set up .venv by themselves and need no root.
+
+PYTHON ?= python3
+TORCH  ?= torch==2.13.0
+VENV   := .venv
+BIN    := $(VENV)/bin
+ARGS   ?=
+
+.PHONY: demo test check lint types pytest bench clean
+
+demo: $(VENV)/.host
+	@$(BIN)/gellight demo $(ARGS)
+
+test: check pytest
+
+check: lint types
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+pytest: $(VENV)/.dev | chromium
+	$(BIN)/pytest $(ARGS)
+
+bench: $(VENV)/.dev
+	$(BIN)/gellight bench $(ARGS)
+
+# A stamp says what is installed: `host` is what a user runs, `dev` adds training and the test tools.
+$(VENV)/.host: pyproject.toml | $(BIN)/python
+	$(BIN)/pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(BIN)/python
+	$(BIN)/pip install --quiet "$(TORCH)"
+	$(BIN)/pip install --quiet --editable ".[dev]"
+	@touch $@ $(VENV)/.host
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "GelLight needs Python 3.11 or newer: sudo apt-get install python3, or make PYTHON=/path/to/python3.11"; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' || \
+	    { echo "Python cannot make a virtual environment: sudo apt-get install python3-venv"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+
+# The page is tested in a real browser. Root installs it; anyone else is told how.
+.PHONY: chromium
+chromium:
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
+	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
+	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; }; } || \
+	    { echo "The dashboard's tests need Chromium: sudo apt-get install chromium"; exit 2; }
+
+clean:
+	rm -rf $(VENV) build dist

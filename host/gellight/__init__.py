@@ -1,0 +1,1 @@
+"""GelLight's host: from camera frames to tactile depth in real time."""

@@ -1,0 +1,29 @@
+"""`gellight`: the verbs, and the one place where an error becomes a message and an exit status."""
+
+import sys
+
+import typer
+
+from gellight.errors import GellightError
+
+app = typer.Typer(
+    name="gellight",
+    help="Camera-based tactile sensing: from light to depth.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback()
+def gellight() -> None:
+    """Camera-based tactile sensing: from light to depth."""
+
+
+def run() -> None:
+    """Run the command line; a `GellightError` is printed in one line and exits with status 2."""
+    try:
+        app()
+    except GellightError as error:
+        print(f"gellight: {error}", file=sys.stderr)
+        sys.exit(2)

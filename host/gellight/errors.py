@@ -1,0 +1,29 @@
+"""The errors of the host. Every message says what was wrong, with which value, and what to do about it."""
+
+
+class GellightError(Exception):
+    """Base of all errors that a user or a program can cause or cure; the command line exits with status 2."""
+
+
+class InputError(GellightError):
+    """A file, an image or an argument is not what it has to be."""
+
+
+class CameraError(GellightError):
+    """The camera cannot be opened, or stopped delivering frames."""
+
+
+class CalibrationError(GellightError):
+    """A calibration bundle is damaged, incomplete, of a newer schema, or made for another sensor."""
+
+
+class TrainingError(GellightError):
+    """GelNet cannot be trained on the given presses, or its export differs from what was trained."""
+
+
+class ConfigError(GellightError):
+    """A configuration file has an unknown key or a value out of range."""
+
+
+class ServerError(GellightError):
+    """The dashboard cannot be served (for example: the port is in use)."""

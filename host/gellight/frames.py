@@ -1,0 +1,72 @@
+"""What travels through the host: a camera frame goes in, a tactile frame comes out.
+
+Axes: x right (columns), y down (rows), z from the gel to the camera. Arrays are indexed ``[row, column]``.
+Depth is indentation in mm, positive into the sensor, 0 where the gel is at rest. Positions in mm are measured
+from the centre of the image.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundTruth:
+    """The gel surface that a simulated camera looked at: what only a simulator can know."""
+
+    depth_mm: NDArray[np.float32]
+    """(H, W) mm"""
+    gradient_map: NDArray[np.float32]
+    """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
+    contact: NDArray[np.bool_]
+    """(H, W) where the object touches the gel (contact pressure above zero)"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFrame:
+    """One picture of the gel."""
+
+    image: NDArray[np.uint8]
+    """(H, W, 3) RGB"""
+    time_s: float
+    """start of the exposure on the clock of `time.monotonic`"""
+    sequence: int
+    """counts the frames the camera took; a gap is a lost frame, a repetition is the same frame again"""
+    source: str = ""
+    """where the frame came from, for messages: a file name or the URL of the camera"""
+    light: NDArray[np.uint8] | None = None
+    """(12, 3) RGB of each LED during the exposure; None where the camera cannot know its light"""
+    truth: GroundTruth | None = None
+    """what was really there; None on real cameras"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """Where and how deep the gel is touched."""
+
+    mask: NDArray[np.bool_]
+    """(H, W) contact patch"""
+    area_mm2: float
+    indentation_mm: float
+    """largest depth, 0 where nothing touches"""
+    centroid_mm: tuple[float, float] | None
+    """(x, y) of the patch from the image centre; None where nothing touches"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TactileFrame:
+    """What the sensor feels in one camera frame."""
+
+    camera_frame: CameraFrame
+    difference: NDArray[np.float32]
+    """(H, W, 3) image minus reference image, grey levels"""
+    gradient_map: NDArray[np.float32]
+    """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
+    normal_map: NDArray[np.float32]
+    """(H, W, 3) unit normals of the gel surface, towards the camera"""
+    depth_mm: NDArray[np.float32]
+    """(H, W) mm"""
+    contact: Contact
+    stage_seconds: dict[str, float] = field(default_factory=dict)
+    """wall time of each stage of the frame path"""
