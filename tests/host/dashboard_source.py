@@ -115,11 +115,17 @@ class FormulaSource:
             "stage_ms": {"gelnet": 8.1, "integration": 3.2, "contact": 0.6},
             "selfcheck": {
                 "passed": True,
-                "checks": [
-                    {"name": "depth", "value": 4.2, "bound": 10.0, "unit": "µm", "passed": True},
-                    {"name": "normals", "value": 0.83, "bound": 2.0, "unit": "°", "passed": True},
-                    {"name": "re-rendered image", "value": 1.31, "bound": 3.0, "unit": "grey", "passed": True},
-                ],
+                "depth_error_mm": 0.0042,
+                "normal_error_deg": 0.183,
+                "contact_normal_error_deg": 0.61,
+                "integral_error_mm": 0.0011,
+                "picture_error_grey": 1.31,
+                "bounds": {
+                    "depth_error_mm": 0.01,
+                    "normal_error_deg": 0.28,
+                    "integral_error_mm": 0.005,
+                    "picture_error_grey": 2.0,
+                },
             },
         }
         self._changed = threading.Condition()

@@ -47,7 +47,7 @@ class TactileSource(Protocol):
         """Return what is known of the sensor, ready for JSON.
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, stage_ms {stage: ms}, error (text or
-        None) and selfcheck (None, or {passed: bool, checks: [{name, value, bound, unit, passed}]}).
+        None) and selfcheck (None, or its figures by name, `passed`, and `bounds` by the same names).
         """
 
     @property

@@ -2,12 +2,12 @@
 
 import { NO_DEPTH, depthMm } from "./message.js";
 
-export const DEPTH_SCALES_UM = [100, 200, 500, 1000, 2000];
+export const DEPTH_SCALES_UM = [100, 200, 400, 800, 1200, 1600, 2000];
 
 // Dark to light, so that deeper always looks brighter, also in grey.
 const STOPS = [
-  [13, 17, 38], [36, 37, 98], [58, 72, 152], [52, 117, 175], [42, 160, 168],
-  [74, 196, 134], [154, 220, 96], [232, 229, 112], [255, 250, 214],
+  [31, 38, 66], [42, 54, 112], [52, 84, 158], [44, 126, 178], [44, 166, 166],
+  [88, 200, 130], [168, 222, 98], [238, 230, 116], [255, 250, 218],
 ];
 const ABOVE_SCALE = [255, 92, 160];
 const NOTHING = [60, 60, 60];

@@ -1,28 +1,34 @@
 // How finely the surface is drawn, by what this machine can afford.
 
 export const LEVELS = [
-  { name: "320 × 240 mesh", columns: 320, rows: 240 },
-  { name: "160 × 120 mesh", columns: 160, rows: 120 },
-  { name: "2D relief", columns: 0, rows: 0 },
+  { name: "320 × 240 mesh", caption: "320 × 240 mesh, grid 5 mm", columns: 320, rows: 240 },
+  { name: "160 × 120 mesh", caption: "160 × 120 mesh, grid 5 mm", columns: 160, rows: 120 },
+  { name: "2D relief", caption: "2D relief", columns: 0, rows: 0 },
 ];
 export const RELIEF = LEVELS.length - 1;
 
-const BUDGET_MS = 70; // what a picture may take from being drawn to the next turn of the page
-const SAMPLES = 7;
-const SETTLING = 4; // the first pictures of a level compile shaders
+const BUDGET_MS = 130; // what a picture may take from being drawn to the next turn of the page
+const SAMPLES = 5;
+const SETTLING = 2; // the first pictures of a level compile shaders
 const PAUSE_MS = 3000; // longer than that the page was asleep, not slow
 
 /** Steps down a level when the median picture takes longer than the budget; `choose` overrides it. */
 export class Detail {
-  level = 0;
+  #first;
   #chosen = null;
   #times = [];
   #settling = SETTLING;
 
+  /** Start at level `first`. */
+  constructor(first) {
+    this.#first = first;
+    this.level = first;
+  }
+
   /** Fix a level, or let it adapt again with null. */
   choose(level) {
     this.#chosen = level;
-    this.#enter(level ?? 0);
+    this.#enter(level ?? this.#first);
   }
 
   /** Take in how long the last picture took; return whether the level has changed. */

@@ -38,21 +38,30 @@ function showStages(stages) {
   }));
 }
 
+// Of the self-check: what the daemon calls it, what people call it, its unit, and units in one of the daemon's.
+const CHECKS = [
+  ["depth_error_mm", "depth error", "µm", 1000],
+  ["normal_error_deg", "normal error", "°", 1],
+  ["contact_normal_error_deg", "in contact", "°", 1],
+  ["integral_error_mm", "integration", "µm", 1000],
+  ["picture_error_grey", "re-rendered", "grey", 1],
+];
+
 function showChecks(selfcheck) {
   const verdict = element("verdict");
   verdict.textContent = selfcheck ? (selfcheck.passed ? "passed" : "failed") : "";
   verdict.className = `verdict ${selfcheck?.passed ? "passed" : "failed"}`;
-  const checks = selfcheck?.checks ?? [];
+  const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
   const nothing = node("td", "no reference to compare with", "dim");
-  element("checks").replaceChildren(...(checks.length ? checks.map(checkRow) : [row(nothing)]));
+  element("checks").replaceChildren(...(known.length ? known.map((check) => checkRow(selfcheck, check)) : [row(nothing)]));
 }
 
-function checkRow({ name, value, bound, unit, passed }) {
-  return row(
-    node("td", name, "dim"),
-    node("td", `${fixed(value, 2)} ${unit}`, passed ? "passed" : "failed"),
-    node("td", `≤ ${bound} ${unit}`, "dim"),
-  );
+function checkRow(selfcheck, [key, name, unit, factor]) {
+  const bound = selfcheck.bounds?.[key];
+  const judged = bound === undefined ? "" : selfcheck[key] <= bound ? "passed" : "failed";
+  const value = node("td", `${fixed(selfcheck[key] * factor, 2)} ${unit}`, judged);
+  value.dataset.testid = `check-${key}`;
+  return row(node("td", name, "dim"), value, node("td", bound === undefined ? "" : `≤ ${Number((bound * factor).toPrecision(3))}`, "dim"));
 }
 
 function row(...cells) {

@@ -24,11 +24,11 @@ const stats = {
 window.gellight = stats;
 
 const planes = new Planes();
-const detail = new Detail();
 const ring = new Ring(element("ring"));
 const history = new History(element("history"));
 const relief = new Relief(element("surface"));
 const surface = openSurface();
+const detail = new Detail(firstLevel());
 
 let waiting = null; // the newest frame not yet drawn: {view, bitmap}
 let shown = null; // the view on the screen
@@ -55,10 +55,14 @@ function openSurface() {
     return new Surface(element("surface"), planes.imageCanvas, () => { turned = true; });
   } catch (error) {
     console.info(`no WebGL, so the surface is drawn in 2D: ${error.message}`);
-    detail.choose(RELIEF);
     element("detail").disabled = true;
     return null;
   }
+}
+
+function firstLevel() {
+  if (!surface) return RELIEF;
+  return surface.software ? 1 : 0;
 }
 
 async function receive(buffer) {
@@ -128,7 +132,7 @@ function tick() {
   drawnTimes = drawnTimes.filter((time) => now - time < FPS_WINDOW_MS);
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
   element("drawn-fps").textContent = stats.drawn_fps.toFixed(1);
-  element("level").textContent = stats.level;
+  element("level").textContent = LEVELS[detail.level].caption;
   if (shown) showContact(shown.header.contact);
   if (stats.state !== "lost") judgeAge(now);
 }

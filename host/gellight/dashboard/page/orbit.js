@@ -5,7 +5,7 @@ const STEEPEST_RAD = 1.5;
 const FLATTEST_RAD = 0.15;
 
 export class Orbit {
-  azimuth = -0.55; // about the z axis, from straight below
+  azimuth = -0.42; // about the z axis, from straight below
   elevation = 0.8; // above the gel
   distance = 1; // in units of what shows the whole gel
 
@@ -35,7 +35,7 @@ export class Orbit {
     const flat = radius * Math.cos(this.elevation);
     camera.position.set(flat * Math.sin(this.azimuth), -flat * Math.cos(this.azimuth), radius * Math.sin(this.elevation));
     camera.up.set(0, 0, 1);
-    camera.lookAt(0, 0, 0);
+    camera.lookAt(0, 0, -0.03 * reach * Math.cos(this.elevation)); // leaves room for what rises from the gel
   }
 }
 

@@ -35,7 +35,7 @@ export class Planes {
 
   constructor() {
     this.setGain(2);
-    this.setScale(1000);
+    this.setScale(1600);
   }
 
   /** Show `view`, with its decoded camera picture `bitmap`. */

@@ -10,10 +10,12 @@ const VERTEX = `
 uniform sampler2D depth;
 uniform float exaggeration;
 varying vec2 place;
+varying vec2 at;
 varying float depthMm;
 varying vec3 eye;
 void main() {
   place = vec2(uv.x, 1.0 - uv.y);
+  at = position.xy;
   depthMm = texture2D(depth, place).r;
   vec4 world = vec4(position.xy, depthMm * exaggeration, 1.0);
   eye = cameraPosition - world.xyz;
@@ -28,6 +30,7 @@ uniform float exaggeration;
 uniform float scaleMm;
 uniform int colouring;
 varying vec2 place;
+varying vec2 at;
 varying float depthMm;
 varying vec3 eye;
 void main() {
@@ -40,7 +43,9 @@ void main() {
   vec3 fill = normalize(vec3(0.8, -0.3, 0.5));
   float light = 0.42 + 0.62 * max(dot(normal, key), 0.0) + 0.16 * max(dot(normal, fill), 0.0);
   float gloss = pow(max(dot(normal, normalize(key + normalize(eye))), 0.0), 48.0);
-  gl_FragColor = vec4(base * light + 0.16 * gloss, 1.0);
+  vec2 lines = abs(fract(at / 5.0 + 0.5) - 0.5) * 5.0 / max(fwidth(at), 1e-6);
+  float grid = 1.0 - min(min(lines.x, lines.y), 1.0);
+  gl_FragColor = vec4(mix(base * light + 0.16 * gloss, vec3(1.0), 0.13 * grid), 1.0);
 }`;
 
 export class Surface {
@@ -50,14 +55,15 @@ export class Surface {
   #camera = new THREE.PerspectiveCamera(30, 1, 1, 1000);
   #uniforms = {
     depth: { value: null }, normals: { value: null }, image: { value: null }, colours: { value: colourTexture() },
-    exaggeration: { value: 4 }, scaleMm: { value: 1 }, colouring: { value: 0 },
+    exaggeration: { value: 4 }, scaleMm: { value: 1.6 }, colouring: { value: 0 },
   };
   #mesh = null;
   #frame = null;
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
   constructor(box, imageCanvas, changed) {
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    this.software = rendersInSoftware();
+    this.renderer = new THREE.WebGLRenderer({ antialias: !this.software, alpha: true });
     this.canvas = this.renderer.domElement;
     box.append(this.canvas);
     this.orbit = new Orbit(box, changed);
@@ -130,8 +136,15 @@ export class Surface {
   #aim() {
     const half = Math.tan((this.#camera.fov * Math.PI) / 360);
     const { widthMm = 40, heightMm = 30 } = this.#size;
-    this.#reach = (Math.hypot(widthMm, heightMm) * 0.47) / (half * Math.min(this.#camera.aspect, 1.35));
+    this.#reach = (Math.hypot(widthMm, heightMm) * 0.445) / (half * Math.min(this.#camera.aspect, 1.1));
   }
+}
+
+/** Whether there is no graphics card to draw with. */
+function rendersInSoftware() {
+  const context = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return context === null;
 }
 
 function colourTexture() {
