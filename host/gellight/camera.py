@@ -93,7 +93,7 @@ def open_camera(url: str | Path) -> Camera:
         return camera
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {_KINDS}")
-    return ImageCamera(_image_files(text), url=text)
+    return ImageCamera(image_files(text), url=text)
 
 
 class ImageCamera:
@@ -171,8 +171,8 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def _image_files(text: str) -> list[Path]:
-    """The files that a folder, a pattern or a file name stands for, in natural order."""
+def image_files(text: str) -> list[Path]:
+    """List the files that a folder, a pattern or a file name stands for, in natural order."""
     path = Path(text)
     if path.is_dir():
         found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]

@@ -6,10 +6,10 @@ import numpy as np
 import onnxruntime
 import pytest
 
+from gellight.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from gellight.errors import CalibrationError
 from gellight.gelnet import BLOCK_ROWS, SMOOTHING_PX, GradientNetwork, _smoothed, _smoothing_weights
 from gellight.reconstruction import integrate, normals
-from tests.host.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from tests.host.linear_sensor import (
     GREY_PER_SLOPE,
     gemm_network,
