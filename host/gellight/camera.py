@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import cv2
 import numpy as np
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from gellight.errors import CameraError, InputError
 from gellight.frames import CameraFrame
+
+if TYPE_CHECKING:
+    from gellight.selfcheck import SelfCheck
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _KINDS = "give an image file, a folder of images, a quoted pattern such as 'presses/*.png', or sim://"
@@ -31,11 +34,18 @@ class PressStage(Protocol):
     def objects(self) -> tuple[str, ...]:
         """Names of the objects that can be pressed."""
 
+    @property
+    def max_depth_mm(self) -> float:
+        """Deepest press allowed."""
+
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Press an object `depth_mm` deep at (x, y) mm from the image centre; it stays until released."""
 
     def release(self) -> None:
         """Lift the object off the gel."""
+
+    def status(self) -> dict[str, object]:
+        """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than a programme presses."""
 
 
 @runtime_checkable
@@ -53,6 +63,9 @@ class Camera(Protocol):
     @property
     def stage(self) -> PressStage | None:
         """The stage of a simulated sensor; None where objects are pressed by hand."""
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
+        """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
 
     def read(self) -> CameraFrame:
         """Wait for the next frame; raises EndOfStream after the last one and CameraError on a fault."""
@@ -80,7 +93,7 @@ def open_camera(url: str | Path) -> Camera:
         return camera
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {_KINDS}")
-    return ImageCamera(_image_files(text), url=text)
+    return ImageCamera(image_files(text), url=text)
 
 
 class ImageCamera:
@@ -101,6 +114,9 @@ class ImageCamera:
     def __len__(self) -> int:
         """Count the images, read or not."""
         return len(self._paths)
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        """Return None: nobody knows what was really pressed."""
 
     def read(self) -> CameraFrame:
         """Read the next image; raises EndOfStream after the last one."""
@@ -155,8 +171,8 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def _image_files(text: str) -> list[Path]:
-    """The files that a folder, a pattern or a file name stands for, in natural order."""
+def image_files(text: str) -> list[Path]:
+    """List the files that a folder, a pattern or a file name stands for, in natural order."""
     path = Path(text)
     if path.is_dir():
         found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]

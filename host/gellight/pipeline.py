@@ -80,6 +80,10 @@ class Reconstructor:
             stage_seconds=watch.seconds,
         )
 
+    def touched(self, difference: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
+        return self._network.touched(difference)
+
     def _check(self, camera_frame: CameraFrame) -> None:
         image: NDArray[np.uint8] = camera_frame.image
         name = camera_frame.source or "the image"

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gellight.analytic_surfaces import gaussian, smooth_cap
 from gellight.errors import InputError
 from gellight.frames import CameraFrame
 from gellight.pipeline import STAGES, Reconstructor
-from tests.host.analytic_surfaces import gaussian, smooth_cap
 from tests.host.linear_sensor import linear_calibration, photograph
 
 SHAPE = (240, 320)

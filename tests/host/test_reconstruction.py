@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from gellight.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.reconstruction import _edge_integrals, integrate, normals
-from tests.host.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 
 SHAPES = [(240, 320), (480, 640)]
 slope_maps = arrays.arrays(

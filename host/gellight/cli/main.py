@@ -4,6 +4,7 @@ import sys
 
 import typer
 
+from gellight.cli import demo, selfcheck
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -18,6 +19,10 @@ app = typer.Typer(
 @app.callback()
 def gellight() -> None:
     """Camera-based tactile sensing: from light to depth."""
+
+
+app.command("demo")(demo.command)
+app.command("selfcheck")(selfcheck.command)
 
 
 def run() -> None:

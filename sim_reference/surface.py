@@ -1,0 +1,86 @@
+"""The gel surface as the camera sees it: a press, computed on a grid around the object, placed under the pixels.
+
+The gel is modelled as laterally uniform, so a press has the same shape wherever it happens. It is solved once on a
+square grid centred on the object and sampled on the pixels by cubic splines, whose derivatives are the slopes: depth
+and gradient map belong to the same smooth surface.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
+
+from sim_reference.gel import Deformation, press
+from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.objects import ObjectParameters, object_height
+
+Array = NDArray[np.float64]
+GRID_SIZE = 512
+GRID_EXTENT_MM = 64.0
+"""an object 35 mm across and three gel thicknesses around it; 0.125 mm between points"""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The gel surface on the pixels of the camera."""
+
+    depth_mm: Array
+    """(H, W) mm, positive into the sensor"""
+    gradient_map: Array
+    """(H, W, 2) d(depth)/dx, d(depth)/dy"""
+    contact: NDArray[np.bool_]
+    """(H, W) where the object touches"""
+
+
+def untouched(geometry: SensorGeometry) -> Surface:
+    """Return the gel at rest."""
+    shape = geometry.image_shape
+    return Surface(np.zeros(shape), np.zeros((*shape, 2)), np.zeros(shape, bool))
+
+
+def object_grid(size: int = GRID_SIZE) -> Array:
+    """(size,) mm: the coordinates of the grid around the object, along either axis."""
+    return np.asarray((np.arange(size) - (size - 1) / 2) * (GRID_EXTENT_MM / size))
+
+
+def press_object(
+    name: str,
+    press_depth_mm: float,
+    geometry: SensorGeometry,
+    *,
+    parameters: ObjectParameters | None = None,
+    size: int = GRID_SIZE,
+) -> Deformation:
+    """Press object `name` into the gel by `press_depth_mm`, on a grid of `size` points a side around the object.
+
+    Raises ValueError for an unknown object or an impossible depth.
+    """
+    at = object_grid(size)
+    height = object_height(name, at[None, :], at[:, None], parameters)
+    return press(height, GRID_EXTENT_MM / size, press_depth_mm, geometry)
+
+
+def sample(deformation: Deformation, geometry: SensorGeometry, x_mm: float, y_mm: float) -> Surface:
+    """Return the gel surface on the camera's pixels, with the object's centre at (x_mm, y_mm) from the image centre.
+
+    Beyond the object's grid, where the gel is at rest but for micrometres, depth and slopes are 0.
+    """
+    if not (np.isfinite(x_mm) and np.isfinite(y_mm)):
+        raise ValueError(f"an object cannot be placed at ({x_mm}, {y_mm}) mm: give finite numbers")
+    x, y = pixel_grid(geometry)
+    across, down = x.ravel() - x_mm, y.ravel() - y_mm
+    grid = object_grid(len(deformation.depth_mm))
+    spline = RectBivariateSpline(grid, grid, deformation.depth_mm, s=0)
+    columns, rows = (np.flatnonzero((at >= grid[0]) & (at <= grid[-1])) for at in (across, down))
+    surface = untouched(geometry)
+    inside = np.ix_(rows, columns)
+    at_rows, at_columns = down[rows], across[columns]
+    surface.depth_mm[inside] = spline(at_rows, at_columns)
+    surface.gradient_map[inside] = np.stack(
+        [spline(at_rows, at_columns, dy=1), spline(at_rows, at_columns, dx=1)], axis=2
+    )
+    spacing = grid[1] - grid[0]
+    nearest = [np.rint((at - grid[0]) / spacing).astype(int) for at in (at_rows, at_columns)]
+    surface.contact[inside] = deformation.contact[np.ix_(*nearest)]
+    return surface
