@@ -166,7 +166,7 @@ def _one_epoch(
         optimiser.zero_grad()
         torch.autograd.backward(loss)
         optimiser.step()
-        total += float(loss) * len(seen)
+        total += float(loss.detach()) * len(seen)
     return total / len(pixels)
 
 
@@ -219,12 +219,21 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     recipe = RECIPES[options.recipe]
     if options.epochs:
         recipe = replace(recipe, epochs=options.epochs, least_visits=0)
-    trained = train(training, recipe, width=options.width, seed=options.seed, progress=_print_progress)
-    record = {
-        "recipe": options.recipe,
+    trained = train(training, recipe, width=options.width, seed=options.seed, progress=print_progress)
+    record = record_of(options.recipe, recipe, options.width, options.seed, trained, training, held_out)
+    write(trained.network, record, table, options.out)
+    return record
+
+
+def record_of(
+    name: str, recipe: Recipe, width: int, seed: int, trained: Training, training: Table, held_out: Table
+) -> dict[str, Any]:
+    """Return the content of training.json: how the network was trained, and its error on what was held out."""
+    return {
+        "recipe": name,
         **asdict(recipe),
-        "width": options.width,
-        "seed": options.seed,
+        "width": width,
+        "seed": seed,
         "epochs": trained.epochs,
         "rows": trained.rows,
         "images": len(np.unique(training.image)),
@@ -234,8 +243,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "held_out_normal_error_deg": normal_error_deg(trained.network, held_out),
         "torch": torch.__version__,
     }
-    write(trained.network, record, table, options.out)
-    return record
 
 
 def write(network: GelNet, record: dict[str, Any], table: Table, folder: Path) -> None:
@@ -252,7 +259,8 @@ def write(network: GelNet, record: dict[str, Any], table: Table, folder: Path) -
             (partial / name).replace(folder / name)
 
 
-def _print_progress(epoch: int, epochs: int, loss: float) -> None:
+def print_progress(epoch: int, epochs: int, loss: float) -> None:
+    """Say on stdout, as one line of JSON, how far training is."""
     print(json.dumps({"epoch": epoch, "epochs": epochs, "loss": loss}), flush=True)
 
 
