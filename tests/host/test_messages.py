@@ -153,3 +153,12 @@ def test_reduction_is_an_area_average_so_a_single_bright_pixel_is_not_lost() -> 
     view = decode(encode(with_depth(depth), pixel_size_mm=PIXEL))
     assert view.depth_mm[50, 50] == pytest.approx(0.1, abs=DEPTH_UNIT_MM)
     assert cv2.countNonZero((view.depth_mm > 0.05).astype(np.uint8)) == 1
+
+
+def test_missing_normals_do_not_spread() -> None:
+    normal_map = FRAME.normal_map.copy()
+    normal_map[:100] = np.nan
+    view = decode(encode(replace(FRAME, normal_map=normal_map), pixel_size_mm=PIXEL))
+    assert np.allclose(view.normal_map[:50], (0, 0, 1)), "what is unknown is shown flat"
+    whole = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    assert np.array_equal(view.normal_map[50:], whole.normal_map[50:])
