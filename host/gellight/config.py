@@ -47,6 +47,9 @@ class GeometrySettings(Section):
     gel_diameter_mm: float | None = Field(default=None, gt=0, description="diameter of the gel")
     gel_thickness_mm: float | None = Field(default=None, gt=0, description="thickness of the gel")
     poisson_ratio: float | None = Field(default=None, ge=0, lt=0.5, description="Poisson's ratio of the gel")
+    coating_smoothing_mm: float | None = Field(
+        default=None, ge=0, description="detail finer than this is bridged by the reflective coating"
+    )
     camera_height_mm: float | None = Field(default=None, gt=0, description="from the gel to the camera")
     image_width_px: int | None = Field(default=None, ge=16, le=8192, description="columns of the camera image")
     image_height_px: int | None = Field(default=None, ge=16, le=8192, description="rows of the camera image")
