@@ -4,6 +4,7 @@ import shutil
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
@@ -378,6 +379,35 @@ def test_the_page_comes_back_after_the_server(opened: Open, source: FormulaSourc
         expect(page.get_by_test_id("state")).to_have_text("live")
         page.get_by_test_id("press-here").click()
         assert wait_for_calls(source, page, 1)[-1] == ("BALL", 0.8, 0.0, 0.0)
+
+
+def test_a_press_that_was_lost_with_the_server_blocks_no_later_one(
+    opened: Open, source: FormulaSource, server: DashboardServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert source.stage is not None
+    begun, gate, press = threading.Event(), threading.Event(), source.stage.press
+
+    def slow(*where: Any) -> None:
+        begun.set()
+        gate.wait(PATIENCE_MS / 1000)
+        press(*where)
+
+    source.stage.press = slow  # type: ignore[method-assign]
+    page = opened()
+    draw(page, source, 0.5)
+    page.get_by_test_id("press-here").click()
+    assert begun.wait(PATIENCE_MS / 1000)
+    stopping = threading.Thread(target=server.stop)
+    stopping.start()
+    expect(page.get_by_test_id("state")).to_have_text("reconnecting")
+    gate.set()
+    stopping.join()
+    assert [record for record in caplog.records if record.levelname == "ERROR"] == []
+    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+        draw(page, source, 0.7)
+        page.get_by_test_id("object-WAVE").click()
+        page.get_by_test_id("press-here").click()
+        assert wait_for_calls(source, page, 2)[-1] == ("WAVE", 0.8, 0.0, 0.0)
 
 
 def test_detail_falls_when_pictures_take_long_and_can_be_fixed(opened: Open) -> None:

@@ -37,10 +37,10 @@ export function showStatus(status) {
 function showStages(stages) {
   const longest = Math.max(1, ...Object.values(stages));
   element("stages").replaceChildren(...Object.entries(stages).map(([name, ms]) => {
-    const row = document.createElement("div");
+    const line = document.createElement("div");
     const meter = Object.assign(document.createElement("meter"), { min: 0, max: longest, value: ms });
-    row.append(node("dt", name), meter, node("dd", fixed(ms, 1)));
-    return row;
+    line.append(node("dt", name), meter, node("dd", fixed(ms, 1)));
+    return line;
   }));
 }
 
@@ -72,9 +72,9 @@ function checkRow(selfcheck, [key, name, unit, factor]) {
 }
 
 function row(...cells) {
-  const element = document.createElement("tr");
-  element.append(...cells);
-  return element;
+  const line = document.createElement("tr");
+  line.append(...cells);
+  return line;
 }
 
 function node(kind, text, className = "") {

@@ -59,8 +59,10 @@ export class Surface {
     depth: { value: null }, normals: { value: null }, image: { value: null }, colours: { value: colourTexture() },
     exaggeration: { value: 4 }, scaleMm: { value: 1.6 }, colouring: { value: 0 },
   };
+  #material;
   #mesh = null;
   #frame = null;
+  #reach = 100; // distance in mm at which the whole gel is seen
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
   constructor(box, imageCanvas, changed) {
@@ -71,10 +73,9 @@ export class Surface {
     this.orbit = new Orbit(box, changed);
     this.#uniforms.image.value = new THREE.CanvasTexture(imageCanvas);
     this.#uniforms.image.value.flipY = false;
-    this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide });
+    this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
     new ResizeObserver(() => this.#resize(box, changed)).observe(box);
   }
-  #material;
 
   set exaggeration(times) { this.#uniforms.exaggeration.value = times; }
   set scaleUm(um) { this.#uniforms.scaleMm.value = um / 1000; }
@@ -97,7 +98,6 @@ export class Surface {
     this.orbit.place(this.#camera, this.#reach);
     this.renderer.render(this.#scene, this.#camera);
   }
-  #reach = 100;
 
   #fit(width, height, { image_px: image, pixel_size_mm: pixel }) {
     const [widthMm, heightMm] = [image[0] * pixel[0], image[1] * pixel[1]];
