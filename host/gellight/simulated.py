@@ -38,8 +38,6 @@ BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
 RETURN_FRAMES = 300
 """so long after a visitor's last touch the programme goes on"""
-SHADOW_MM = 4.0
-"""longest shadow of a 2 mm press under the ring's lowest light"""
 KEPT_DEFORMATIONS = 64
 
 
@@ -156,7 +154,7 @@ class Scene:
         self.geometry = geometry
         self.light = ring_light(geometry)
         self._deformations: OrderedDict[tuple[str, float], Deformation] = OrderedDict()
-        self._flat = untouched(geometry)
+        self._flat = untouched(geometry).single_precision()
         irradiance = ring_irradiance(self._flat, geometry, self.light)
         self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
         self._untouched = linear_grey(irradiance, self.response).astype(np.float32)
@@ -165,11 +163,9 @@ class Scene:
         """Return the picture before noise, (H, W, 3) grey levels, and the gel surface, under `press`."""
         if press is None:
             return self._untouched, self._flat
-        surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm)
-        window = disturbed_window(surface, self.geometry)
-        grey = self._untouched.copy()
-        grey[window] = linear_grey(ring_irradiance(surface, self.geometry, self.light, window), self.response)
-        return grey, surface
+        surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
+        irradiance = ring_irradiance(surface, self.geometry, self.light)
+        return linear_grey(irradiance, self.response).astype(np.float32), surface
 
     def _deformation(self, press: Press) -> Deformation:
         key = (press.object_name, press.depth_mm)
@@ -179,21 +175,6 @@ class Scene:
         while len(self._deformations) > KEPT_DEFORMATIONS:
             self._deformations.popitem(last=False)
         return self._deformations[key]
-
-
-def disturbed_window(surface: Surface, geometry: SensorGeometry) -> tuple[slice, slice]:
-    """Return the rows and columns in which the picture differs from the untouched gel's.
-
-    Slopes under 0.0005 change a pixel by less than a tenth of a grey level; the margin is as long as a shadow.
-    """
-    disturbed = np.abs(surface.gradient_map).max(axis=2) > 5e-4
-    margin = int(np.ceil(SHADOW_MM / geometry.pixel_size_mm))
-    slices = []
-    for axis, size in enumerate(geometry.image_shape):
-        where = np.flatnonzero(disturbed.any(axis=1 - axis))
-        first, last = (where[0], where[-1] + 1) if where.size else (0, 1)
-        slices.append(slice(max(first - margin, 0), min(last + margin, size)))
-    return slices[0], slices[1]
 
 
 class SimulatedCamera:
@@ -253,8 +234,8 @@ class SimulatedCamera:
         if self._shown is None or self._shown[0] != press:
             grey, surface = self._scene.show(press)
             truth = GroundTruth(
-                depth_mm=surface.depth_mm.astype(np.float32),
-                gradient_map=surface.gradient_map.astype(np.float32),
+                depth_mm=surface.depth_mm.astype(np.float32, copy=False),
+                gradient_map=surface.gradient_map.astype(np.float32, copy=False),
                 contact=surface.contact,
             )
             self._shown = press, grey, truth

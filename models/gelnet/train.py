@@ -34,10 +34,9 @@ class Recipe:
     """"gradient": mean absolute difference of the gradients; "normal": mean chord between the unit normals"""
     learning_rate: float
     batch: int
-    epochs: int | None
-    """None: as many as make `visits`"""
-    visits: int
-    """how many rows are seen in all where `epochs` is None"""
+    epochs: int
+    least_visits: int
+    """a small table is seen more often than `epochs`, until this many rows have been seen"""
     dropout: float
     largest_table: int
     """more rows than that are thinned out at random"""
@@ -54,7 +53,7 @@ RECIPES = {
         learning_rate=1e-6,
         batch=128,
         epochs=150,
-        visits=0,
+        least_visits=0,
         dropout=0.1,
         largest_table=10**9,
         warm_up=0,
@@ -64,8 +63,8 @@ RECIPES = {
         loss="normal",
         learning_rate=5e-3,
         batch=2048,
-        epochs=None,
-        visits=4_000_000,
+        epochs=10,
+        least_visits=1_000_000,
         dropout=0.0,
         largest_table=500_000,
         warm_up=0.05,
@@ -106,7 +105,7 @@ def train(
     pixels, gradient = _tensors(table, recipe.largest_table)
     network = GelNet(width, dropout=recipe.dropout)
     network.fit_range(pixels, gradient)
-    epochs = recipe.epochs or max(1, math.ceil(recipe.visits / len(pixels)))
+    epochs = max(recipe.epochs, math.ceil(recipe.least_visits / len(pixels)))
     optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate, fused=True)
     batch = min(recipe.batch, len(pixels))
     rates = learning_rates(recipe, steps=epochs * math.ceil(len(pixels) / batch))
@@ -219,7 +218,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     training, held_out = split_by_image(table, fraction=HELD_OUT, seed=options.seed)
     recipe = RECIPES[options.recipe]
     if options.epochs:
-        recipe = replace(recipe, epochs=options.epochs)
+        recipe = replace(recipe, epochs=options.epochs, least_visits=0)
     trained = train(training, recipe, width=options.width, seed=options.seed, progress=_print_progress)
     record = {
         "recipe": options.recipe,
