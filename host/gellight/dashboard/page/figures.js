@@ -18,6 +18,7 @@ export function showContact({ indentation_mm: indentation, area_mm2: area, centr
 /** Show what the daemon says of itself. */
 export function showStatus(status) {
   write("sensor", status.sensor ?? "");
+  element("sensor").title = status.sensor ?? "";
   write("error", status.error ?? "");
   element("error").title = status.error ?? "";
   write("fps", fixed(status.fps, 1));

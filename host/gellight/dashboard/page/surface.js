@@ -62,7 +62,8 @@ export class Surface {
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
   constructor(box, imageCanvas, changed) {
-    this.software = rendersInSoftware();
+    if (!offersWebGL({})) throw new Error("this browser offers no WebGL 2");
+    this.software = !offersWebGL({ failIfMajorPerformanceCaveat: true });
     this.renderer = new THREE.WebGLRenderer({ antialias: !this.software, alpha: true });
     this.canvas = this.renderer.domElement;
     box.append(this.canvas);
@@ -140,11 +141,11 @@ export class Surface {
   }
 }
 
-/** Whether there is no graphics card to draw with. */
-function rendersInSoftware() {
-  const context = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
+/** Whether a context can be had on these terms; a browser without a graphics card refuses the strict ones. */
+function offersWebGL(terms) {
+  const context = document.createElement("canvas").getContext("webgl2", terms);
   context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return context === null;
+  return context !== null;
 }
 
 function colourTexture() {
