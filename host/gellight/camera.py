@@ -3,7 +3,7 @@
 import glob
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
@@ -82,14 +82,15 @@ class Camera(Protocol):
         """Close the camera."""
 
 
-def open_camera(url: str | Path) -> Camera:
+def open_camera(url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None) -> Camera:
     """Open the camera that a URL names: an image file, a folder or pattern of images, or `sim://...`.
 
-    Raises CameraError or InputError, naming the file and the remedy.
+    `geometry` is how a simulated sensor differs from the paper's. Raises CameraError, InputError or ConfigError, naming
+    the file and the remedy.
     """
     text = str(url)
     if text.startswith("sim://"):
-        camera: Camera = import_module("gellight.simulated").open_simulated(text)
+        camera: Camera = import_module("gellight.simulated").open_simulated(text, geometry or {})
         return camera
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {_KINDS}")

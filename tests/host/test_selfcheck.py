@@ -38,7 +38,7 @@ def test_a_good_frame_passes(judge: SelfCheck, frame: TactileFrame) -> None:
 def test_a_wrong_scale_of_the_depth_fails(judge: SelfCheck, frame: TactileFrame) -> None:
     result = judge.compare(replace(frame, depth_mm=1.05 * frame.depth_mm))
     assert not result.passed
-    assert result.depth_error_mm > SMOOTH.depth_error_mm
+    assert result.depth_error_mm > SMOOTH["depth_error_mm"]
     assert result.integral_error_mm > judge.compare(frame).integral_error_mm
 
 
@@ -50,14 +50,14 @@ def test_swapped_slopes_fail_by_normals_and_by_picture(judge: SelfCheck, frame: 
             normal_map=np.ascontiguousarray(frame.normal_map[..., [1, 0, 2]]),
         )
     )
-    assert result.normal_error_deg > SMOOTH.normal_error_deg
+    assert result.normal_error_deg > SMOOTH["normal_error_deg"]
     assert result.picture_error_grey > 1.5 * judge.compare(frame).picture_error_grey
     assert not result.passed
 
 
 def test_an_integral_that_is_not_one_fails(judge: SelfCheck, frame: TactileFrame) -> None:
     tilted = frame.depth_mm + np.linspace(0, 0.1, 640, dtype=np.float32)
-    assert judge.compare(replace(frame, depth_mm=tilted)).integral_error_mm > SMOOTH.integral_error_mm
+    assert judge.compare(replace(frame, depth_mm=tilted)).integral_error_mm > SMOOTH["integral_error_mm"]
 
 
 def test_another_light_than_the_real_one_shows_in_the_picture(judge: SelfCheck, frame: TactileFrame) -> None:
@@ -66,7 +66,7 @@ def test_another_light_than_the_real_one_shows_in_the_picture(judge: SelfCheck, 
     dark = light.copy()
     dark[0] = 0
     dimmed = replace(frame, camera_frame=replace(frame.camera_frame, light=dark))
-    assert judge.compare(dimmed).picture_error_grey > SMOOTH.picture_error_grey
+    assert judge.compare(dimmed).picture_error_grey > SMOOTH["picture_error_grey"]
 
 
 def test_a_steep_object_is_judged_by_the_bounds_for_steep_objects(camera: SimulatedCamera, judge: SelfCheck) -> None:
