@@ -177,6 +177,7 @@ def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> Non
         "dropped": "3",
         "sensor": "formula://bump",
         "verdict": "passed",
+        "checked": "frame 1200",
         "check-depth_error_mm": "4.20 µm",
         "check-picture_error_grey": "1.31 grey",
     }

@@ -1,7 +1,12 @@
 // The numbers of the page.
 
 const element = (id) => document.getElementById(id);
-const fixed = (value, digits) => (typeof value === "number" ? value.toFixed(digits) : "–");
+/** `value` with so many digits, without a minus before zero; a dash where it is not known. */
+function fixed(value, digits) {
+  if (typeof value !== "number") return "–";
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text;
+}
 
 function write(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
@@ -12,7 +17,7 @@ export function showContact({ indentation_mm: indentation, area_mm2: area, centr
   write("indentation", fixed(indentation, 3));
   write("indentation-um", fixed(indentation * 1000, 0));
   write("area", fixed(area, 1));
-  write("centroid", centroid ? centroid.map((mm) => mm.toFixed(2)).join(", ") : "–");
+  write("centroid", centroid ? centroid.map((mm) => fixed(mm, 2)).join(", ") : "–");
 }
 
 /** Show what the daemon says of itself. */
@@ -53,6 +58,7 @@ function showChecks(selfcheck) {
   const verdict = element("verdict");
   verdict.textContent = selfcheck ? (selfcheck.passed ? "passed" : "failed") : "";
   verdict.className = `verdict ${selfcheck?.passed ? "passed" : "failed"}`;
+  write("checked", selfcheck?.sequence === undefined ? "" : `frame ${selfcheck.sequence}`);
   const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
   const nothing = node("td", "no reference to compare with", "dim");
   element("checks").replaceChildren(...(known.length ? known.map((check) => checkRow(selfcheck, check)) : [row(nothing)]));

@@ -6,6 +6,8 @@ import { depthColour } from "./colour.js";
 import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./message.js";
 import { Orbit } from "./orbit.js";
 
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
 const VERTEX = `
 uniform sampler2D depth;
 uniform float exaggeration;
@@ -62,8 +64,7 @@ export class Surface {
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
   constructor(box, imageCanvas, changed) {
-    if (!offersWebGL({})) throw new Error("this browser offers no WebGL 2");
-    this.software = !offersWebGL({ failIfMajorPerformanceCaveat: true });
+    this.software = SOFTWARE.test(rendererName());
     this.renderer = new THREE.WebGLRenderer({ antialias: !this.software, alpha: true });
     this.canvas = this.renderer.domElement;
     box.append(this.canvas);
@@ -141,11 +142,14 @@ export class Surface {
   }
 }
 
-/** Whether a context can be had on these terms; a browser without a graphics card refuses the strict ones. */
-function offersWebGL(terms) {
-  const context = document.createElement("canvas").getContext("webgl2", terms);
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return context !== null;
+/** Name of what draws, for instance a graphics card or SwiftShader; throws where there is no WebGL 2. */
+function rendererName() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) throw new Error("this browser offers no WebGL 2");
+  const names = context.getExtension("WEBGL_debug_renderer_info");
+  const name = names ? context.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
 function colourTexture() {
