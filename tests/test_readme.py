@@ -28,8 +28,9 @@ def test_every_file_the_documents_link_to_is_there() -> None:
 
 
 def test_every_verb_in_the_readme_exists() -> None:
-    from gellight.cli.main import app
     from typer.main import get_command
+
+    from gellight.cli.main import app
 
     verbs = set(get_command(app).commands)  # type: ignore[attr-defined]
     assert set(re.findall(r"`gellight (\w+)", README)) <= verbs
