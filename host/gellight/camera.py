@@ -50,19 +50,14 @@ class PressStage(Protocol):
 
 @runtime_checkable
 class Camera(Protocol):
-    """A source of camera frames; a context manager that closes its device."""
+    """A source of camera frames; a context manager that closes its device. Cameras inherit from it."""
 
-    @property
-    def url(self) -> str:
-        """What it was opened with."""
-
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """(H, W) of every frame."""
-
-    @property
-    def stage(self) -> PressStage | None:
-        """The stage of a simulated sensor; None where objects are pressed by hand."""
+    url: str
+    """what it was opened with"""
+    image_shape: tuple[int, int]
+    """(H, W) of every frame"""
+    stage: PressStage | None
+    """the stage of a simulated sensor; None where objects are pressed by hand"""
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
@@ -75,11 +70,13 @@ class Camera(Protocol):
 
     def __enter__(self) -> Self:
         """Give the camera itself."""
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the camera."""
+        self.close()
 
 
 def open_camera(url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None) -> Camera:
@@ -97,10 +94,8 @@ def open_camera(url: str | Path, *, geometry: Mapping[str, float | int | str] | 
     return ImageCamera(image_files(text), url=text)
 
 
-class ImageCamera:
+class ImageCamera(Camera):
     """Deliver image files, each once and in the given order, as the frames of a camera."""
-
-    stage: PressStage | None = None
 
     def __init__(self, paths: Sequence[Path], *, url: str | None = None) -> None:
         """Open the files; the first one is read to learn the size, the others when their turn comes."""
@@ -108,7 +103,9 @@ class ImageCamera:
             raise CameraError(f"no images: {_KINDS}")
         self._paths = tuple(paths)
         self.url = url if url is not None else str(paths[0])
-        self.image_shape: tuple[int, int] = read_image(self._paths[0]).shape[:2]
+        height, width, _ = read_image(self._paths[0]).shape
+        self.image_shape = (height, width)
+        self.stage = None
         self._next = 0
         self._closed = False
 
@@ -138,16 +135,6 @@ class ImageCamera:
     def close(self) -> None:
         """End the delivery."""
         self._closed = True
-
-    def __enter__(self) -> Self:
-        """Give the camera itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the camera."""
-        self.close()
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:

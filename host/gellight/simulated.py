@@ -16,14 +16,13 @@ from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import hypot
-from types import TracebackType
-from typing import Self
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.camera import Camera
 from gellight.errors import CameraError, ConfigError, InputError
 from gellight.frames import CameraFrame, GroundTruth
 from gellight.selfcheck import SelfCheck
@@ -177,13 +176,14 @@ class Scene:
         return self._deformations[key]
 
 
-class SimulatedCamera:
+class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
     def __init__(self, scene: Scene, stage: Stage, *, url: str = "sim://", fps: float = 30.0, seed: int = 0) -> None:
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most."""
         self.url = url
         self.stage = stage
+        self.image_shape = scene.geometry.image_shape
         self._scene = scene
         self._period_s = 1 / fps
         self._rng = np.random.default_rng(seed)
@@ -192,21 +192,6 @@ class SimulatedCamera:
         self._sequence = 0
         self._due_s = time.monotonic()
         self._closed = False
-
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """(H, W) of its images."""
-        return self._scene.geometry.image_shape
-
-    def __enter__(self) -> Self:
-        """Return itself: it is open from the start."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def close(self) -> None:
         """Stop; `read` raises CameraError from now on."""
