@@ -13,7 +13,6 @@ answer is its slope. Three things make a frame cheap and quiet:
 
 import functools
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -104,7 +103,7 @@ class GradientNetwork:
         """
         self._check(difference)
         pixels = difference.reshape(-1, 3)
-        if mask is None:
+        if mask is None or mask.all():
             slopes = (self._infer(pixels, self._position) - self._zero).reshape(*self.image_shape, 2)
             return _smoothed(slopes, self.smoothing_px)
         window = _window(mask, margin=2 * self.smoothing_px)
@@ -112,7 +111,9 @@ class GradientNetwork:
             return np.zeros((*self.image_shape, 2), np.float32)
         slopes = self._gentle_slopes(difference)
         inside = np.flatnonzero(mask)
-        slopes.reshape(-1, 2)[inside] = self._infer(pixels, self._position, inside) - self._zero[inside]
+        slopes.reshape(-1, 2)[inside] = self._infer(pixels, self._position, inside) - np.take(
+            self._zero, inside, axis=0
+        )
         slopes[window] = _smoothed(slopes[window], self.smoothing_px)
         return slopes
 
@@ -130,10 +131,10 @@ class GradientNetwork:
         slopes = np.empty((count, 2), np.float32)
         for start in range(0, count, BLOCK_ROWS):
             block = slice(start, min(start + BLOCK_ROWS, count))
-            take: Any = block if chosen is None else chosen[block]
             rows = self._rows[: block.stop - start]
-            rows[:, :3] = pixels[take]
-            rows[:, 3:] = position[take]
+            for columns, values in ((rows[:, :3], pixels), (rows[:, 3:], position)):
+                # np.take gathers rows at twice the speed of indexing.
+                columns[:] = values[block] if chosen is None else np.take(values, chosen[block], axis=0)
             slopes[block] = self._answer(rows)
         return slopes
 

@@ -59,7 +59,12 @@ def integrate(
 
 
 def normals(gradient_map: Floats) -> NDArray[np.float32]:
-    """Turn a (H, W, 2) gradient map into (H, W, 3) float32 unit normals (-gx, -gy, 1) / norm, towards the camera."""
+    """Turn a (H, W, 2) gradient map into (H, W, 3) float32 unit normals (-gx, -gy, 1) / norm, towards the camera.
+
+    Raises ValueError for another shape.
+    """
+    if gradient_map.ndim != 3 or gradient_map.shape[2] != 2:
+        raise ValueError(f"gradient map has shape {gradient_map.shape}: give (H, W, 2)")
     gx, gy = gradient_map[..., 0], gradient_map[..., 1]
     length = np.sqrt(gx * gx + gy * gy + np.float32(1))
     scale = np.reciprocal(length, out=length)

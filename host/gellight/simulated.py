@@ -13,18 +13,17 @@ import itertools
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import hypot
-from types import TracebackType
-from typing import Self
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.errors import CameraError, InputError
+from gellight.camera import Camera
+from gellight.errors import CameraError, ConfigError, InputError
 from gellight.frames import CameraFrame, GroundTruth
 from gellight.selfcheck import SelfCheck
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
@@ -177,13 +176,14 @@ class Scene:
         return self._deformations[key]
 
 
-class SimulatedCamera:
+class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
     def __init__(self, scene: Scene, stage: Stage, *, url: str = "sim://", fps: float = 30.0, seed: int = 0) -> None:
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most."""
         self.url = url
         self.stage = stage
+        self.image_shape = scene.geometry.image_shape
         self._scene = scene
         self._period_s = 1 / fps
         self._rng = np.random.default_rng(seed)
@@ -192,21 +192,6 @@ class SimulatedCamera:
         self._sequence = 0
         self._due_s = time.monotonic()
         self._closed = False
-
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """(H, W) of its images."""
-        return self._scene.geometry.image_shape
-
-    def __enter__(self) -> Self:
-        """Return itself: it is open from the start."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def close(self) -> None:
         """Stop; `read` raises CameraError from now on."""
@@ -257,10 +242,10 @@ class SimulatedUrl(BaseModel):
     programme: bool = True
 
 
-def open_simulated(url: str, geometry: SensorGeometry | None = None) -> SimulatedCamera:
-    """Open the simulated sensor of `geometry` (default: the paper's) as `url` says.
+def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
+    """Open a simulated sensor as `url` says; `geometry` is how it differs from the paper's.
 
-    Raises InputError for a parameter that is unknown or out of range.
+    Raises InputError for a parameter that is unknown or out of range, ConfigError for a sensor that cannot be built.
     """
     try:
         wanted = SimulatedUrl.model_validate(dict(parse_qsl(urlsplit(url).query, strict_parsing=False)))
@@ -268,9 +253,17 @@ def open_simulated(url: str, geometry: SensorGeometry | None = None) -> Simulate
         first = error.errors()[0]
         known = ", ".join(field.alias or name for name, field in SimulatedUrl.model_fields.items())
         raise InputError(f"{url}: {first['loc'][0]}: {first['msg']} (parameters: {known})") from None
-    geometry = geometry or SensorGeometry()
-    stage = Stage(geometry, programme=wanted.programme)
+    sensor = built(geometry or {})
+    stage = Stage(sensor, programme=wanted.programme)
     if wanted.object_name or wanted.depth:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
-    scene = Scene(geometry, CameraResponse(noise_grey=wanted.noise))
+    scene = Scene(sensor, CameraResponse(noise_grey=wanted.noise))
     return SimulatedCamera(scene, stage, url=url, fps=wanted.fps, seed=wanted.seed)
+
+
+def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:
+    """Return the paper's sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
+    try:
+        return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
+    except ValueError as error:
+        raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

@@ -168,6 +168,11 @@ def test_a_wrong_shape_is_refused_with_its_value(shape: tuple[int, ...]) -> None
         integrate(np.zeros(shape), 1.0)
 
 
+def test_normals_of_another_shape_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"shape \(4, 5, 3\): give \(H, W, 2\)"):
+        normals(np.zeros((4, 5, 3)))
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_slopes_that_are_not_finite_are_counted_and_refused(bad: float) -> None:
     slopes = np.zeros((5, 6, 2), np.float32)

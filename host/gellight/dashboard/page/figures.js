@@ -47,6 +47,7 @@ function showStages(stages) {
 // Of the self-check: what the daemon calls it, what people call it, its unit, and units in one of the daemon's.
 const CHECKS = [
   ["depth_error_mm", "depth error", "µm", 1000],
+  ["shape_error_mm", "shape error", "µm", 1000],
   ["normal_error_deg", "normal error", "°", 1],
   ["contact_normal_error_deg", "in contact", "°", 1],
   ["integral_error_mm", "integration", "µm", 1000],
