@@ -446,12 +446,20 @@ def test_the_surface_is_drawn_at_every_level(opened_3d: Open, source: FormulaSou
 
 
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
-def test_nothing_overlaps_and_everything_is_in_sight(opened: Open, source: FormulaSource, size: dict[str, int]) -> None:
+@pytest.mark.parametrize(
+    "error", [None, "/dev/video0 delivers nothing: " + "check the cable " * 5], ids=["well", "error"]
+)
+def test_nothing_overlaps_and_everything_is_in_sight(
+    opened: Open, source: FormulaSource, size: dict[str, int], error: str | None
+) -> None:
+    source.error = error
+    source.figures["sensor"] = "sim://?" + "object=BALL&" * 10
     source.figures["stage_ms"] = dict.fromkeys(("difference", "mask", "gradient", "depth", "normals", "contact"), 2.0)
     page = opened()
     page.set_viewport_size(size)  # type: ignore[arg-type]
     draw(page, source, 1.0)
     expect(page.get_by_test_id("verdict")).to_have_text("passed")
+    expect(page.get_by_test_id("error")).to_have_text((error or "").strip())
     assert page.evaluate(OVERLAPS) == []
     assert page.evaluate(OUTSIDE) == []
 
@@ -478,8 +486,9 @@ OUTSIDE = """() => {
     const name = (element) => element.id || element.className || element.textContent;
     const out = ({ left, top, right, bottom }) => left < 0 || top < 0 || right > innerWidth || bottom > innerHeight;
     const cut = (element) => element.scrollWidth > element.clientWidth + 1;
-    const wrong = [...document.querySelectorAll(".panel, header > *")].filter((e) => out(e.getBoundingClientRect()));
-    wrong.push(...[...document.querySelectorAll(".objects button, td, dd, h2, header > :not(.error)")].filter(cut));
+    const shown = [...document.querySelectorAll(".panel, .error, header > *")].filter((e) => e.checkVisibility());
+    const wrong = shown.filter((e) => out(e.getBoundingClientRect()));
+    wrong.push(...[...document.querySelectorAll(".objects button, td, dd, h2, header > :not(#sensor)")].filter(cut));
     const aside = document.querySelector("aside");
     if (aside.scrollHeight > aside.clientHeight) wrong.push(aside);
     return wrong.filter((e) => e.checkVisibility()).map(name);
