@@ -1,58 +1,21 @@
 """The page in a real browser: what a visitor sees equals what the sensor said, and what he does reaches the stage."""
 
-import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
+from tests.host.browsing import PATIENCE_MS, SIZES, Open, opening
 from tests.host.dashboard_source import PIXEL_MM, WIDTH, FormulaSource, RecordingStage, bump, moving_bump
 
 pytestmark = pytest.mark.browser
 
-SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-NO_GL = ["--disable-3d-apis"]
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-PATIENCE_MS = 20_000
-"""for a loaded machine; nothing is judged by its speed"""
-SIZES = ({"width": 1280, "height": 800}, {"width": 1920, "height": 1080})
 IMAGES = ("image", "difference", "normal", "depth")
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Callable[[list[str]], Browser]]:
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if path is None:
-        pytest.skip("needs Chromium: sudo apt-get install chromium")
-    with sync_playwright() as playwright:
-        yield lambda flags: playwright.chromium.launch(executable_path=path, args=FLAGS + flags)
-
-
-@pytest.fixture(scope="module")
-def browser(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
-    """A browser without 3D, as quick as it gets."""
-    with chromium(NO_GL) as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def browser_3d(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
-    """A browser that draws 3D without a graphics card."""
-    with chromium(SOFTWARE_GL) as browser:
-        yield browser
 
 
 @pytest.fixture
@@ -66,9 +29,6 @@ def server(source: FormulaSource) -> Iterator[DashboardServer]:
         yield server
 
 
-Open = Callable[..., Page]
-
-
 @pytest.fixture
 def opened(browser: Browser, server: DashboardServer) -> Iterator[Open]:
     with opening(browser, server) as open_page:
@@ -79,25 +39,6 @@ def opened(browser: Browser, server: DashboardServer) -> Iterator[Open]:
 def opened_3d(browser_3d: Browser, server: DashboardServer) -> Iterator[Open]:
     with opening(browser_3d, server) as open_page:
         yield open_page
-
-
-@contextmanager
-def opening(browser: Browser, server: DashboardServer) -> Iterator[Open]:
-    """Open the page; at the end nothing may have gone wrong in it."""
-    complaints: list[str] = []
-    context = browser.new_context(viewport=SIZES[0])
-    context.set_default_timeout(PATIENCE_MS)
-
-    def open_page() -> Page:
-        page = context.new_page()
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda message: message.type == "error" and complaints.append(message.text))
-        page.goto(server.url)
-        return page
-
-    yield open_page
-    context.close()
-    assert [text for text in complaints if "WebSocket connection" not in text] == []
 
 
 @contextmanager

@@ -20,7 +20,8 @@ from urllib.parse import urlsplit
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
-from gellight.dashboard.commands import COMMANDS, Credit, Press, PressStage, Release, explain
+from gellight.camera import PressStage
+from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
 from gellight.errors import GellightError
 from gellight.frames import TactileFrame
