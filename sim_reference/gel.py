@@ -11,10 +11,12 @@ pressures are in units of mu. This is a small-strain model: it knows neither lar
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
 
 from sim_reference.geometry import SensorGeometry
 
@@ -41,6 +43,17 @@ class Deformation:
     def contact(self) -> NDArray[np.bool_]:
         """(n, n) where the object touches the gel."""
         return np.asarray(self.pressure > 0)
+
+    @cached_property
+    def spline(self) -> RectBivariateSpline:
+        """Cubic spline of the depth over (y, x) in mm from the object's centre."""
+        at = grid(len(self.depth_mm), self.spacing_mm)
+        return RectBivariateSpline(at, at, self.depth_mm, s=0)
+
+
+def grid(size: int, spacing_mm: float) -> Array:
+    """(size,) mm: coordinates of the points around the object's centre, along either axis."""
+    return np.asarray((np.arange(size) - (size - 1) / 2) * spacing_mm)
 
 
 def wave_number(size: int, spacing_mm: float) -> Array:

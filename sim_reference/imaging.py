@@ -9,6 +9,8 @@ where l points to the LED, a is the angle between -l and the LED's axis, m follo
 LEDs' height above the gel: the unit is what an LED straight above, shining straight down, would give.
 """
 
+from math import isclose
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
@@ -47,30 +49,44 @@ def ring_irradiance(surface: Surface, geometry: SensorGeometry, light: Array, wi
     `light` (N, 3) is the brightness of each LED in R, G, B, 0 to 1; dark LEDs cost nothing.
     """
     lit = [led for led in range(len(light)) if light[led].any()]
-    total = np.zeros((*surface.depth_mm[window].shape, 3))
+    total = np.zeros((3, *surface.depth_mm[window].shape), surface.depth_mm.dtype)
     for led in lit:
-        total += led_irradiance(surface, geometry, led, window)[..., None] * light[led]
-    return total
+        irradiance = led_irradiance(surface, geometry, led, window)
+        for channel in np.flatnonzero(light[led]):
+            total[channel] += irradiance * float(light[led, channel])
+    return np.ascontiguousarray(np.moveaxis(total, 0, 2))
 
 
 def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, window: Window = WHOLE) -> Array:
     """Equation 3 for one LED: (h, w) irradiance on the pixels of `window`, shadows included."""
-    x, y = pixel_grid(geometry)
-    x, y = x[:, window[1]], y[window[0], :]
     depth, slope = surface.depth_mm[window], surface.gradient_map[window]
-    position, axis = led_positions(geometry)[led], led_axes(geometry)[led]
-    to_led = (position[0] - x, position[1] - y, position[2] - depth)
-    squared = to_led[0] ** 2 + to_led[1] ** 2 + to_led[2] ** 2
-    facing = to_led[2] - slope[..., 0] * to_led[0] - slope[..., 1] * to_led[1]
-    facing = facing / np.sqrt((1 + (slope**2).sum(axis=2)) * squared)
-    leaving = np.maximum(-(to_led[0] * axis[0] + to_led[1] * axis[1] + to_led[2] * axis[2]), 0) / np.sqrt(squared)
-    exponent = geometry.emission_exponent
-    emitted = leaving if exponent == 1 else leaving**exponent
-    irradiance = emitted * np.maximum(facing, 0) * (position[2] ** 2 / squared)
-    # A smooth surface casts a shadow only if somewhere it turns away from the light.
+    x, y = (axis.astype(depth.dtype) for axis in pixel_grid(geometry))
+    position = led_positions(geometry)[led]
+    led_x, led_y, led_z = position.tolist()
+    axis_x, axis_y, axis_z = led_axes(geometry)[led].tolist()
+    to_x, to_y, to_z = led_x - x[:, window[1]], led_y - y[window[0]], led_z - depth
+    squared = to_x**2 + to_y**2 + to_z**2
+    facing = to_z - slope[..., 0] * to_x - slope[..., 1] * to_y
+    leaving = np.maximum(-(to_x * axis_x + to_y * axis_y + to_z * axis_z), 0)
+    irradiance = led_z**2 * surface.upright[window] * np.maximum(facing, 0)
+    if isclose(geometry.emission_exponent, 1):
+        irradiance *= leaving / squared**2
+    else:
+        irradiance *= (leaving / np.sqrt(squared)) ** geometry.emission_exponent / squared**1.5
+    # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
     if facing.min() < 0:
-        irradiance = irradiance * visibility(depth, (x[0, :], y[:, 0]), position)
+        reach = (depth.max() - depth.min()) * np.sqrt(squared.max()) / led_z
+        rows, columns = _around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
+        axes = x[0, window[1]][columns], y[window[0], 0][rows]
+        irradiance[rows, columns] *= visibility(depth[rows, columns], axes, position)
     return np.asarray(irradiance)
+
+
+def _around(marked: NDArray[np.bool_], margin: int) -> Window:
+    """Rows and columns that hold all marked pixels and a margin around them."""
+    spans = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (slice(max(int(span[0]) - margin, 0), int(span[-1]) + 1 + margin) for span in spans)
+    return rows, columns
 
 
 def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Array:
@@ -80,8 +96,8 @@ def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Arr
     above the line from the light to it. With the slope s(r) = (z_led - z) / r of that line this says: hidden when s(r)
     exceeds the smallest slope at a smaller r. One running minimum along the rays of a polar grid finds every shadow.
     """
-    x, y = axes
-    spacing = x[1] - x[0]
+    x, y = (axis.astype(np.float64) for axis in axes)
+    spacing = (x[-1] - x[0]) / (len(x) - 1)
     radius, angle = _polar_grid(x, y, led_mm, SHADOW_PITCH_PX * spacing)
     columns = (led_mm[0] + radius[None, :] * np.cos(angle)[:, None] - x[0]) / spacing
     rows = (led_mm[1] + radius[None, :] * np.sin(angle)[:, None] - y[0]) / spacing
@@ -93,7 +109,7 @@ def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Arr
     at_radius = (np.hypot(away_x, away_y) - radius[0]) / (radius[1] - radius[0])
     turned = (np.arctan2(away_y, away_x) - angle[0]) % (2 * np.pi)
     at_angle = turned / (angle[1] - angle[0])
-    return np.asarray(map_coordinates(seen, [at_angle, at_radius], order=1, mode="nearest"), dtype=np.float64)
+    return np.asarray(map_coordinates(seen, [at_angle, at_radius], order=1, mode="nearest"))
 
 
 def _polar_grid(x: Array, y: Array, led_mm: Array, pitch: float) -> tuple[Array, Array]:

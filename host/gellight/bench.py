@@ -96,8 +96,8 @@ def as_rows(results: list[FrameTimes] | list[DepthScale]) -> list[dict[str, obje
 
 def _scenes(reference: NDArray[np.float32]) -> dict[str, CameraFrame]:
     height, width = shape = reference.shape[:2]
-    # The mask is about 12 px wider than the cap.
-    diameter = 2 * np.sqrt(0.15 * height * width / np.pi) - 12
+    # The mask is about 20 px wider than the cap.
+    diameter = 2 * np.sqrt(0.15 * height * width / np.pi) - 20
     pressed = smooth_cap(shape, diameter, (0.03 * width, 0.02 * height), height=diameter / 8)
     y, x = np.indices(shape) / np.array([height, width]).reshape(2, 1, 1)
     waves = Surface(x, 0.4 * np.stack([np.cos(9 * x + 5 * y), np.sin(4 * x - 7 * y)], axis=2))

@@ -3,7 +3,7 @@
 import glob
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
@@ -50,19 +50,14 @@ class PressStage(Protocol):
 
 @runtime_checkable
 class Camera(Protocol):
-    """A source of camera frames; a context manager that closes its device."""
+    """A source of camera frames; a context manager that closes its device. Cameras inherit from it."""
 
-    @property
-    def url(self) -> str:
-        """What it was opened with."""
-
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """(H, W) of every frame."""
-
-    @property
-    def stage(self) -> PressStage | None:
-        """The stage of a simulated sensor; None where objects are pressed by hand."""
+    url: str
+    """what it was opened with"""
+    image_shape: tuple[int, int]
+    """(H, W) of every frame"""
+    stage: PressStage | None
+    """the stage of a simulated sensor; None where objects are pressed by hand"""
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
@@ -75,31 +70,32 @@ class Camera(Protocol):
 
     def __enter__(self) -> Self:
         """Give the camera itself."""
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the camera."""
+        self.close()
 
 
-def open_camera(url: str | Path) -> Camera:
+def open_camera(url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None) -> Camera:
     """Open the camera that a URL names: an image file, a folder or pattern of images, or `sim://...`.
 
-    Raises CameraError or InputError, naming the file and the remedy.
+    `geometry` is how a simulated sensor differs from the paper's. Raises CameraError, InputError or ConfigError, naming
+    the file and the remedy.
     """
     text = str(url)
     if text.startswith("sim://"):
-        camera: Camera = import_module("gellight.simulated").open_simulated(text)
+        camera: Camera = import_module("gellight.simulated").open_simulated(text, geometry or {})
         return camera
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {_KINDS}")
     return ImageCamera(image_files(text), url=text)
 
 
-class ImageCamera:
+class ImageCamera(Camera):
     """Deliver image files, each once and in the given order, as the frames of a camera."""
-
-    stage: PressStage | None = None
 
     def __init__(self, paths: Sequence[Path], *, url: str | None = None) -> None:
         """Open the files; the first one is read to learn the size, the others when their turn comes."""
@@ -107,7 +103,9 @@ class ImageCamera:
             raise CameraError(f"no images: {_KINDS}")
         self._paths = tuple(paths)
         self.url = url if url is not None else str(paths[0])
-        self.image_shape: tuple[int, int] = read_image(self._paths[0]).shape[:2]
+        height, width, _ = read_image(self._paths[0]).shape
+        self.image_shape = (height, width)
+        self.stage = None
         self._next = 0
         self._closed = False
 
@@ -137,16 +135,6 @@ class ImageCamera:
     def close(self) -> None:
         """End the delivery."""
         self._closed = True
-
-    def __enter__(self) -> Self:
-        """Give the camera itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the camera."""
-        self.close()
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:

@@ -47,6 +47,9 @@ class GeometrySettings(Section):
     gel_diameter_mm: float | None = Field(default=None, gt=0, description="diameter of the gel")
     gel_thickness_mm: float | None = Field(default=None, gt=0, description="thickness of the gel")
     poisson_ratio: float | None = Field(default=None, ge=0, lt=0.5, description="Poisson's ratio of the gel")
+    coating_smoothing_mm: float | None = Field(
+        default=None, ge=0, description="the coating bridges detail finer than this (standard deviation)"
+    )
     camera_height_mm: float | None = Field(default=None, gt=0, description="from the gel to the camera")
     image_width_px: int | None = Field(default=None, ge=16, le=8192, description="columns of the camera image")
     image_height_px: int | None = Field(default=None, ge=16, le=8192, description="rows of the camera image")
@@ -73,7 +76,7 @@ class ReconstructionSettings(Section):
     """How depth is computed."""
 
     threads: int = Field(default=1, ge=1, le=64, description="threads of the network")
-    smoothing_px: int = Field(default=3, ge=0, le=50, description="half width of the smoothing of the gradient map")
+    smoothing_px: int = Field(default=2, ge=0, le=50, description="half width of the smoothing of the gradient map")
     masked: bool = Field(
         default=True, description="run the network only where the image differs from the reference image"
     )

@@ -25,7 +25,10 @@ def find_contact(
     The gel around an object is dragged along, so the pressed region is larger than the contact. In each connected
     region deeper than `threshold_mm` the patch is what is at least half as deep as the region's deepest point: at the
     rim of a sphere's contact the surface has half the indentation (Hertz; K. L. Johnson, Contact Mechanics, 1985,
-    section 4.2: u(a) = u(0) / 2). For other shapes this is a convention.
+    section 4.2: u(a) = u(0) / 2). On a gel that is not thick against the contact the rim lies higher up, so the
+    patch is too small: for a 4 mm ball on 5 mm of gel its overlap with the true contact (intersection over union) is
+    0.9, 0.8 and 0.74 at 0.1, 0.5 and 1 mm. For other shapes half is a convention, and what touches without pressing
+    is not seen.
 
     Regions are told apart on blocks of 2 x 2 pixels, each standing for its second largest depth. So one pixel that
     sticks out of its block is never a contact and never the indentation; at the apex of a ball of radius R the

@@ -4,14 +4,15 @@ A row of the network is one pixel: the difference of its three channels (grey le
 answer is its slope. Three things make a frame cheap and quiet:
 
 * Blocks. Rows go through in blocks that keep the layers' activations in the cache.
-* Mask. Only pixels whose difference is significant go through; elsewhere the slope is 0.
+* Mask. Only pixels whose difference is significant go through one by one; elsewhere slopes are gentle, and the mean
+  difference of each 8 x 8 pixels goes through instead. Gel bulges around a contact with slopes too gentle to see in one
+  pixel, but over many millimetres: to take them for 0 would lift a press of 1 mm by 20 micrometres.
 * Zero. What the network answers to no difference at all, a small slope that depends on the position, is subtracted,
-  so that untouched gel is exactly flat.
+  and a frame without any significant pixel is exactly flat.
 """
 
 import functools
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -28,7 +29,9 @@ SMOOTHING_PX = 2
 3 px keeps 99.4 % of its height. 3 would leave a third of the noise and 97.5 % of that height."""
 
 _CELL = 4
-_SIGNIFICANT = 5.0
+_COARSE = 8
+"""pixels a side over which the difference is averaged where it is not significant"""
+_SIGNIFICANT = 6.0
 _REMEDY = "train the network again with this GelLight and write a new bundle"
 
 
@@ -36,14 +39,15 @@ class GradientNetwork:
     """The network of one calibration bundle, ready to run on images of one size.
 
     Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when, in any channel,
-    the mean difference of the cell itself or of the 3 x 3 cells around it exceeds 5 standard deviations of the noise
-    of such a mean (`noise_grey` / 4 and `noise_grey` / 12); the cells next to a touched cell count too. The small
-    window sees fine texture, the large one sees gentle slopes. Means keep their sign, so noise that is stronger than
-    `noise_grey` somewhere widens the spread of the mean but does not shift it.
+    the mean difference of the cell itself or of the 3 x 3 cells around it exceeds 6 standard deviations of the noise
+    of such a mean (`noise_grey` / 4 and `noise_grey` / 12); two more cells around a touched one count too, so that
+    a steep rim stays clear of the averages outside. The small window sees fine texture, the large one sees gentle
+    slopes. Means keep their sign, so noise that is stronger than `noise_grey` somewhere widens the spread of the mean
+    but does not shift it.
 
-    What the mask loses: slopes so gentle that they change the image by less than 0.42 `noise_grey` over 12 x 12
-    pixels, which are the outer skirt of a contact and contacts as shallow as that. Their depth is missing from the
-    integral; tests/host/test_gelnet.py measures how much.
+    What the mask loses: a touch that changes no 12 x 12 pixels of the image by 0.5 `noise_grey` when there is no
+    other touch; texture finer than 16 px of less than 1.5 `noise_grey`, and texture of exactly 4 px period.
+    tests/host/test_gelnet.py measures it.
     """
 
     def __init__(
@@ -76,47 +80,63 @@ class GradientNetwork:
         self._noise = float(np.sqrt(noise_grey**2 + 1 / 12))
         self._rows = np.zeros((BLOCK_ROWS, 5), np.float32)
         self._position = _positions(image_shape)
-        self._zero = np.zeros((*image_shape, 2), np.float32)
-        self._zero = self._infer(np.zeros((*image_shape, 3), np.float32), None)
+        self._zero = self._infer(np.zeros((len(self._position), 3), np.float32), self._position)
+        self._coarse_position, *self._to_pixels = _coarse_grid(image_shape)
+        self._coarse_zero = self._infer(np.zeros((len(self._coarse_position), 3), np.float32), self._coarse_position)
 
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels whose (H, W, 3) difference image is significant, as the class documents it."""
         self._check(difference)
-        means = _cell_means(difference)
+        means = _cell_means(difference, _CELL)
         limit = _SIGNIFICANT * self._noise / _CELL
         around = ndimage.uniform_filter(means, size=(3, 3, 1), mode="nearest")
         cells = ((np.abs(means) > limit) | (np.abs(around) > limit / 3)).any(axis=2)
-        cells = ndimage.binary_dilation(cells, structure=np.ones((3, 3), np.bool_))
+        cells = ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_))
         height, width = self.image_shape
         return np.repeat(np.repeat(cells, _CELL, axis=0), _CELL, axis=1)[:height, :width]
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
-        """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, smoothed, 0 outside `mask`.
+        """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, smoothed.
 
-        Smoothing spreads the slopes `smoothing_px` beyond the mask. Without a mask every pixel goes through.
+        Outside `mask` the slopes come from averages of 8 x 8 pixels; with an empty mask they are 0. Without a mask
+        every pixel goes through.
         """
         self._check(difference)
-        if mask is None:
-            return _smoothed(self._infer(difference, None), self.smoothing_px)
-        slopes = self._infer(difference, np.flatnonzero(mask))
+        pixels = difference.reshape(-1, 3)
+        if mask is None or mask.all():
+            slopes = (self._infer(pixels, self._position) - self._zero).reshape(*self.image_shape, 2)
+            return _smoothed(slopes, self.smoothing_px)
         window = _window(mask, margin=2 * self.smoothing_px)
-        if window is not None:
-            slopes[window] = _smoothed(slopes[window], self.smoothing_px)
+        if window is None:
+            return np.zeros((*self.image_shape, 2), np.float32)
+        slopes = self._gentle_slopes(difference)
+        inside = np.flatnonzero(mask)
+        slopes.reshape(-1, 2)[inside] = self._infer(pixels, self._position, inside) - np.take(
+            self._zero, inside, axis=0
+        )
+        slopes[window] = _smoothed(slopes[window], self.smoothing_px)
         return slopes
 
-    def _infer(self, difference: Floats, chosen: NDArray[np.intp] | None) -> Floats:
-        """Run the chosen pixels (flat indices; None for all) in blocks, less the answer to no difference."""
-        pixels, zero = difference.reshape(-1, 3), self._zero.reshape(-1, 2)
-        slopes = np.zeros_like(zero)
+    def _gentle_slopes(self, difference: Floats) -> Floats:
+        """Slopes (H, W, 2) from the means of 8 x 8 pixels, linear in between."""
+        means = _cell_means(difference, _COARSE)
+        slopes = self._infer(means.reshape(-1, 3), self._coarse_position) - self._coarse_zero
+        to_rows, to_columns = self._to_pixels
+        tall: Floats = to_rows @ slopes.reshape(means.shape[0], -1)
+        return to_columns @ tall.reshape(len(to_rows), means.shape[1], 2)
+
+    def _infer(self, pixels: Floats, position: Floats, chosen: NDArray[np.intp] | None = None) -> Floats:
+        """Run (N, 3) differences at (N, 2) positions, or the chosen ones of them, in blocks."""
         count = len(pixels) if chosen is None else len(chosen)
+        slopes = np.empty((count, 2), np.float32)
         for start in range(0, count, BLOCK_ROWS):
             block = slice(start, min(start + BLOCK_ROWS, count))
-            take: Any = block if chosen is None else chosen[block]
             rows = self._rows[: block.stop - start]
-            rows[:, :3] = pixels[take]
-            rows[:, 3:] = self._position[take]
-            slopes[take] = self._answer(rows) - zero[take]
-        return slopes.reshape(*self.image_shape, 2)
+            for columns, values in ((rows[:, :3], pixels), (rows[:, 3:], position)):
+                # np.take gathers rows at twice the speed of indexing.
+                columns[:] = values[block] if chosen is None else np.take(values, chosen[block], axis=0)
+            slopes[block] = self._answer(rows)
+        return slopes
 
     def _answer(self, rows: Floats) -> Floats:
         answer: Floats = self._session.run(["gradient"], {"pixels": rows})[0]
@@ -170,14 +190,28 @@ def _positions(image_shape: tuple[int, int]) -> Floats:
     return np.stack([columns.ravel(), rows.ravel()], axis=1)
 
 
-def _cell_means(difference: Floats) -> Floats:
-    """(ceil(H / 4), ceil(W / 4), 3) mean of each cell; a cut cell is filled up with its border pixels."""
+def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
+    """Positions (N, 2) of the centres of the coarse cells, px, and the matrices that interpolate them to pixels."""
+    matrices, centres = [], []
+    for pixels in image_shape:
+        cells = -(-pixels // _COARSE)
+        centres.append(np.arange(cells, dtype=np.float32) * _COARSE + (_COARSE - 1) / 2)
+        weights = 1 - np.abs(np.arange(pixels)[:, None] - centres[-1][None]) / _COARSE
+        # Beyond the outermost centres the last value continues.
+        weights = np.maximum(weights, 0)
+        matrices.append((weights / weights.sum(axis=1, keepdims=True)).astype(np.float32))
+    columns, rows = np.meshgrid(centres[1], centres[0])
+    return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
+
+
+def _cell_means(difference: Floats, size: int) -> Floats:
+    """(ceil(H / size), ceil(W / size), 3) mean of each cell; a cut cell is filled up with its border pixels."""
     height, width = difference.shape[:2]
-    if height % _CELL or width % _CELL:
-        difference = np.pad(difference, ((0, -height % _CELL), (0, -width % _CELL), (0, 0)), mode="edge")
-    rows = functools.reduce(np.add, [difference[i::_CELL] for i in range(_CELL)])
-    cells = functools.reduce(np.add, [rows[:, i::_CELL] for i in range(_CELL)])
-    cells /= np.float32(_CELL**2)
+    if height % size or width % size:
+        difference = np.pad(difference, ((0, -height % size), (0, -width % size), (0, 0)), mode="edge")
+    rows = functools.reduce(np.add, [difference[i::size] for i in range(size)])
+    cells = functools.reduce(np.add, [rows[:, i::size] for i in range(size)])
+    cells /= np.float32(size**2)
     return cells
 
 

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from gellight.calibration import Calibration
 from gellight.contact import THRESHOLD_MM, find_contact
@@ -14,6 +15,9 @@ from gellight.reconstruction import integrate, normals
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path."""
+
+
+_CELL_PX = 8
 
 
 class Reconstructor:
@@ -52,9 +56,8 @@ class Reconstructor:
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Reconstruct gradient, normal and depth map and the contact from one frame.
 
-        Depth is 0 where the image shows no touch: at the median over the pixels that the network's mask leaves out
-        (see `reconstruction.integrate`, also for a view that is touched all over). Raises InputError for an image
-        of another size or type than the calibration's.
+        Depth is 0 where the gel is at rest: see `far_from_touch`, and `reconstruction.integrate` for a view that is
+        touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
         self._check(camera_frame)
         watch = _Watch()
@@ -64,7 +67,7 @@ class Reconstructor:
         watch.lap("mask")
         gradient_map = self._network.gradient_map(difference, touched if self.masked else None)
         watch.lap("gradient")
-        depth_mm = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=~touched)
+        depth_mm = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=far_from_touch(touched))
         watch.lap("depth")
         normal_map = normals(gradient_map)
         watch.lap("normals")
@@ -95,6 +98,25 @@ class Reconstructor:
                 f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {self.calibration.source} is for "
                 f"{width} x {height} px: set the camera to that size or use the calibration of this sensor"
             )
+
+
+def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the quarter of the untouched (H, W) pixels that is farthest from any touched one.
+
+    Gel that is pressed down in one place bulges out around it, with slopes too gentle to show in the image, and comes
+    to rest some thicknesses of the gel farther out. The median over all untouched pixels would put 5 micrometres of
+    bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of 8 x 8 pixels.
+    """
+    free = ~touched
+    cells = free[4::_CELL_PX, 4::_CELL_PX]
+    if cells.all() or not cells.any():
+        return free
+    distance = ndimage.distance_transform_cdt(cells, metric="chessboard")
+    far = distance >= max(1, np.quantile(distance[cells], 0.75))
+    height, width = free.shape
+    rows = np.minimum(np.arange(height) // _CELL_PX, far.shape[0] - 1)
+    columns = np.minimum(np.arange(width) // _CELL_PX, far.shape[1] - 1)
+    return np.asarray(free & far[rows[:, None], columns[None, :]])
 
 
 class _Watch:

@@ -13,18 +13,17 @@ import itertools
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import hypot
-from types import TracebackType
-from typing import Self
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.errors import CameraError, InputError
+from gellight.camera import Camera
+from gellight.errors import CameraError, ConfigError, InputError
 from gellight.frames import CameraFrame, GroundTruth
 from gellight.selfcheck import SelfCheck
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
@@ -38,8 +37,6 @@ BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
 RETURN_FRAMES = 300
 """so long after a visitor's last touch the programme goes on"""
-SHADOW_MM = 4.0
-"""longest shadow of a 2 mm press under the ring's lowest light"""
 KEPT_DEFORMATIONS = 64
 
 
@@ -156,7 +153,7 @@ class Scene:
         self.geometry = geometry
         self.light = ring_light(geometry)
         self._deformations: OrderedDict[tuple[str, float], Deformation] = OrderedDict()
-        self._flat = untouched(geometry)
+        self._flat = untouched(geometry).single_precision()
         irradiance = ring_irradiance(self._flat, geometry, self.light)
         self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
         self._untouched = linear_grey(irradiance, self.response).astype(np.float32)
@@ -165,11 +162,9 @@ class Scene:
         """Return the picture before noise, (H, W, 3) grey levels, and the gel surface, under `press`."""
         if press is None:
             return self._untouched, self._flat
-        surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm)
-        window = disturbed_window(surface, self.geometry)
-        grey = self._untouched.copy()
-        grey[window] = linear_grey(ring_irradiance(surface, self.geometry, self.light, window), self.response)
-        return grey, surface
+        surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
+        irradiance = ring_irradiance(surface, self.geometry, self.light)
+        return linear_grey(irradiance, self.response).astype(np.float32), surface
 
     def _deformation(self, press: Press) -> Deformation:
         key = (press.object_name, press.depth_mm)
@@ -181,28 +176,14 @@ class Scene:
         return self._deformations[key]
 
 
-def disturbed_window(surface: Surface, geometry: SensorGeometry) -> tuple[slice, slice]:
-    """Return the rows and columns in which the picture differs from the untouched gel's.
-
-    Slopes under 0.0005 change a pixel by less than a tenth of a grey level; the margin is as long as a shadow.
-    """
-    disturbed = np.abs(surface.gradient_map).max(axis=2) > 5e-4
-    margin = int(np.ceil(SHADOW_MM / geometry.pixel_size_mm))
-    slices = []
-    for axis, size in enumerate(geometry.image_shape):
-        where = np.flatnonzero(disturbed.any(axis=1 - axis))
-        first, last = (where[0], where[-1] + 1) if where.size else (0, 1)
-        slices.append(slice(max(first - margin, 0), min(last + margin, size)))
-    return slices[0], slices[1]
-
-
-class SimulatedCamera:
+class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
     def __init__(self, scene: Scene, stage: Stage, *, url: str = "sim://", fps: float = 30.0, seed: int = 0) -> None:
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most."""
         self.url = url
         self.stage = stage
+        self.image_shape = scene.geometry.image_shape
         self._scene = scene
         self._period_s = 1 / fps
         self._rng = np.random.default_rng(seed)
@@ -211,21 +192,6 @@ class SimulatedCamera:
         self._sequence = 0
         self._due_s = time.monotonic()
         self._closed = False
-
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """(H, W) of its images."""
-        return self._scene.geometry.image_shape
-
-    def __enter__(self) -> Self:
-        """Return itself: it is open from the start."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def close(self) -> None:
         """Stop; `read` raises CameraError from now on."""
@@ -253,8 +219,8 @@ class SimulatedCamera:
         if self._shown is None or self._shown[0] != press:
             grey, surface = self._scene.show(press)
             truth = GroundTruth(
-                depth_mm=surface.depth_mm.astype(np.float32),
-                gradient_map=surface.gradient_map.astype(np.float32),
+                depth_mm=surface.depth_mm.astype(np.float32, copy=False),
+                gradient_map=surface.gradient_map.astype(np.float32, copy=False),
                 contact=surface.contact,
             )
             self._shown = press, grey, truth
@@ -276,10 +242,10 @@ class SimulatedUrl(BaseModel):
     programme: bool = True
 
 
-def open_simulated(url: str, geometry: SensorGeometry | None = None) -> SimulatedCamera:
-    """Open the simulated sensor of `geometry` (default: the paper's) as `url` says.
+def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
+    """Open a simulated sensor as `url` says; `geometry` is how it differs from the paper's.
 
-    Raises InputError for a parameter that is unknown or out of range.
+    Raises InputError for a parameter that is unknown or out of range, ConfigError for a sensor that cannot be built.
     """
     try:
         wanted = SimulatedUrl.model_validate(dict(parse_qsl(urlsplit(url).query, strict_parsing=False)))
@@ -287,9 +253,17 @@ def open_simulated(url: str, geometry: SensorGeometry | None = None) -> Simulate
         first = error.errors()[0]
         known = ", ".join(field.alias or name for name, field in SimulatedUrl.model_fields.items())
         raise InputError(f"{url}: {first['loc'][0]}: {first['msg']} (parameters: {known})") from None
-    geometry = geometry or SensorGeometry()
-    stage = Stage(geometry, programme=wanted.programme)
+    sensor = built(geometry or {})
+    stage = Stage(sensor, programme=wanted.programme)
     if wanted.object_name or wanted.depth:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
-    scene = Scene(geometry, CameraResponse(noise_grey=wanted.noise))
+    scene = Scene(sensor, CameraResponse(noise_grey=wanted.noise))
     return SimulatedCamera(scene, stage, url=url, fps=wanted.fps, seed=wanted.seed)
+
+
+def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:
+    """Return the paper's sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
+    try:
+        return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
+    except ValueError as error:
+        raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

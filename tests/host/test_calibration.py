@@ -101,6 +101,14 @@ def test_an_existing_bundle_is_replaced_only_when_told(bundle: Path) -> None:
     assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
 
 
+def test_a_file_in_the_place_of_a_bundle_is_replaced_only_when_told(tmp_path: Path) -> None:
+    (tmp_path / "bundle").write_text("something else")
+    with pytest.raises(CalibrationError, match="exists"):
+        linear_calibration(tmp_path / "bundle", SHAPE)
+    linear_calibration(tmp_path / "bundle", SHAPE, overwrite=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
+
+
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool) -> None:
     target = bundle if overwrite else bundle.parent / "other"

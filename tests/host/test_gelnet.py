@@ -67,16 +67,52 @@ def test_no_difference_is_exactly_flat_although_the_network_does_not_say_so() ->
     assert np.abs(session.run(None, {"pixels": rows})[0]).min() > 0.01
 
 
-def test_inside_the_mask_the_answer_is_the_dense_one_and_outside_it_is_zero() -> None:
+def test_inside_the_mask_the_answer_is_the_dense_one_and_outside_it_is_an_average() -> None:
     difference = difference_of(gaussian(SHAPE, 15, (20, 10), height=10))
     net = network(smoothing_px=0)
     mask = net.touched(difference)
     assert 0.1 < mask.mean() < 0.5
     masked, dense = net.gradient_map(difference, mask), net.gradient_map(difference)
     np.testing.assert_array_equal(masked[mask], dense[mask])
-    assert not masked[~mask].any()
+    assert masked[~mask].std() < dense[~mask].std() / 5
+    cells = (slice(0, 40), slice(0, 40))
+    assert not mask[cells].any()
+    assert masked[cells].mean(axis=(0, 1)) == pytest.approx(dense[cells].mean(axis=(0, 1)), abs=2e-4)
     assert not net.gradient_map(difference, np.zeros(SHAPE, np.bool_)).any()
     np.testing.assert_array_equal(net.gradient_map(difference, np.ones(SHAPE, np.bool_)), dense)
+
+
+@pytest.mark.parametrize("shape", [(60, 80), (61, 83), (63, 66)])
+def test_gentle_slopes_are_placed_where_they_are(shape: tuple[int, int]) -> None:
+    """A slope that grows linearly over the view comes back through the averages, also where cells are cut."""
+    x, y = centred_grid(shape)
+    slopes = np.stack([0.001 * x, 0.002 * y - 0.0005 * x], axis=2)
+    net = network(shape, smoothing_px=0)
+    mask = np.zeros(shape, np.bool_)
+    mask[0, 0] = True
+    found = net.gradient_map((slopes @ GREY_PER_SLOPE.T).astype(np.float32), mask)
+    inside = (slice(4, shape[0] // 8 * 8 - 4), slice(4, shape[1] // 8 * 8 - 4))
+    np.testing.assert_allclose(found[inside], slopes[inside], atol=1e-5)
+    assert np.abs(found - slopes).max() < 0.002 * 8
+
+
+def test_a_bulge_too_gentle_to_see_in_a_pixel_is_not_lost() -> None:
+    """20 um high and 12 mm wide around a press of 0.8 mm: to call its slopes 0 would lift the press by 10 um."""
+    pressed, bulge = gaussian(SHAPE, 15, (20, 10), height=16), gaussian(SHAPE, 60, (20, 10), height=-0.5)
+    surface = Surface(pressed.depth + bulge.depth, pressed.gradient_map + bulge.gradient_map)
+    difference = difference_of(surface)
+    net = network()
+    mask = net.touched(difference)
+    assert mask.mean() < 0.5
+    dense, masked = net.gradient_map(difference), net.gradient_map(difference, mask)
+    cut = masked * mask[..., None]
+
+    def indentation_um(gradient_map: np.ndarray) -> float:
+        depth = integrate(gradient_map, 1.0)
+        return float(depth[130, 179] - depth[:, 0].mean()) * PIXEL_UM
+
+    assert abs(indentation_um(masked) - indentation_um(dense)) < 1
+    assert abs(indentation_um(cut) - indentation_um(dense)) > 5
 
 
 def test_untouched_gel_is_almost_never_marked() -> None:
@@ -103,17 +139,17 @@ def test_fine_texture_is_marked_although_its_mean_vanishes(period: int) -> None:
 @pytest.mark.parametrize(
     ("surface", "depth_lost_um", "contact_rotated_deg", "rest_rotated_deg"),
     [
-        pytest.param(gaussian(SHAPE, 20, (20, 10), height=16), 4, 0.01, 0.15, id="800 um deep, 2 mm wide"),
-        pytest.param(gaussian(SHAPE, 20, (20, 10), height=2), 5, 0.01, 0.15, id="100 um deep, 2 mm wide"),
-        pytest.param(gaussian(SHAPE, 20, (20, 10), height=0.5), 8, 0.05, 0.15, id="25 um deep, 2 mm wide"),
-        pytest.param(gaussian(SHAPE, 5, (20, 10), height=0.5), 2, 0.02, 0.15, id="25 um deep, 0.5 mm wide"),
-        pytest.param(smooth_cap(SHAPE, 150, (20, 10), height=20), 2, 0.01, 0.15, id="1 mm deep, no skirt"),
+        pytest.param(gaussian(SHAPE, 20, (20, 10), height=16), 1, 0.01, 0.15, id="800 um deep, 2 mm wide"),
+        pytest.param(gaussian(SHAPE, 20, (20, 10), height=2), 1, 0.01, 0.15, id="100 um deep, 2 mm wide"),
+        pytest.param(gaussian(SHAPE, 20, (20, 10), height=0.5), 1, 0.05, 0.15, id="25 um deep, 2 mm wide"),
+        pytest.param(gaussian(SHAPE, 5, (20, 10), height=0.5), 1, 0.02, 0.15, id="25 um deep, 0.5 mm wide"),
+        pytest.param(smooth_cap(SHAPE, 150, (20, 10), height=20), 1, 0.01, 0.15, id="1 mm deep, no skirt"),
     ],
 )
 def test_what_the_mask_loses(
     surface: Surface, depth_lost_um: float, contact_rotated_deg: float, rest_rotated_deg: float
 ) -> None:
-    """Masked and dense on the same image without noise: what differs is what the mask took away."""
+    """Masked and dense on the same image without noise: what differs is what averaging and rounding took away."""
     difference = difference_of(surface, noise_grey=0.0)
     net = network()
     mask = net.touched(difference)
@@ -130,10 +166,8 @@ def test_a_touch_below_the_noise_is_lost_by_the_mask_and_kept_without() -> None:
     surface = gaussian(SHAPE, 40, (0, 0), height=0.2)  # 10 um deep and 4 mm wide: 0.27 grey levels
     difference = difference_of(surface)
     net = network()
-    masked = integrate(net.gradient_map(difference, net.touched(difference)), 1.0)
-    dense = integrate(net.gradient_map(difference), 1.0)
-    assert masked.max() * PIXEL_UM < 5
-    assert dense.max() * PIXEL_UM == pytest.approx(10, abs=2)
+    assert not net.gradient_map(difference, net.touched(difference)).any()
+    assert integrate(net.gradient_map(difference), 1.0).max() * PIXEL_UM == pytest.approx(10, abs=2)
 
 
 def test_the_mask_quietens_the_normals_of_untouched_gel() -> None:
@@ -146,7 +180,7 @@ def test_the_mask_quietens_the_normals_of_untouched_gel() -> None:
         return float(np.degrees(np.arctan(np.hypot(*np.moveaxis(gradient_map, 2, 0))))[rest].mean())
 
     assert tilt_deg(net.gradient_map(difference)) > 0.2
-    assert tilt_deg(net.gradient_map(difference, net.touched(difference))) < 0.05
+    assert tilt_deg(net.gradient_map(difference, net.touched(difference))) < 0.1
 
 
 def test_smoothing_keeps_parabolas_and_takes_noise() -> None:

@@ -8,7 +8,7 @@ import pytest
 from gellight.analytic_surfaces import gaussian, smooth_cap
 from gellight.errors import InputError
 from gellight.frames import CameraFrame
-from gellight.pipeline import STAGES, Reconstructor
+from gellight.pipeline import STAGES, Reconstructor, far_from_touch
 from tests.host.linear_sensor import linear_calibration, photograph
 
 SHAPE = (240, 320)
@@ -55,6 +55,36 @@ def test_depth_is_zero_where_the_image_shows_no_touch_even_if_most_is_touched(tm
     frame = reconstructor.reconstruct(photograph(cap.gradient_map, noise_grey=1.0))
     assert np.abs(frame.depth_mm - cap.depth * SIZE).max() < 0.04
     assert np.abs(frame.depth_mm[cap.depth == 0]).max() < 0.02
+
+
+def test_a_bulge_around_the_touch_does_not_shift_the_zero(tmp_path: Path) -> None:
+    """Depth counts from the gel at rest far away, and not from the gel that was pushed up beside the object."""
+    pressed, bulge = gaussian(SHAPE, 12, (-90, 60), height=12), gaussian(SHAPE, 45, (-90, 60), height=-0.6)
+    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    frame = reconstructor.reconstruct(photograph(pressed.gradient_map + bulge.gradient_map, noise_grey=1.0))
+    true_mm = (pressed.depth + bulge.depth) * SIZE
+    assert np.abs(frame.depth_mm - true_mm).max() < 0.008
+    assert frame.depth_mm.min() == pytest.approx(true_mm.min(), abs=0.003)
+
+
+def test_the_far_quarter_of_the_untouched_view_is_at_rest() -> None:
+    touched = np.zeros((480, 640), np.bool_)
+    touched[100:200, 0:160] = True
+    far = far_from_touch(touched)
+    assert 0.2 < far.mean() < 0.3
+    assert far[:, 500:].all()
+    assert not far[:, :400].any()
+
+
+@pytest.mark.parametrize("shape", [(7, 9), (61, 83), (240, 320)])
+def test_rest_is_always_a_part_of_what_is_untouched(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    for share in (0.0, 0.01, 0.5, 0.99, 1.0):
+        touched = rng.uniform(size=shape) < share
+        far = far_from_touch(touched)
+        assert far.shape == shape
+        assert not (far & touched).any()
+        assert far.all() == (not touched.any())
 
 
 def test_results_have_the_promised_types_and_stages(tmp_path: Path) -> None:

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_reference.gel import NO_OBJECT, Deformation, compliance, deflection, press
+from sim_reference.gel import NO_OBJECT, Deformation, compliance, deflection, grid, press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, ObjectParameters, object_height
-from sim_reference.surface import GRID_EXTENT_MM, object_grid, press_object
+from sim_reference.surface import GRID_EXTENT_MM, press_object
 
 GEOMETRY = replace(SensorGeometry(), coating_smoothing_mm=0.0)
 BALL_RADIUS = 4.0
 
 
 def ball(size: int, extent_mm: float, radius_mm: float = BALL_RADIUS) -> np.ndarray:
-    at = (np.arange(size) - (size - 1) / 2) * extent_mm / size
+    at = grid(size, extent_mm / size)
     r = np.hypot(at[None, :], at[:, None])
     return np.where(r < radius_mm, np.sqrt(np.maximum(radius_mm**2 - r**2, 0)) - radius_mm, NO_OBJECT)
 
@@ -51,7 +51,7 @@ def test_the_support_stiffens_a_thin_layer_as_dimitriadis_found() -> None:
 
 @pytest.mark.parametrize("name", OBJECT_NAMES)
 def test_nothing_penetrates_and_nothing_pulls(name: str) -> None:
-    at = object_grid(256)
+    at = grid(256, GRID_EXTENT_MM / 256)
     height = object_height(name, at[None, :], at[:, None])
     pressed = press(height, GRID_EXTENT_MM / 256, 0.8, GEOMETRY)
     gap = pressed.depth_mm - (height + 0.8)

@@ -51,7 +51,7 @@ def test_noise_gives_the_error_of_the_closed_form(count: int, angle_deg: float) 
 
 
 def test_dropping_shadows_makes_steep_slopes_exact_again() -> None:
-    slopes = np.zeros((1, 1, 2)) + [1.3, 0.2]
+    slopes = np.array([[[1.3, 0.2]]])
     directions = ring_directions(12, radians(45))
     images = np.array([directional_image(slopes, d, albedo=230.0) for d in directions])
     assert (images == 0).any(), "some lights must be behind the slope"

@@ -11,22 +11,13 @@ if TYPE_CHECKING:
     from gellight.daemon import Daemon
     from gellight.frames import TactileFrame
 
-DEFAULT_PORT = 8420
 FRAME_TIMEOUT_S = 20.0
 
 
 def command(
-    sensor: Annotated[str, typer.Option(help="URL of the camera.")] = "sim://",
-    calibration: Annotated[str, typer.Option(help="Calibration bundle, or `synthetic`.")] = "synthetic",
-    port: Annotated[
-        int | None,
-        typer.Option(
-            help=f"Port of the dashboard; 0: any free one. [default: {DEFAULT_PORT}]",
-            min=0,
-            max=65535,
-            show_default=False,
-        ),
-    ] = None,
+    sensor: Annotated[str | None, typer.Option(help="URL of the camera. [default: sim://]")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
+    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one. [default: 8420]")] = None,
     browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,
     as_json: Annotated[
@@ -34,12 +25,15 @@ def command(
     ] = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
+    from gellight.config import load_settings
     from gellight.dashboard.server import DashboardServer
     from gellight.session import open_session
 
-    chosen_port = port if port is not None else (0 if frames else DEFAULT_PORT)
-    with open_session(sensor, calibration) as daemon, DashboardServer(daemon, port=chosen_port) as server:
-        print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr)
+    # A bounded run is for programs, several of which may run at once: it takes any free port unless told.
+    flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
+    settings = load_settings({**flags, "dashboard.port": 0} if frames and port is None else flags)
+    with open_session(settings) as daemon, DashboardServer(daemon, port=settings.dashboard.port) as server:
+        print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         if browser and not frames:
             open_browser(server.url)
         try:

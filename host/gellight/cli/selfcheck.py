@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),
+    ("shape_error_mm", "shape um", 1e3),
     ("normal_error_deg", "normal deg", 1.0),
     ("contact_normal_error_deg", "in contact", 1.0),
     ("integral_error_mm", "integral um", 1e3),
@@ -20,20 +21,22 @@ COLUMNS = (
 
 
 def command(
-    sensor: Annotated[str, typer.Option(help="URL of a simulated sensor.")] = "sim://",
-    calibration: Annotated[str, typer.Option(help="Calibration bundle, or `synthetic`.")] = "synthetic",
+    sensor: Annotated[str | None, typer.Option(help="URL of a simulated sensor. [default: sim://]")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Press the ball and the ten objects; compare depth, normals and picture with the reference simulator.
 
     Exits with 1 when a comparison is out of its bounds.
     """
+    from gellight.config import load_settings
     from gellight.session import check_presses
 
+    settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
     if not as_json:
         print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
-    for press, result in check_presses(sensor, calibration):
+    for press, result in check_presses(settings):
         results.append((press, result))
         if not as_json:
             print(line(press, result))

@@ -20,7 +20,8 @@ from urllib.parse import urlsplit
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
-from gellight.dashboard.commands import COMMANDS, Credit, Press, PressStage, Release, explain
+from gellight.camera import PressStage
+from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
 from gellight.errors import GellightError
 from gellight.frames import TactileFrame
@@ -168,17 +169,22 @@ class Dashboard:
         self._clients.add(client)
         tasks = [asyncio.create_task(self._send_frames(client)), asyncio.create_task(self._send_status(client))]
         try:
-            async for message in socket:
-                if message.type is WSMsgType.TEXT:
-                    await self._obey(client, message.data)
-                elif message.type is WSMsgType.BINARY:
-                    await _answer_error(client, None, "commands are JSON text, not binary")
+            await self._listen(client)
+        except ConnectionResetError:
+            logger.debug("a page left while it was being answered")
         finally:
             self._clients.discard(client)
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
         return socket
+
+    async def _listen(self, client: Client) -> None:
+        async for message in client.socket:
+            if message.type is WSMsgType.TEXT:
+                await self._obey(client, message.data)
+            elif message.type is WSMsgType.BINARY:
+                await _answer_error(client, None, "commands are JSON text, not binary")
 
     async def _send_frames(self, client: Client) -> None:
         while True:

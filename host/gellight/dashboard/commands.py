@@ -1,29 +1,10 @@
 """What a page may ask of the server: frames, a press, a release. Everything else is answered with an error."""
 
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-
-class PressStage(Protocol):
-    """What presses objects into a simulated gel."""
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        """Names of the objects that can be pressed."""
-
-    @property
-    def max_depth_mm(self) -> float:
-        """Deepest press allowed."""
-
-    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
-        """Press an object into the gel at (x, y) from the image centre, until told otherwise."""
-
-    def release(self) -> None:
-        """Lift the object off."""
-
-    def status(self) -> dict[str, object]:
-        """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than the programme presses."""
+from gellight.camera import PressStage
 
 
 class Command(BaseModel):

@@ -179,9 +179,9 @@ def _encode_difference(difference: NDArray[np.float32], shape: tuple[int, int]) 
 
 
 def _encode_normals(normal_map: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
-    mean = _reduce(normal_map, shape)
-    unit = mean / np.linalg.norm(mean, axis=2, keepdims=True)
-    codes = np.rint(np.nan_to_num(unit[..., :2]) / NORMAL_UNIT).astype(np.int8)
+    x, y, z = cv2.split(cv2.patchNaNs(_reduce(normal_map.astype(np.float32, copy=False), shape), 0.0))
+    scale = 1 / (NORMAL_UNIT * np.sqrt(x * x + y * y + z * z + np.float32(1e-12)))
+    codes = np.rint(cv2.merge([x * scale, y * scale])).astype(np.int8)
     return bytes(codes.tobytes())
 
 

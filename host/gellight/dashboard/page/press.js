@@ -24,6 +24,7 @@ export class PressPanel {
   #next = null; // the newest command that waits for its turn
   #viewMm = null;
   #slider = element("press-depth");
+  #advice = element("press-hint").textContent;
 
   /** `send(command)` sends to the server; `canvases` are those the pointer presses on. */
   constructor(send, canvases) {
@@ -58,8 +59,7 @@ export class PressPanel {
   answer({ type, message }) {
     this.#busy = false;
     const hint = element("press-hint");
-    hint.dataset.text ??= hint.textContent;
-    hint.textContent = type === "error" ? message : hint.dataset.text;
+    hint.textContent = type === "error" ? message : this.#advice;
     hint.classList.toggle("wrong", type === "error");
     this.#flush();
   }

@@ -6,6 +6,8 @@ import { depthColour } from "./colour.js";
 import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./message.js";
 import { Orbit } from "./orbit.js";
 
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
 const VERTEX = `
 uniform sampler2D depth;
 uniform float exaggeration;
@@ -57,22 +59,23 @@ export class Surface {
     depth: { value: null }, normals: { value: null }, image: { value: null }, colours: { value: colourTexture() },
     exaggeration: { value: 4 }, scaleMm: { value: 1.6 }, colouring: { value: 0 },
   };
+  #material;
   #mesh = null;
   #frame = null;
+  #reach = 100; // distance in mm at which the whole gel is seen
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
   constructor(box, imageCanvas, changed) {
-    this.software = rendersInSoftware();
+    this.software = SOFTWARE.test(rendererName());
     this.renderer = new THREE.WebGLRenderer({ antialias: !this.software, alpha: true });
     this.canvas = this.renderer.domElement;
     box.append(this.canvas);
     this.orbit = new Orbit(box, changed);
     this.#uniforms.image.value = new THREE.CanvasTexture(imageCanvas);
     this.#uniforms.image.value.flipY = false;
-    this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide });
+    this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
     new ResizeObserver(() => this.#resize(box, changed)).observe(box);
   }
-  #material;
 
   set exaggeration(times) { this.#uniforms.exaggeration.value = times; }
   set scaleUm(um) { this.#uniforms.scaleMm.value = um / 1000; }
@@ -95,7 +98,6 @@ export class Surface {
     this.orbit.place(this.#camera, this.#reach);
     this.renderer.render(this.#scene, this.#camera);
   }
-  #reach = 100;
 
   #fit(width, height, { image_px: image, pixel_size_mm: pixel }) {
     const [widthMm, heightMm] = [image[0] * pixel[0], image[1] * pixel[1]];
@@ -140,11 +142,14 @@ export class Surface {
   }
 }
 
-/** Whether there is no graphics card to draw with. */
-function rendersInSoftware() {
-  const context = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return context === null;
+/** Name of what draws, for instance a graphics card or SwiftShader; throws where there is no WebGL 2. */
+function rendererName() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) throw new Error("this browser offers no WebGL 2");
+  const names = context.getExtension("WEBGL_debug_renderer_info");
+  const name = names ? context.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
 function colourTexture() {
