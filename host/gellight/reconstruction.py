@@ -24,7 +24,7 @@ _EDGE_SECOND = (13 / 24, -1 / 24)
 _EDGE_FIRST = (9 / 24, 19 / 24, -5 / 24, 1 / 24)
 """The edge at a border, one-sided from the border inwards (Adams-Moulton). Exact to degree 3."""
 _ZERO_SAMPLES = 40_000
-_LEAST_AT_REST = 0.02
+_LEAST_AT_REST = 0.05
 _BULGE = 1.71
 """Mean depth of a view that is touched all over, per bulge at its border. A soft layer keeps its volume, so what is
 pressed down in the view comes up around it. Fitted to 30 random presses of the simulated gel of the paper, where it
@@ -45,7 +45,7 @@ def integrate(
 
     Returns (H, W) depth in mm. Slopes leave the height of the whole surface open; what sets it is: the median over
     `at_rest` is 0. Without `at_rest` the median of the map is 0, which is the untouched gel while less than half of
-    the view is touched. With an `at_rest` of less than 2 % of the view nothing tells the height but the gel itself: it
+    the view is touched. With an `at_rest` of less than 5 % of the view nothing tells the height but the gel itself: it
     keeps its volume, so what is pressed down in the view bulges up at its border, in a known proportion; on the
     simulated gel that is right to some 0.02 mm. The medians are over a regular subset of about 40 000 pixels.
 
