@@ -159,7 +159,7 @@ def make(options: Options, *, width: int, seed: int, out: Path) -> dict[str, Any
             ("validation", max(2, options.presses // 10), sensor.response.noise_grey),
         )
     )
-    recipe = replace(RECIPES["fast"], epochs=options.epochs, least_visits=0)
+    recipe = replace(RECIPES["fast"], epochs=options.epochs, least_visits=0, place_jitter=0.0)
     trained = train(training, recipe, width=width, seed=seed, progress=print_progress)
     record = record_of("fast", recipe, width, seed, trained, training, validation)
     provenance = _provenance(options, sensor, trained.network, validation, width=width, seed=seed)

@@ -42,6 +42,9 @@ class Recipe:
     """more rows than that are thinned out at random"""
     warm_up: float
     """fraction of the steps in which the learning rate rises; then it falls as a cosine. 0: it stays as it is"""
+    place_jitter: float
+    """standard deviation of a random shift of each pixel's place, in mean distances between presses: light changes
+    slowly over the gel, and a few presses must not be taken for a map of it"""
     zero_based: bool
     """subtract the answer to an unchanged pixel at the same place, as the host does with every frame"""
 
@@ -57,6 +60,7 @@ RECIPES = {
         dropout=0.1,
         largest_table=10**9,
         warm_up=0,
+        place_jitter=0.0,
         zero_based=False,
     ),
     "fast": Recipe(
@@ -68,6 +72,7 @@ RECIPES = {
         dropout=0.0,
         largest_table=500_000,
         warm_up=0.05,
+        place_jitter=0.5,
         zero_based=True,
     ),
 }
@@ -86,6 +91,10 @@ class Training:
     epochs: int
     rows: int
     cpu_seconds: float
+
+
+_PLACE = torch.tensor([0.0, 0.0, 0.0, 1.0, 1.0])
+"""the two of the five inputs that say where a pixel is"""
 
 
 def train(
@@ -110,9 +119,11 @@ def train(
     batch = min(recipe.batch, len(pixels))
     rates = learning_rates(recipe, steps=epochs * math.ceil(len(pixels) / batch))
     losses: list[float] = []
+    jitter_px = recipe.place_jitter * table.press_distance_px
     network.train()
     for epoch in range(1, epochs + 1):
-        losses.append(_one_epoch(network, optimiser, rates, pixels, gradient, batch, recipe))
+        shifted = pixels + jitter_px * _PLACE * torch.randn_like(pixels) if jitter_px else pixels
+        losses.append(_one_epoch(network, optimiser, rates, shifted, gradient, batch, recipe))
         progress(epoch, epochs, losses[-1])
     network.eval()
     return Training(
