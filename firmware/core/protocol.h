@@ -7,7 +7,7 @@
 
 #define PROTOCOL_MAJOR 1u
 #define PROTOCOL_MINOR 0u
-#define SCHEMA_CRC 0x40f3c87du
+#define SCHEMA_CRC 0x11ce64d2u
 #define LED_COUNT 12u
 #define COLOUR_BYTES 36u
 #define GROUP_COUNT 16u
@@ -21,6 +21,7 @@
 #define DWELL_MAX_US 60000000u
 #define CURRENT_CAP_MA 450u
 #define CURRENT_CAP_EXTERNAL_MA 2000u
+#define TRIM_MAX 42949673u
 #define RESET_MAGIC 0x52534554u
 #define BOOTLOADER_MAGIC 0x424f4f54u
 #define NO_STEP 255u
@@ -241,7 +242,7 @@ _Static_assert(sizeof(struct set_sync) == 12, "set_sync");
 /* Move a FREE sequence against a camera; takes effect at the next step. */
 struct RECORD trim {
     int32_t phase_us; /* added once */
-    int32_t period; /* added to every duration, in 2^-32 of it */
+    int32_t period; /* added to every duration, in 2^-32 of it; at most TRIM_MAX either way */
 };
 _Static_assert(sizeof(struct trim) == 8, "trim");
 
@@ -306,7 +307,7 @@ struct RECORD configuration {
     uint16_t limit_ma;
     uint16_t quiescent_ua; /* of a dark LED */
     uint16_t channel_ua; /* of one colour of one LED at 255; 20000: WS2812B, 12000: WS2812B-V5 */
-    uint16_t latch_us; /* low time after which the LEDs take their data, 50 to 1000 */
+    uint16_t latch_us; /* low time after which the LEDs take their data, 50 to 500 */
     uint8_t policy; /* enum policy */
     uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450 */
     uint8_t name[16]; /* of the sensor, UTF-8, padded with zeros */

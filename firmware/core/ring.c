@@ -35,10 +35,8 @@ static uint16_t scale_for(const struct ring_limits *limits, uint32_t values)
     uint32_t limit_ua = limits->limit_ma * 1000u;
     if (limit_ua <= quiescent_ua(limits))
         return 0;
-    uint32_t allowed = limits->channel_ua ? (limit_ua - quiescent_ua(limits)) / limits->channel_ua * 255u : values;
-    uint32_t rest = limits->channel_ua ? (limit_ua - quiescent_ua(limits)) % limits->channel_ua : 0;
-    if (limits->channel_ua)
-        allowed += rest * 255u / limits->channel_ua;
+    uint32_t left_ua = limit_ua - quiescent_ua(limits);
+    uint32_t allowed = left_ua / limits->channel_ua * 255u + left_ua % limits->channel_ua * 255u / limits->channel_ua;
     return (uint16_t)(allowed < values ? allowed * FULL_SCALE / values : FULL_SCALE);
 }
 

@@ -44,6 +44,8 @@ DWELL_MAX_US = 60_000_000
 CURRENT_CAP_MA = 450
 """the most that a USB port may be asked for, unless the board has its own supply"""
 CURRENT_CAP_EXTERNAL_MA = 2_000
+TRIM_MAX = 42_949_673
+"""one per cent"""
 RESET_MAGIC = 0x52534554
 BOOTLOADER_MAGIC = 0x424F4F54
 NO_STEP = 0xFF
@@ -63,6 +65,7 @@ CONSTANTS = {
     "DWELL_MAX_US": DWELL_MAX_US,
     "CURRENT_CAP_MA": CURRENT_CAP_MA,
     "CURRENT_CAP_EXTERNAL_MA": CURRENT_CAP_EXTERNAL_MA,
+    "TRIM_MAX": TRIM_MAX,
     "RESET_MAGIC": RESET_MAGIC,
     "BOOTLOADER_MAGIC": BOOTLOADER_MAGIC,
     "NO_STEP": NO_STEP,
@@ -187,7 +190,7 @@ class Trim(Record):
     """Move a FREE sequence against a camera; takes effect at the next step."""
 
     phase_us: Annotated[i32, "added once"]
-    period: Annotated[i32, "added to every duration, in 2^-32 of it"]
+    period: Annotated[i32, "added to every duration, in 2^-32 of it; at most TRIM_MAX either way"]
 
 
 @dataclass(frozen=True)
@@ -250,7 +253,7 @@ class Configuration(Record):
     limit_ma: u16
     quiescent_ua: Annotated[u16, "of a dark LED"]
     channel_ua: Annotated[u16, "of one colour of one LED at 255; 20000: WS2812B, 12000: WS2812B-V5"]
-    latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 1000"]
+    latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 500"]
     policy: Annotated[u8, "enum policy"]
     external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]
     name: Annotated[Bytes16, "of the sensor, UTF-8, padded with zeros"]

@@ -14,11 +14,11 @@ PACKET_BYTES = 128
 
 
 class Scalar(NamedTuple):
-    """How a field lies in a packet: its `struct` code and its C type; `count` > 0 makes it an array of bytes."""
+    """How a field lies in a packet: its `struct` code and its C type; `length` > 0 makes it an array of bytes."""
 
     code: str
     c_type: str
-    count: int = 0
+    length: int = 0
 
 
 u8 = Annotated[int, Scalar("B", "uint8_t")]

@@ -65,7 +65,7 @@ def _codes() -> str:
 def _struct(record: type[Record]) -> str:
     rows = []
     for name, scalar, meaning in layout(record):
-        field = f"    {scalar.c_type} {name}{f'[{scalar.count}]' if scalar.count else ''};"
+        field = f"    {scalar.c_type} {name}{f'[{scalar.length}]' if scalar.length else ''};"
         rows.append(f"{field} /* {meaning} */" if meaning else field)
     name, size = snake(record.__name__), record.codec().size
     body = "\n".join(rows)
@@ -121,7 +121,7 @@ def _link(record: type[Record]) -> str:
 def _describe(record: type[Record]) -> str:
     rows, offset = [], 0
     for name, scalar, meaning in layout(record):
-        kind = f"{scalar.c_type}[{scalar.count}]" if scalar.count else scalar.c_type
+        kind = f"{scalar.c_type}[{scalar.length}]" if scalar.length else scalar.c_type
         rows.append(f"| {offset} | `{name}` | {kind.replace('_t', '')} | {meaning} |")
         offset += _width(scalar.code)
     table = "| offset | field | type | meaning |\n|---|---|---|---|\n" + "\n".join(rows)
