@@ -14,6 +14,8 @@ static void send_event(struct controller *controller, enum event type, const voi
 {
     struct packet packet = {.type = (uint8_t)type, .sequence = controller->event_sequence++, .count = count};
     uint8_t wire[PACKET_WIRE_BYTES];
+    if (!controller->open)
+        return;
     bytes_copy(packet.payload, record, count);
     if (!controller->port->send(controller->port->context, wire, packet_encode(&packet, wire)))
         controller->counters.events_dropped++;
@@ -280,6 +282,7 @@ void controller_link(struct controller *controller, bool open, enum dark reason)
     packet_reset(&controller->receiver);
     controller->request_kept = false;
     controller->telemetry_ms = 0;
+    controller->open = open;
     controller->packet_us = now_us(controller);
     if (!open) {
         controller_go_dark(controller, reason);

@@ -6,6 +6,7 @@ own loop stamps PIO edges late, so clocks, loop and USB host are ours.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from gellight.board import registers
@@ -125,7 +126,7 @@ class EmulatedBoard:
         flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id)
         chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))
         for window, bit in registers.RESET_BITS.items():
-            blocks[window] = registers.Guard(blocks[window], lambda bit=bit: self._held(bit), self.fault)
+            blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
         self._usb = registers.UsbGuard(
             chip.usb_ctrl, lambda: self._held(24), self.fault, lambda: int(self._chip_ns / 1e6) & 0x7FF,
             lambda on: chip.set_interrupt(USB_INTERRUPT, on))  # fmt: skip
@@ -162,7 +163,7 @@ class EmulatedBoard:
             self.in_bootloader = True
         elif number in (Function.RE, Function.RP):
             self._change_flash(number)
-        elif number not in iter(Function):
+        elif number not in set(Function):
             self.fault(f"breakpoint {number}")
 
     def _change_flash(self, number: int) -> None:
@@ -215,8 +216,8 @@ class EmulatedBoard:
         chip, core, clock = self.chip, self.chip.core, self.chip.clock
         pio, execute, end_ns = chip.pio[0], core.execute_instruction, self._chip_ns + most_ns
         for _ in range(steps):
-            cycle_ns = self._cycle_ns
-            cycles = self._sleep_cycles(clock, pio, end_ns) if core.waiting else execute()
+            cycle_ns, asleep = self._cycle_ns, core.waiting
+            cycles = self._sleep_cycles(core, clock, pio, end_ns) if asleep else execute()
             clock.tick(cycles * cycle_ns)
             self._advance_pio(pio, cycles, cycle_ns)
             self._chip_ns += cycles * cycle_ns
@@ -227,10 +228,13 @@ class EmulatedBoard:
                 self._cut, self.cut_after = False, None
                 self.power_off()
                 return
-            if self._chip_ns >= end_ns or self.in_bootloader:
+            if asleep or self._chip_ns >= end_ns or self.in_bootloader:
                 return
 
-    def _sleep_cycles(self, clock: Any, pio: Any, end_ns: float) -> int:
+    def _sleep_cycles(self, core: Any, clock: Any, pio: Any, end_ns: float) -> int:
+        if core.pending_interrupts & core.enabled_interrupts:
+            core.waiting = False  # an interrupt that was pending before the WFI ends it at once
+            return 1
         sleep = max(1, int((end_ns - self._chip_ns) // self._cycle_ns) + 1)
         if clock.has_scheduled_alarm:
             sleep = min(sleep, max(1, -int(-clock.nanos_to_next_alarm // self._cycle_ns)))

@@ -18,8 +18,11 @@ CHECKOUT = Path(__file__).parents[3]
 ZIG_VERSION = "0.17.0"
 """of the compiler that built the committed image"""
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
-_COMMON = ("-std=c11", "-Os", "-ffreestanding", "-nostdlib", "-fno-common", "-ffunction-sections", "-fdata-sections", "-fno-jump-tables",
-           "-g0", *WARNINGS, "-Wl,--gc-sections", "-Wl,-e,start", "-Wl,--build-id=none")  # fmt: skip
+_COMMON = (
+    "-std=c11", "-Os", "-g0", "-ffreestanding", "-nostdlib", "-fno-common", "-fno-jump-tables",
+    "-ffunction-sections", "-fdata-sections", *WARNINGS,
+    "-Wl,--gc-sections", "-Wl,-e,start", "-Wl,--build-id=none",
+)  # fmt: skip
 
 
 def committed_image() -> bytes:
