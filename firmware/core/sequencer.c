@@ -59,7 +59,7 @@ bool sequencer_over(const struct sequencer *sequencer)
     return sequencer->active.loops && sequencer->next.loop >= sequencer->active.loops;
 }
 
-/* Count on to the next showing; a pass that ends may bring the staged table. */
+/* Count on to the next showing. */
 static void count_on(struct sequencer *sequencer)
 {
     struct sequencer_position *next = &sequencer->next;
@@ -70,8 +70,6 @@ static void count_on(struct sequencer *sequencer)
         return;
     next->step = 0;
     next->loop = (uint16_t)(next->loop + 1);
-    if (sequencer->swap)
-        take_over(sequencer);
 }
 
 static const struct set_step *current(const struct sequencer *sequencer)
@@ -137,6 +135,9 @@ static enum sequencer_next next_asked(struct sequencer *sequencer, struct sequen
 
 enum sequencer_next sequencer_next(struct sequencer *sequencer, struct sequencer_plan *plan)
 {
+    const struct sequencer_position *next = &sequencer->next;
+    if (sequencer->swap && !sequencer->lit && !next->step && !next->repetition)
+        take_over(sequencer);
     return sequencer->mode == SYNC_MODE_FREE ? next_free(sequencer, plan) : next_asked(sequencer, plan);
 }
 

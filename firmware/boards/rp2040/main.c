@@ -14,9 +14,9 @@ static struct port port;
 
 static void stack_paint(void)
 {
-    uint8_t *end = __builtin_frame_address(0);
-    for (volatile uint8_t *at = stack_limit; at < end - 64; at++)
-        *at = STACK_PAINT;
+    uint32_t end = (uint32_t)__builtin_frame_address(0) - 64u;
+    for (uint32_t at = (uint32_t)stack_limit; at < end; at += 4)
+        *(volatile uint32_t *)at = STACK_PAINT * 0x01010101u;
 }
 
 static uint32_t stack_free(void)
@@ -136,8 +136,8 @@ static void sleep_until_something_happens(void)
 int main(void)
 {
     vectors_install();
-    stack_paint();
     clock_start();
+    stack_paint();
     light_start();
     port_fill();
     light_trigger = &controller.trigger;
