@@ -25,6 +25,8 @@ class SensorGeometry:
     gel_diameter_mm: float = 50.0
     gel_thickness_mm: float = 5.0
     poisson_ratio: float = 0.49
+    coating_smoothing_mm: float = 0.1
+    """the reflective coating bridges detail finer than this (standard deviation of a Gaussian)"""
     camera_height_mm: float = 40.0
     """from the gel surface to the camera (h_g)"""
     image_width_px: int = 640

@@ -4,6 +4,7 @@ import sys
 
 import typer
 
+from gellight.cli import bench, calibrate, config, demo, reconstruct, selfcheck
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -18,6 +19,14 @@ app = typer.Typer(
 @app.callback()
 def gellight() -> None:
     """Camera-based tactile sensing: from light to depth."""
+
+
+app.command("demo")(demo.command)
+app.command("reconstruct")(reconstruct.command)
+app.command("selfcheck")(selfcheck.command)
+app.add_typer(calibrate.app)
+app.command("bench")(bench.command)
+app.add_typer(config.app, name="config")
 
 
 def run() -> None:

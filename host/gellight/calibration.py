@@ -1,0 +1,365 @@
+"""The calibration bundle of one sensor: a folder, the same as one `.gelcal` file, or the name "synthetic".
+
+manifest.toml    what the sensor is and the SHA-256 of every other file
+reference.png    16-bit RGB, grey level * 256: the mean of many frames of the untouched gel keeps its fraction
+network.onnx     GelNet (its file name is in the manifest)
+metrics.json     measured error of the network
+presses.npz      the table of ball presses it was trained on (optional)
+"""
+
+import errno
+import hashlib
+import importlib.util
+import io
+import json
+import logging
+import tomllib
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import cv2
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from gellight.errors import CalibrationError
+from gellight.writing import write_file, write_folder
+
+logger = logging.getLogger(__name__)
+
+SCHEMA_VERSION = 1
+SYNTHETIC = "synthetic"
+"""Name of the bundle of the simulated sensor that comes with GelLight."""
+SUFFIX = ".gelcal"
+
+_MANIFEST, _REFERENCE, _METRICS, _PRESSES = "manifest.toml", "reference.png", "metrics.json", "presses.npz"
+_LARGEST_BYTES = 512 * 1024 * 1024
+_AGAIN = "calibrate the sensor again or restore the bundle from a copy"
+
+
+def _plain_name(name: str) -> str:
+    if not name or name in {".", ".."} or Path(name).name != name or "\\" in name or ":" in name:
+        raise ValueError(f"file name {name!r} leaves the bundle: names have no folders")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_plain_name)]
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Byte = Annotated[int, Field(ge=0, le=255)]
+Control = bool | int | float | str
+
+
+class LedSetting(BaseModel):
+    """One LED of the ring while the sensor was calibrated; LED i sits at azimuth 30 degrees * i, anticlockwise."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    colour: Literal["R", "G", "B"]
+    rgb: tuple[Byte, Byte, Byte]
+
+
+class Manifest(BaseModel):
+    """The content of `manifest.toml`; an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1] = 1
+    sensor: Annotated[str, Field(min_length=1)]
+    """serial number or name"""
+    created: AwareDatetime
+    software: str
+    image_width_px: Annotated[int, Field(ge=2)]
+    image_height_px: Annotated[int, Field(ge=2)]
+    pixel_size_mm: tuple[Length, Length]
+    """(x, y)"""
+    reference_frames: Annotated[int, Field(ge=1)]
+    """how many frames the reference image is the mean of"""
+    noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    """standard deviation of one pixel of one frame, grey levels"""
+    network: FileName = "network.onnx"
+    files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
+    led: tuple[LedSetting, ...] = ()
+    camera: dict[str, Control] = Field(default_factory=dict)
+    """exposure, gain, white balance: the controls that have to be the same when the sensor is used"""
+
+    @model_validator(mode="after")
+    def _lists_what_is_needed(self) -> "Manifest":
+        missing = {_REFERENCE, _METRICS, self.network} - set(self.files)
+        if missing:
+            raise ValueError(f"[files] does not list {', '.join(sorted(missing))}")
+        if self.led and len(self.led) != 12:
+            raise ValueError(f"led has {len(self.led)} entries, the ring has 12")
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A bundle that was checked: every checksum, every size."""
+
+    manifest: Manifest
+    files: Mapping[str, bytes]
+    """content by file name, without the manifest"""
+    source: str
+    """where it was loaded from, for messages"""
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(H, W)"""
+        return self.manifest.image_height_px, self.manifest.image_width_px
+
+    @property
+    def pixel_size_mm(self) -> tuple[float, float]:
+        """(x, y)"""
+        return self.manifest.pixel_size_mm
+
+    @property
+    def network(self) -> bytes:
+        """The ONNX file."""
+        return self.files[self.manifest.network]
+
+    @cached_property
+    def reference(self) -> NDArray[np.float32]:
+        """(H, W, 3) RGB, grey levels with fraction: the mean image of the untouched gel."""
+        image = _decode_reference(self.files[_REFERENCE], self.source)
+        image.flags.writeable = False
+        return image
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """Measured error of the network, as written by the calibration."""
+        content: dict[str, Any] = json.loads(self.files[_METRICS])
+        return content
+
+    def presses(self) -> dict[str, NDArray[Any]]:
+        """The arrays of `presses.npz`; raises CalibrationError where the bundle has none."""
+        if _PRESSES not in self.files:
+            raise CalibrationError(f"{self.source} has no {_PRESSES}: calibrate the sensor again to record presses")
+        with np.load(io.BytesIO(self.files[_PRESSES]), allow_pickle=False) as table:
+            return {name: table[name] for name in table.files}
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Load and check a bundle: a folder, a `.gelcal` file, or "synthetic" for the simulated sensor.
+
+    Raises CalibrationError, saying what is wrong and what to do, unless every checksum and size is right.
+    """
+    place = _synthetic_folder() if str(path) == SYNTHETIC else Path(path)
+    if place.is_dir():
+        return _load(str(place), lambda name: (place / name).read_bytes())
+    if not place.exists():
+        raise CalibrationError(
+            f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'"
+        )
+    try:
+        with zipfile.ZipFile(place) as archive:
+            _check_archive(archive, place)
+            return _load(str(place), archive.read)
+    except (zipfile.BadZipFile, EOFError, OSError) as error:
+        raise CalibrationError(f"{place} is not a whole {SUFFIX} file ({error}): {_AGAIN}") from error
+
+
+def write_calibration(
+    folder: str | Path,
+    *,
+    sensor: str,
+    reference: NDArray[np.floating],
+    reference_frames: int,
+    noise_grey: float,
+    pixel_size_mm: tuple[float, float],
+    network: bytes,
+    metrics: Mapping[str, Any],
+    network_name: str = "network.onnx",
+    presses: Mapping[str, NDArray[Any]] | None = None,
+    led: tuple[LedSetting, ...] = (),
+    camera: Mapping[str, Control] | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
+    overwrite: bool = False,
+) -> Calibration:
+    """Write a bundle as a folder, whole or not at all, and return it as it will be loaded.
+
+    reference: (H, W, 3) RGB, grey levels 0 to 255. noise_grey: grey levels. pixel_size_mm: (x, y).
+    An existing bundle is replaced only with `overwrite`. Raises CalibrationError; then the folder is as before.
+    """
+    files = dict(extra_files or {})
+    files[_REFERENCE] = _encode_reference(reference)
+    files[_METRICS] = (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode()
+    files[network_name] = network
+    if presses is not None:
+        files[_PRESSES] = _npz(presses)
+    manifest = _manifest(
+        folder,
+        sensor=sensor,
+        created=datetime.now(UTC).replace(microsecond=0),
+        software=_software(),
+        image_width_px=reference.shape[1],
+        image_height_px=reference.shape[0],
+        pixel_size_mm=pixel_size_mm,
+        reference_frames=reference_frames,
+        noise_grey=noise_grey,
+        network=network_name,
+        files={name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())},
+        led=led,
+        camera=dict(camera or {}),
+    )
+    target = Path(folder)
+    if target.exists() and not overwrite:
+        raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
+    try:
+        write_folder(target, {**files, _MANIFEST: _manifest_toml(manifest)})
+    except OSError as error:
+        raise _not_written(target, error) from error
+    return load_calibration(folder)
+
+
+def pack_calibration(calibration: Calibration, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a bundle as one `.gelcal` file, whole or not at all."""
+    target = Path(path)
+    if target.suffix != SUFFIX:
+        raise CalibrationError(f"{target} does not end in {SUFFIX}: give {target.with_suffix(SUFFIX)}")
+    if target.exists() and not overwrite:
+        raise CalibrationError(f"{target} exists: choose another name or allow overwriting")
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(_MANIFEST, _manifest_toml(calibration.manifest))
+        for name, content in calibration.files.items():
+            archive.writestr(name, content)
+    try:
+        write_file(target, packed.getvalue())
+    except OSError as error:
+        raise _not_written(target, error) from error
+    return target
+
+
+def _synthetic_folder() -> Path:
+    """The bundle beside the `gelnet` package, which is found without importing it."""
+    spec = importlib.util.find_spec("gelnet")
+    places = list(spec.submodule_search_locations or []) if spec else []
+    for place in places:
+        if (Path(place) / SYNTHETIC / _MANIFEST).is_file():
+            return Path(place) / SYNTHETIC
+    raise CalibrationError(
+        f"the '{SYNTHETIC}' bundle is not installed (looked in {places or 'no gelnet package'}): reinstall gellight"
+    )
+
+
+def _load(source: str, read: Callable[[str], bytes]) -> Calibration:
+    """Read the manifest, then every file it names."""
+    manifest = _parse_manifest(_read(source, read, _MANIFEST), source)
+    files = {name: _verified(source, read, name, digest) for name, digest in manifest.files.items()}
+    calibration = Calibration(manifest=manifest, files=files, source=source)
+    if calibration.reference.shape[:2] != calibration.image_shape:
+        height, width = calibration.reference.shape[:2]
+        raise CalibrationError(
+            f"{source}: {_REFERENCE} is {width} x {height} px, the manifest says "
+            f"{manifest.image_width_px} x {manifest.image_height_px}: {_AGAIN}"
+        )
+    try:
+        calibration.metrics  # noqa: B018  (decoded now, so that a broken one is an error of loading)
+    except ValueError as error:
+        raise CalibrationError(f"{source}: {_METRICS} is not JSON ({error}): {_AGAIN}") from error
+    return calibration
+
+
+def _read(source: str, read: Callable[[str], bytes], name: str) -> bytes:
+    try:
+        return read(name)
+    except (KeyError, FileNotFoundError) as error:
+        raise CalibrationError(f"{source} has no {name}: it is not a whole calibration bundle; {_AGAIN}") from error
+    except (OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise CalibrationError(f"{source}: {name} cannot be read ({error}): {_AGAIN}") from error
+
+
+def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str) -> bytes:
+    content = _read(source, read, name)
+    found = hashlib.sha256(content).hexdigest()
+    if found != digest:
+        raise CalibrationError(
+            f"{source}: {name} was changed after calibration (SHA-256 is {found[:12]}…, the manifest says "
+            f"{digest[:12]}…): {_AGAIN}"
+        )
+    return content
+
+
+def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
+    """Refuse names that leave the bundle and archives that would fill the memory."""
+    for entry in archive.infolist():
+        try:
+            _plain_name(entry.filename)
+        except ValueError as error:
+            raise CalibrationError(f"{place}: {error}; do not use this file, get it again from its source") from error
+    total = sum(entry.file_size for entry in archive.infolist())
+    if total > _LARGEST_BYTES:
+        raise CalibrationError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
+
+
+def _parse_manifest(content: bytes, source: str) -> Manifest:
+    try:
+        values = tomllib.loads(content.decode())
+    except ValueError as error:
+        raise CalibrationError(f"{source}: {_MANIFEST} is not TOML ({error}): {_AGAIN}") from error
+    schema = values.get("schema_version")
+    if isinstance(schema, int) and schema > SCHEMA_VERSION:
+        raise CalibrationError(
+            f"{source} has schema version {schema}, this GelLight reads up to {SCHEMA_VERSION}: update GelLight"
+        )
+    return _manifest(source, **values)
+
+
+def _manifest(where: str | Path, **values: Any) -> Manifest:
+    try:
+        return Manifest.model_validate(values)
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, e['loc'])) or _MANIFEST}: {e['msg']}" for e in error.errors())
+        raise CalibrationError(f"{where}: {_MANIFEST}: {wrong}. Correct it or {_AGAIN}") from error
+
+
+def _manifest_toml(manifest: Manifest) -> bytes:
+    return tomli_w.dumps(manifest.model_dump()).encode()
+
+
+def _software() -> str:
+    try:
+        return f"gellight {version('gellight')}"
+    except PackageNotFoundError:
+        return "gellight (not installed)"
+
+
+def _encode_reference(reference: NDArray[np.floating]) -> bytes:
+    if reference.ndim != 3 or reference.shape[2] != 3:
+        raise ValueError(f"reference image has shape {reference.shape}: give (H, W, 3)")
+    if not (np.isfinite(reference).all() and reference.min() >= 0 and reference.max() <= 255):
+        raise CalibrationError(
+            "the reference image has NaN or values outside 0 to 255 grey levels: capture the reference again"
+        )
+    levels = np.round(reference.astype(np.float64) * 256).astype(np.uint16)
+    return cv2.imencode(".png", levels[..., ::-1])[1].tobytes()
+
+
+def _decode_reference(content: bytes, source: str) -> NDArray[np.float32]:
+    levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
+    if levels is None or levels.dtype != np.uint16 or levels.ndim != 3 or levels.shape[2] != 3:
+        raise CalibrationError(f"{source}: {_REFERENCE} is not a 16-bit RGB PNG: {_AGAIN}")
+    return np.ascontiguousarray(levels[..., ::-1], dtype=np.float32) / np.float32(256)
+
+
+def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    for name, values in arrays.items():
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise CalibrationError(f"{_PRESSES}: {name} has NaN or infinite values: drop those presses")
+    content = io.BytesIO()
+    np.savez_compressed(content, **dict(arrays))  # type: ignore[arg-type]
+    return content.getvalue()
+
+
+def _not_written(target: Path, error: OSError) -> CalibrationError:
+    remedy = "free some space" if error.errno == errno.ENOSPC else "check the folder and its permissions"
+    logger.debug("writing %s failed", target, exc_info=error)
+    return CalibrationError(f"{target} was not written ({error.strerror or error}): {remedy} and try again")

@@ -1,0 +1,65 @@
+"""`gellight bench`: the figures of the README, measured on this machine."""
+
+import json
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.bench import DepthScale, FrameTimes
+
+
+class Subject(StrEnum):
+    """What is measured."""
+
+    FRAMES = "frames"
+    INTEGRATOR = "integrator"
+
+
+def command(
+    subject: Annotated[Subject, typer.Argument(help="frames: time of each stage; integrator: depth scale.")] = (
+        Subject.FRAMES
+    ),
+    calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
+    rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the network, both ways.")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Time the frame path against a plain run of its network, or measure the depth scale of the integrator."""
+    from gellight import bench
+
+    if subject is Subject.INTEGRATOR:
+        scales = bench.depth_scales()
+        typer.echo(json.dumps(bench.as_rows(scales), indent=2) if as_json else _scale_table(scales))
+        return
+    from gellight.calibration import load_calibration
+
+    times = bench.frame_times(load_calibration(calibration), rounds=rounds, threads=threads)
+    typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
+
+
+def _time_table(times: "Sequence[FrameTimes]") -> str:
+    lines = []
+    for t in times:
+        size = f"{t.image_width_px} x {t.image_height_px}"
+        lines.append(f"{t.scene} ({size} px, {t.touched:.1%} through the network), ms: minimum, median")
+        rows = [*t.stages.items(), ("whole frame", t.whole), ("plain one-batch network", t.plain)]
+        lines += [f"  {name:24}{ms.minimum_ms:9.2f}{ms.median_ms:9.2f}" for name, ms in rows]
+        lines.append(
+            f"  the plain network takes {t.plain_over_slopes:.1f} x mask + gradient, "
+            f"{t.plain_over_whole:.1f} x the whole frame"
+        )
+    return "\n".join(lines)
+
+
+def _scale_table(scales: "Sequence[DepthScale]") -> str:
+    lines = ["image        surface      size px  place       scale   +-      largest error"]
+    for s in scales:
+        size = f"{s.image_width_px} x {s.image_height_px}"
+        lines.append(
+            f"{size:11}  {s.surface:11}  {s.size_px:7g}  {s.place:10}  {s.scale:.4f}  {s.scale_spread:.4f}  "
+            f"{s.largest_error:.2%}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,228 @@
+"""`gellight calibrate`: train GelNet on ball presses, and measure what it is worth."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.presses import Ball, Press
+    from gellight.training import Progress, Reference, TrainingOptions
+
+app = typer.Typer(
+    name="calibrate",
+    help="Train GelNet on ball presses, and measure what it is worth.",
+    no_args_is_help=True,
+)
+
+Presses = Annotated[
+    Path,
+    typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it"),
+]
+Untouched = Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
+BallRadius = Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
+PixelSize = Annotated[float, typer.Option(help="mm per pixel on the gel")]
+Recipe = Annotated[str, typer.Option(help="fast, or paper (L1, Adam 1e-6, batch 128, 150 epochs: hours)")]
+Width = Annotated[int, typer.Option(min=1, help="units in each hidden layer")]
+Seed = Annotated[int, typer.Option(help="the same seed gives the same network")]
+Epochs = Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")]
+Threads = Annotated[int, typer.Option(min=1, help="of torch")]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
+
+
+@app.command()
+def fit(
+    presses: Presses,
+    reference: Untouched,
+    ball_radius_mm: BallRadius,
+    pixel_size_mm: PixelSize,
+    out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
+    sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
+    recipe: Recipe = "fast",
+    width: Width = 32,
+    seed: Seed = 0,
+    epochs: Epochs = None,
+    threads: Threads = 1,
+    folds: Annotated[int, typer.Option(help="also measure the error by this many folds; 0: do not")] = 0,
+    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    as_json: Json = False,
+) -> None:
+    """Train on ball presses and write a calibration bundle."""
+    from gellight import training
+
+    options = _options(recipe, width, seed, epochs, threads)
+    labelled, untouched, ball = _read(presses, reference, ball_radius_mm, pixel_size_mm)
+    if out.exists() and not overwrite:
+        # Said before minutes of training, not after.
+        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+    extra: dict[str, Any] = {}
+    if folds:
+        with _progress("folds") as report:
+            extra["cross_validation"] = training.cross_validate(
+                labelled, untouched, ball, folds=folds, options=options, progress=report
+            )
+    with _progress("training") as report:
+        calibration = training.fit(
+            labelled,
+            untouched,
+            ball,
+            out,
+            sensor=sensor,
+            options=options,
+            extra_metrics=extra,
+            overwrite=overwrite,
+            progress=report,
+        )
+    _print({"calibration": str(out), "metrics": calibration.metrics}, as_json, _fit_text)
+
+
+@app.command()
+def evaluate(
+    presses: Presses,
+    calibration: Annotated[str, typer.Option(help="bundle: folder, .gelcal file or 'synthetic'")],
+    ball_radius_mm: Annotated[
+        float | None, typer.Option(help="radius of the pressed ball, mm; as in the bundle where not given")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure the normal error of a bundle inside the contact circles of labelled presses."""
+    from gellight import evaluation
+    from gellight.calibration import load_calibration
+    from gellight.presses import read_presses
+
+    bundle = load_calibration(calibration)
+    ball = _ball_of(bundle.metrics, bundle.pixel_size_mm, ball_radius_mm)
+    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
+    _print(evaluation.evaluate(bundle, labelled, ball), as_json, _error_text)
+
+
+@app.command()
+def crossvalidate(
+    presses: Presses,
+    reference: Untouched,
+    ball_radius_mm: BallRadius,
+    pixel_size_mm: PixelSize,
+    folds: Annotated[int, typer.Option(min=2, help="parts the presses are divided into")] = 5,
+    recipe: Recipe = "fast",
+    width: Width = 32,
+    seed: Seed = 0,
+    epochs: Epochs = None,
+    threads: Threads = 1,
+    as_json: Json = False,
+) -> None:
+    """Measure the error on presses that were not trained on: each press once, in folds by image."""
+    from gellight import training
+
+    labelled, untouched, ball = _read(presses, reference, ball_radius_mm, pixel_size_mm)
+    options = _options(recipe, width, seed, epochs, threads)
+    with _progress("folds") as report:
+        result = training.cross_validate(labelled, untouched, ball, folds=folds, options=options, progress=report)
+    _print(result, as_json, _error_text)
+
+
+@app.command()
+def synthetic(
+    out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
+    width: Width = 32,
+    seed: Seed = 0,
+    threads: Threads = 1,
+    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    as_json: Json = False,
+) -> None:
+    """Make the bundle of the simulated sensor again, as it comes with GelLight."""
+    from gellight.synthetic import make_synthetic
+
+    if out.exists() and not overwrite:
+        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+    with _progress("training") as report:
+        calibration = make_synthetic(out, width=width, seed=seed, threads=threads, overwrite=overwrite, progress=report)
+    _print({"calibration": str(out), "metrics": calibration.metrics}, as_json, _synthetic_text)
+
+
+def _options(recipe: str, width: int, seed: int, epochs: int | None, threads: int) -> "TrainingOptions":
+    from gellight.training import RECIPES, TrainingOptions
+
+    if recipe not in RECIPES:
+        raise typer.BadParameter(f"{recipe!r}: give one of {', '.join(RECIPES)}", param_hint="--recipe")
+    return TrainingOptions(recipe=recipe, width=width, seed=seed, epochs=epochs, threads=threads)
+
+
+def _read(
+    presses: Path, reference: str, ball_radius_mm: float, pixel_size_mm: float
+) -> "tuple[list[Press], Reference, Ball]":
+    from gellight.presses import Ball, read_presses
+    from gellight.training import read_reference
+
+    ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
+    untouched = read_reference(reference)
+    return read_presses(presses, ball=ball, image_shape=untouched.image_shape), untouched, ball
+
+
+def _ball_of(metrics: dict[str, Any], pixel_size_mm: tuple[float, float], radius_mm: float | None) -> "Ball":
+    from gellight.presses import Ball
+
+    radius = radius_mm if radius_mm is not None else metrics.get("ball_radius_mm")
+    if radius is None:
+        raise typer.BadParameter("the bundle does not know its ball: give it", param_hint="--ball-radius-mm")
+    if pixel_size_mm[0] != pixel_size_mm[1]:
+        raise typer.BadParameter(
+            f"the pixels of the bundle are {pixel_size_mm[0]} x {pixel_size_mm[1]} mm, a circle needs square ones",
+            param_hint="--calibration",
+        )
+    return Ball(radius_mm=float(radius), pixel_size_mm=pixel_size_mm[0])
+
+
+@contextmanager
+def _progress(label: str) -> "Iterator[Progress]":
+    """Show a bar where somebody looks, and nothing where the output goes to a file."""
+    if not sys.stderr.isatty():
+        yield lambda done, total, value: None
+        return
+    with typer.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+        shown = 0
+
+        def report(done: int, total: int, value: float) -> None:
+            nonlocal shown
+            reached = round(1000 * done / total)
+            bar.update(reached - shown)
+            shown = reached
+
+        yield report
+
+
+def _print(result: dict[str, Any], as_json: bool, text: Any) -> None:
+    typer.echo(json.dumps(result, indent=2) if as_json else text(result))
+
+
+def _fit_text(result: dict[str, Any]) -> str:
+    metrics = result["metrics"]
+    training = metrics["training"]
+    lines = [
+        f"wrote {result['calibration']}",
+        f"trained on {training['images']} images in {training['cpu_seconds']:.1f} CPU seconds; normal error on "
+        f"{len(training['held_out_images'])} held-out images, each pixel alone: "
+        f"{training['held_out_normal_error_deg']['mean']:.2f} deg",
+    ]
+    if "cross_validation" in metrics:
+        lines.append(_error_text(metrics["cross_validation"]))
+    return "\n".join(lines)
+
+
+def _synthetic_text(result: dict[str, Any]) -> str:
+    lines = [f"wrote {result['calibration']}, measured on simulated presses it was not trained on:"]
+    lines += [f"{name:<28}{value:>10.4g}" for name, value in result["metrics"]["test"].items()]
+    return "\n".join(lines)
+
+
+def _error_text(result: dict[str, Any]) -> str:
+    lines = [f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg"]
+    for image in [*result["images"], {"image": "all", "pixels": sum(i["pixels"] for i in result["images"]), **result}]:
+        error = image["normal_error_deg"]
+        lines.append(
+            f"{image['image']:<24}{image['pixels']:>8}{error['mean']:>8.2f}{error['median']:>8.2f}{error['p95']:>8.2f}"
+        )
+    return "\n".join([*lines, f"depth error in contact {result['depth_mae_mm']:.4f} mm"])

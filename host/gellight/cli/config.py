@@ -1,0 +1,55 @@
+"""`gellight config`: what is set, by whom, and what could be set."""
+
+import json
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Show the settings, their schema, and the files they are read from.", no_args_is_help=True)
+
+
+@app.command()
+def show(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
+    """Print the settings in force and where each comes from."""
+    from gellight.config import merge, read_layers
+
+    layers = read_layers()
+    settings = merge(layers).model_dump(exclude_none=True)
+    origins = {
+        f"{section}.{key}": layer.source for layer in layers for section, keys in layer.values.items() for key in keys
+    }
+    if as_json:
+        print(json.dumps({"settings": settings, "origins": origins}))
+    else:
+        print(as_toml(settings, origins))
+
+
+@app.command()
+def schema(markdown: Annotated[bool, typer.Option("--markdown", help="Print tables for people.")] = False) -> None:
+    """Print the JSON schema of gellight.toml."""
+    from gellight.config import Settings, reference_markdown
+
+    print(reference_markdown() if markdown else json.dumps(Settings.model_json_schema(), indent=2))
+
+
+@app.command()
+def path() -> None:
+    """Print the files that are read, weakest first; a file that is not there is marked."""
+    from gellight.config import file_paths
+
+    for file in file_paths():
+        print(file if file.exists() else f"{file}  (not there)")
+
+
+def as_toml(settings: dict[str, dict[str, object]], origins: dict[str, str]) -> str:
+    """Return `settings` as TOML; a comment says where a value that is not a default comes from."""
+    import tomli_w
+
+    lines = []
+    for section, values in ((name, keys) for name, keys in settings.items() if keys):
+        lines.append(f"[{section}]")
+        for key, value in values.items():
+            origin = origins.get(f"{section}.{key}")
+            lines.append(tomli_w.dumps({key: value}).strip() + (f"  # {origin}" if origin else ""))
+        lines.append("")
+    return "\n".join(lines).rstrip()

@@ -1,0 +1,74 @@
+"""`gellight demo`: the whole sensor, simulated, with its dashboard."""
+
+import json
+import sys
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.daemon import Daemon
+    from gellight.frames import TactileFrame
+
+FRAME_TIMEOUT_S = 20.0
+
+
+def command(
+    sensor: Annotated[str | None, typer.Option(help="URL of the camera. [default: sim://]")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
+    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one. [default: 8420]")] = None,
+    browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
+    frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the statistics as one JSON object at the end.")
+    ] = False,
+) -> None:
+    """Press objects into a simulated sensor and see what it feels."""
+    from gellight.config import load_settings
+    from gellight.dashboard.server import DashboardServer
+    from gellight.session import open_session
+
+    # A bounded run is for programs, several of which may run at once: it takes any free port unless told.
+    flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
+    settings = load_settings({**flags, "dashboard.port": 0} if frames and port is None else flags)
+    with open_session(settings) as daemon, DashboardServer(daemon, port=settings.dashboard.port) as server:
+        print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
+        if browser and not frames:
+            open_browser(server.url)
+        try:
+            summary = watch(daemon, frames)
+        except KeyboardInterrupt:
+            return
+    print(json.dumps(summary) if as_json else table(summary))
+
+
+def watch(daemon: "Daemon", frames: int) -> dict[str, object]:
+    """Follow the tactile frames until `frames` came (0: for ever); return the statistics of the run."""
+    sequence, count, deepest = 0, 0, 0.0
+    started_s = time.monotonic()
+    while not frames or count < frames:
+        frame: TactileFrame = daemon.wait_frame(sequence, FRAME_TIMEOUT_S)
+        sequence = frame.camera_frame.sequence
+        deepest = max(deepest, frame.contact.indentation_mm)
+        count += 1
+    return {
+        **daemon.status(),
+        "frames": count,
+        "fps": round(count / (time.monotonic() - started_s), 2),
+        "indentation_mm": round(deepest, 4),
+    }
+
+
+def table(summary: dict[str, object]) -> str:
+    """Return the statistics as lines for people."""
+    return "\n".join(f"{name:16} {value}" for name, value in summary.items())
+
+
+def open_browser(url: str) -> None:
+    """Open `url` where there is a screen; a terminal browser would only take the terminal away."""
+    import os
+    import webbrowser
+
+    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(url)

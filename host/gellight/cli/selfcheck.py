@@ -1,0 +1,53 @@
+"""`gellight selfcheck`: the host against the reference simulator, press by press."""
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.selfcheck import SelfCheckResult
+
+COLUMNS = (
+    ("depth_error_mm", "depth um", 1e3),
+    ("shape_error_mm", "shape um", 1e3),
+    ("normal_error_deg", "normal deg", 1.0),
+    ("contact_normal_error_deg", "in contact", 1.0),
+    ("integral_error_mm", "integral um", 1e3),
+    ("picture_error_grey", "picture grey", 1.0),
+    ("indentation_mm", "depth mm", 1.0),
+    ("true_indentation_mm", "true mm", 1.0),
+)
+
+
+def command(
+    sensor: Annotated[str | None, typer.Option(help="URL of a simulated sensor. [default: sim://]")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Press the ball and the ten objects; compare depth, normals and picture with the reference simulator.
+
+    Exits with 1 when a comparison is out of its bounds.
+    """
+    from gellight.config import load_settings
+    from gellight.session import check_presses
+
+    settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
+    results: list[tuple[str, SelfCheckResult]] = []
+    if not as_json:
+        print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
+    for press, result in check_presses(settings):
+        results.append((press, result))
+        if not as_json:
+            print(line(press, result))
+    passed = all(result.passed for _, result in results)
+    if as_json:
+        print(json.dumps({"passed": passed, "presses": [{"press": p, **r.as_json()} for p, r in results]}))
+    if not passed:
+        raise typer.Exit(1)
+
+
+def line(name: str, result: "SelfCheckResult") -> str:
+    """Return one row of the table."""
+    numbers = [f"{getattr(result, field) * scale:12.3f}" for field, _, scale in COLUMNS]
+    return " ".join([name.ljust(26), *numbers, "ok" if result.passed else "OUT OF BOUNDS"])

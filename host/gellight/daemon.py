@@ -1,0 +1,143 @@
+"""The running sensor: a capture thread, a reconstruction thread, and between them a mailbox that keeps the latest.
+
+The camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
+as dropped, so what comes out is as fresh as the machine allows. What ends either thread (the last image of a folder, a
+camera that fails) is raised where frames are waited for.
+"""
+
+import logging
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+from gellight.camera import Camera, EndOfStream, PressStage
+from gellight.errors import CameraError
+from gellight.frames import CameraFrame, TactileFrame
+from gellight.mailbox import Mailbox
+from gellight.pipeline import Reconstructor
+from gellight.selfcheck import SelfCheck, SelfCheckResult
+from gellight.statistics import Statistics
+
+logger = logging.getLogger(__name__)
+
+POLL_S = 0.5
+"""how often a waiting thread looks whether it should stop"""
+SELFCHECK_PERIOD_S = 1.0
+
+
+class Daemon:
+    """Runs a camera and a reconstructor; a context manager that stops its threads and closes the camera."""
+
+    def __init__(self, camera: Camera, reconstructor: Reconstructor, *, selfcheck: SelfCheck | None = None) -> None:
+        """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth."""
+        self._camera = camera
+        self._reconstructor = reconstructor
+        self._selfcheck = selfcheck
+        self._selfcheck_result: SelfCheckResult | None = None
+        self._statistics = Statistics()
+        self._captured: Mailbox[CameraFrame] = Mailbox()
+        self._delivered: Mailbox[TactileFrame] = Mailbox()
+        self._stopping = threading.Event()
+        self._error: str | None = None
+        jobs = [self._capture, self._reconstruct, *([self._check] if selfcheck else [])]
+        self._threads = [threading.Thread(target=job, name=job.__name__.strip("_"), daemon=True) for job in jobs]
+
+    def __enter__(self) -> Self:
+        """Start the threads."""
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop the threads and close the camera."""
+        self._stopping.set()
+        self._delivered.close(CameraError("the daemon was stopped"))
+        for thread in self._threads:
+            thread.join()
+        self._camera.close()
+
+    @property
+    def stage(self) -> PressStage | None:
+        """Where objects can be pressed into the gel, if the camera offers that."""
+        return self._camera.stage
+
+    @property
+    def pixel_size_mm(self) -> tuple[float, float]:
+        """(x, y) size of a camera pixel on the gel."""
+        return self._reconstructor.calibration.pixel_size_mm
+
+    @property
+    def selfcheck_result(self) -> SelfCheckResult | None:
+        """The newest comparison with the reference simulator; None before the first, or without truth."""
+        return self._selfcheck_result
+
+    def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
+        """Wait for a tactile frame whose camera sequence number is greater than `after_sequence`.
+
+        Raises TimeoutError, or what ended the run (`EndOfStream` when the images are used up).
+        """
+        deadline = time.monotonic() + timeout_s
+        number = 0
+        while True:
+            number, frame = self._delivered.take(number, max(deadline - time.monotonic(), 0.0))
+            if frame.camera_frame.sequence > after_sequence:
+                return frame
+
+    def status(self) -> dict[str, object]:
+        """Counters, rates and the self-check, ready for JSON."""
+        result = self._selfcheck_result
+        return {
+            "sensor": self._camera.url,
+            **self._statistics.as_json(time.monotonic()),
+            "selfcheck": result.as_json() if result else None,
+            "error": self._error,
+        }
+
+    def _capture(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                frame = self._camera.read()
+                self._statistics.note_captured(frame)
+                self._captured.put(frame)
+        except Exception as error:
+            self._note(error)
+            self._captured.close(error)
+
+    def _reconstruct(self) -> None:
+        number = 0
+        try:
+            while not self._stopping.is_set():
+                try:
+                    number, frame = self._captured.take(number, POLL_S)
+                except TimeoutError:
+                    continue
+                tactile = self._reconstructor.reconstruct(frame)
+                self._statistics.note_delivered(tactile, time.monotonic())
+                self._delivered.put(tactile)
+        except Exception as error:
+            self._note(error)
+            self._delivered.close(error)
+            self._stopping.set()
+
+    def _check(self) -> None:
+        assert self._selfcheck is not None
+        number = 0
+        while not self._stopping.wait(SELFCHECK_PERIOD_S):
+            try:
+                number, frame = self._delivered.take(number, POLL_S)
+                if frame.camera_frame.truth is not None:
+                    self._selfcheck_result = self._selfcheck.compare(frame)
+            except TimeoutError:
+                continue
+            except Exception as error:
+                self._note(error)
+                return
+
+    def _note(self, error: Exception) -> None:
+        if isinstance(error, EndOfStream) or self._stopping.is_set():
+            return
+        logger.error("%s: %s", threading.current_thread().name, error)
+        self._error = str(error)

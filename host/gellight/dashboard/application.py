@@ -1,0 +1,290 @@
+"""The dashboard's web application: the page, the live frames over a WebSocket, and the presses of a visitor.
+
+Flow control is by credits: the page grants as many frames as it is ready to draw, one frame is sent for each credit,
+and it is always the newest. Nothing is queued, so a slow page sees fewer frames, never old ones, and slows nobody else.
+
+A request whose Host is not this machine, or which comes from the page of another
+site (Origin), is refused; so a foreign web page in the same browser cannot reach the sensor.
+"""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import urlsplit
+
+from aiohttp import WSMsgType, web
+from pydantic import ValidationError
+
+from gellight.camera import PressStage
+from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
+from gellight.dashboard.messages import encode, without_nan
+from gellight.errors import GellightError
+from gellight.frames import TactileFrame
+
+logger = logging.getLogger(__name__)
+
+PAGE = Path(__file__).parent / "page"
+FRAME_TIMEOUT_S = 0.25
+"""how long one wait for a frame may take; also bounds the time to stop"""
+RETRY_S = 0.5
+STATUS_PERIOD_S = 0.25
+MAX_CREDITS = 8
+MAX_COMMAND_BYTES = 4096
+LOOPBACK_NAMES = {"127.0.0.1", "localhost", "::1"}
+
+
+class TactileSource(Protocol):
+    """Where the dashboard gets its frames; the daemon is one."""
+
+    def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
+        """Return the newest frame with a camera sequence number above `after_sequence`; TimeoutError if none comes."""
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the sensor, ready for JSON.
+
+        Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, stage_ms {stage: ms}, error (text or
+        None) and selfcheck (None, or its figures by name, `passed`, and `bounds` by the same names).
+        """
+
+    @property
+    def stage(self) -> PressStage | None:
+        """What presses objects into the gel, on a simulated sensor; None on a real one."""
+
+    @property
+    def pixel_size_mm(self) -> tuple[float, float]:
+        """(x, y) size of a camera pixel on the gel."""
+
+
+class Client:
+    """One open page: its credits, and whether the newest message has been sent to it."""
+
+    def __init__(self, socket: web.WebSocketResponse) -> None:
+        """Start without credits."""
+        self.socket = socket
+        self.credits = 0
+        self.sent = -1
+        """number of the message sent last"""
+
+    def grant(self, count: int) -> None:
+        """Add credits, up to a bound that keeps a greedy page from being flooded."""
+        self.credits = min(self.credits + count, MAX_CREDITS)
+
+
+class Dashboard:
+    """The application: one frame pump for all clients, and one sender for each."""
+
+    def __init__(self, source: TactileSource) -> None:
+        """Serve `source`; nothing runs before the application starts."""
+        self._source = source
+        self._clients: set[Client] = set()
+        self._message = b""
+        self._number = -1
+        self._fresh = False
+        """whether the message is known to be the newest; it is not after the pump has rested"""
+        self._sequence = -1
+        self._image_shape: tuple[int, int] | None = None
+        self._error: str | None = None
+        self._changed = asyncio.Condition()
+        self._waiter = ThreadPoolExecutor(1, thread_name_prefix="dashboard-frames")
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="dashboard-commands")
+
+    def application(self) -> web.Application:
+        """Return the aiohttp application: page, `/status`, `/ws`."""
+        app = web.Application(middlewares=[only_this_machine])
+        app.router.add_get("/", show_page)
+        app.router.add_get("/ws", self._serve_client)
+        app.router.add_get("/status", self._show_status)
+        app.router.add_static("/", PAGE)
+        app.cleanup_ctx.append(self._run_pump)
+        app.on_shutdown.append(self._close_clients)
+        return app
+
+    async def _close_clients(self, app: web.Application) -> None:
+        await asyncio.gather(*(client.socket.close() for client in list(self._clients)))
+
+    async def _run_pump(self, app: web.Application):  # type: ignore[no-untyped-def]  # aiohttp's own form of a fixture
+        pump = asyncio.create_task(self._pump())
+        yield
+        pump.cancel()
+        await asyncio.gather(pump, return_exceptions=True)
+        self._waiter.shutdown(wait=True, cancel_futures=True)
+        self._worker.shutdown(wait=True, cancel_futures=True)
+
+    async def _pump(self) -> None:
+        """Fetch and encode the newest frame whenever somebody is ready to draw it."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await self._wait_for_credit()
+            try:
+                await self._deliver(await loop.run_in_executor(self._waiter, self._next_message))
+            except TimeoutError:
+                await self._deliver(None)
+            except Exception as error:
+                self._note(error)
+                await self._deliver(None)
+                await asyncio.sleep(RETRY_S)
+            else:
+                self._error = None
+
+    async def _wait_for_credit(self) -> None:
+        async with self._changed:
+            if not self._wanted():
+                self._fresh = False
+                await self._changed.wait_for(self._wanted)
+
+    def _wanted(self) -> bool:
+        return any(client.credits for client in self._clients)
+
+    async def _deliver(self, message: bytes | None) -> None:
+        """Hand `message` to the senders; None says that the last one still is the newest."""
+        async with self._changed:
+            self._fresh = True
+            if message is not None:
+                self._message = message
+                self._number += 1
+            self._changed.notify_all()
+
+    def _note(self, error: Exception) -> None:
+        text = str(error) or type(error).__name__
+        if text != self._error:
+            logger.log(logging.WARNING if isinstance(error, GellightError) else logging.ERROR, "no frame: %s", text)
+        self._error = text
+
+    def _next_message(self) -> bytes:
+        frame = self._source.wait_frame(self._sequence, FRAME_TIMEOUT_S)
+        self._sequence = frame.camera_frame.sequence
+        height, width = frame.depth_mm.shape
+        self._image_shape = (height, width)
+        return encode(frame, pixel_size_mm=self._source.pixel_size_mm)
+
+    async def _serve_client(self, request: web.Request) -> web.WebSocketResponse:
+        socket = web.WebSocketResponse(max_msg_size=MAX_COMMAND_BYTES, heartbeat=20.0, compress=False)
+        await socket.prepare(request)
+        client = Client(socket)
+        self._clients.add(client)
+        tasks = [asyncio.create_task(self._send_frames(client)), asyncio.create_task(self._send_status(client))]
+        try:
+            await self._listen(client)
+        except ConnectionResetError:
+            logger.debug("a page left while it was being answered")
+        finally:
+            self._clients.discard(client)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        return socket
+
+    async def _listen(self, client: Client) -> None:
+        async for message in client.socket:
+            if message.type is WSMsgType.TEXT:
+                await self._obey(client, message.data)
+            elif message.type is WSMsgType.BINARY:
+                await _answer_error(client, None, "commands are JSON text, not binary")
+
+    async def _send_frames(self, client: Client) -> None:
+        while True:
+            async with self._changed:
+                await self._changed.wait_for(lambda: self._fresh and client.credits and self._number > client.sent)
+                client.credits -= 1
+                client.sent, message = self._number, self._message
+            await client.socket.send_bytes(message)
+
+    async def _send_status(self, client: Client) -> None:
+        while True:
+            await client.socket.send_str(await self._status_text())
+            await asyncio.sleep(STATUS_PERIOD_S)
+
+    async def _status_text(self) -> str:
+        loop = asyncio.get_running_loop()
+        return json.dumps(await loop.run_in_executor(self._worker, self._status), allow_nan=False)
+
+    def _status(self) -> dict[str, object]:
+        """Return the source's status, the stage and the server's clock, by which the page tells a frame's age."""
+        status = dict(self._source.status())
+        status["error"] = status.get("error") or self._error
+        status |= {"type": "status", "now_s": time.monotonic(), "clients": len(self._clients)}
+        stage = self._source.stage
+        status["stage"] = stage and {
+            "objects": list(stage.objects),
+            "max_depth_mm": stage.max_depth_mm,
+            **stage.status(),
+        }
+        finite = without_nan(status)
+        assert isinstance(finite, dict)
+        return finite
+
+    async def _show_status(self, request: web.Request) -> web.Response:
+        return web.Response(text=await self._status_text(), content_type="application/json")
+
+    async def _obey(self, client: Client, text: str) -> None:
+        try:
+            command = COMMANDS.validate_json(text)
+        except ValidationError as error:
+            await _answer_error(client, None, explain(error))
+            return
+        if isinstance(command, Credit):
+            async with self._changed:
+                client.grant(command.count)
+                self._changed.notify_all()
+            return
+        try:
+            await asyncio.get_running_loop().run_in_executor(self._worker, self._move_stage, command)
+        except (GellightError, ValueError) as error:
+            await _answer_error(client, command.type, str(error))
+        except Exception:
+            logger.exception("%s failed", command)
+            await _answer_error(client, command.type, "the stage failed; its log says why")
+        else:
+            await client.socket.send_json({"type": "done", "command": command.type})
+
+    def _move_stage(self, command: Press | Release) -> None:
+        stage = self._source.stage
+        if stage is None:
+            raise ValueError("this sensor has no stage: objects can be pressed on a simulated sensor only (sim://)")
+        if isinstance(command, Release):
+            stage.release()
+            return
+        command.check(stage, self._view_mm())
+        stage.press(command.object, command.depth_mm, command.x_mm, command.y_mm)
+
+    def _view_mm(self) -> tuple[float, float]:
+        if self._image_shape is None:
+            raise ValueError("no frame has been seen yet, so the size of the view is unknown: wait for the first frame")
+        pixel_x, pixel_y = self._source.pixel_size_mm
+        return self._image_shape[1] * pixel_x, self._image_shape[0] * pixel_y
+
+
+async def _answer_error(client: Client, command: str | None, message: str) -> None:
+    await client.socket.send_json({"type": "error", "command": command, "message": message})
+
+
+async def show_page(request: web.Request) -> web.FileResponse:
+    """Answer with the page."""
+    return web.FileResponse(PAGE / "index.html")
+
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@web.middleware
+async def only_this_machine(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Refuse other hosts' names and other sites' pages; tell the browser to load nothing from elsewhere."""
+    host = request.headers.get("Host", "")
+    if urlsplit(f"//{host}").hostname not in LOOPBACK_NAMES:
+        raise web.HTTPForbidden(text=f"Host {host!r} is not this machine: open http://127.0.0.1 with the port shown")
+    origin = request.headers.get("Origin")
+    if origin is not None and origin != f"http://{host}":
+        raise web.HTTPForbidden(text=f"Origin {origin!r} is another site: open the dashboard's own page")
+    response = await handler(request)
+    if not response.prepared:
+        response.headers["Content-Security-Policy"] = (
+            f"default-src 'self'; img-src 'self' blob:; connect-src 'self' ws://{host}"
+        )
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        response.headers["Cache-Control"] = "no-cache"
+    return response

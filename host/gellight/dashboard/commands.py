@@ -1,0 +1,60 @@
+"""What a page may ask of the server: frames, a press, a release. Everything else is answered with an error."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from gellight.camera import PressStage
+
+
+class Command(BaseModel):
+    """Strict base: no unknown field, no number that is not finite, no text for a number."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Credit(Command):
+    """The page is ready to draw `count` more frames."""
+
+    type: Literal["credit"]
+    count: int = Field(ge=1, le=8)
+
+
+class Press(Command):
+    """Press an object, or move and deepen the press that is there."""
+
+    type: Literal["press"]
+    object: str
+    depth_mm: float = Field(ge=0)
+    x_mm: float
+    y_mm: float
+
+    def check(self, stage: PressStage, view_mm: tuple[float, float]) -> None:
+        """Raise ValueError where `stage` has no such object or depth, or the place is outside the view (w, h) in mm."""
+        if self.object not in stage.objects:
+            raise ValueError(f"no object {self.object!r}: choose one of {', '.join(stage.objects)}")
+        if self.depth_mm > stage.max_depth_mm:
+            raise ValueError(f"depth_mm = {self.depth_mm:g} is too deep: choose 0 to {stage.max_depth_mm:g}")
+        for axis, value, size in zip("xy", (self.x_mm, self.y_mm), view_mm, strict=True):
+            if abs(value) > size / 2:
+                raise ValueError(f"{axis}_mm = {value:g} is outside the view: choose -{size / 2:g} to {size / 2:g}")
+
+
+class Release(Command):
+    """Lift the object off the gel."""
+
+    type: Literal["release"]
+
+
+COMMANDS: TypeAdapter[Credit | Press | Release] = TypeAdapter(
+    Annotated[Credit | Press | Release, Field(discriminator="type")]
+)
+
+
+def explain(error: ValidationError) -> str:
+    """Return what is wrong with a command, as one line."""
+    parts = []
+    for problem in error.errors(include_url=False, include_context=False):
+        where = ".".join(str(step) for step in problem["loc"])
+        parts.append(f"{where}: {problem['msg']}" if where else problem["msg"])
+    return "; ".join(parts)

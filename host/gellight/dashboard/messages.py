@@ -1,0 +1,205 @@
+"""The binary WebSocket message that carries one tactile frame to the page, and the decoder that tests it.
+
+A message is, in order, all little-endian::
+
+    0   4 bytes   "GELF"
+    4   uint32    VERSION
+    8   uint32    length of the header in bytes, padding included
+    12  header    JSON in UTF-8, padded with spaces so that the planes start at a multiple of 4
+    ..  planes    one after the other, each padded with zeros to a multiple of 4
+
+The header names each plane with its offset (from the first plane) and its length. Planes are at view size, at most
+320 x 240, reduced by area averaging so that no pixel of the sensor is left out:
+
+    image       JPEG of the camera image, RGB
+    difference  (h, w, 3) uint8, grey levels + 128, clipped to -128..127
+    normal      (h, w, 2) int8, x and y of the unit normal times 127; z is positive
+    depth       (h, w) uint16, (depth in mm + 1) in units of 0.1 micrometre: depths from -1 mm to 5.5534 mm are kept to
+                0.05 micrometre, what lies outside is clipped, 65535 means "no depth"
+    contact     contact patch, one bit a pixel, rows joined without padding, highest bit first
+"""
+
+import json
+import math
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.frames import Contact, TactileFrame
+
+MAGIC = b"GELF"
+VERSION = 1
+VIEW_WIDTH_PX = 320
+VIEW_HEIGHT_PX = 240
+DEPTH_UNIT_MM = 1e-4
+DEPTH_OFFSET_MM = 1.0
+NO_DEPTH = 65535
+NORMAL_UNIT = 1 / 127
+DIFFERENCE_OFFSET = 128
+JPEG_QUALITY = 92
+PREFIX = struct.Struct("<4sII")
+ALIGNMENT = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A decoded message: the frame as the page sees it, at view size (h, w)."""
+
+    header: dict[str, Any]
+    image: NDArray[np.uint8]
+    """(h, w, 3) RGB"""
+    difference: NDArray[np.float32]
+    """(h, w, 3) grey levels"""
+    normal_map: NDArray[np.float32]
+    """(h, w, 3) unit normals"""
+    depth_mm: NDArray[np.float32]
+    """(h, w) mm, NaN where there is no depth"""
+    contact: NDArray[np.bool_]
+    """(h, w)"""
+
+
+def view_shape(image_shape: tuple[int, int]) -> tuple[int, int]:
+    """Return (h, w) of the view of an (H, W) image: its proportions, within 320 x 240, never enlarged."""
+    height, width = image_shape
+    scale = min(VIEW_WIDTH_PX / width, VIEW_HEIGHT_PX / height, 1.0)
+    return max(round(height * scale), 1), max(round(width * scale), 1)
+
+
+def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float]) -> bytes:
+    """Encode `frame`; `pixel_size_mm` is the (x, y) size of a camera pixel on the gel."""
+    shape = view_shape(frame.depth_mm.shape)
+    planes = {
+        "image": _encode_image(frame.camera_frame.image, shape),
+        "difference": _encode_difference(frame.difference, shape),
+        "normal": _encode_normals(frame.normal_map, shape),
+        "depth": _encode_depth(frame.depth_mm, shape),
+        "contact": np.packbits(_reduce(frame.contact.mask.astype(np.float32), shape) >= 0.5).tobytes(),
+    }
+    header = _header(frame, pixel_size_mm) | {"view_px": [shape[1], shape[0]], "planes": _places(planes)}
+    text = _padded(json.dumps(header, separators=(",", ":"), allow_nan=False).encode(), PREFIX.size, b" ")
+    return b"".join([PREFIX.pack(MAGIC, VERSION, len(text)), text, *(_padded(plane) for plane in planes.values())])
+
+
+def decode(message: bytes) -> View:
+    """Decode what `encode` wrote; ValueError where it is not such a message."""
+    magic, version, header_length = PREFIX.unpack_from(message)
+    if magic != MAGIC or version != VERSION:
+        raise ValueError(f"not a tactile frame of version {VERSION}: it starts with {magic!r}, version {version}")
+    start = PREFIX.size + header_length
+    header = json.loads(message[PREFIX.size : start])
+    planes = {
+        plane["name"]: message[start + plane["offset"] : start + plane["offset"] + plane["length"]]
+        for plane in header["planes"]
+    }
+    width, height = header["view_px"]
+    bits = np.unpackbits(np.frombuffer(planes["contact"], np.uint8), count=height * width)
+    return View(
+        header=header,
+        image=_decode_image(planes["image"]),
+        difference=_plane(planes["difference"], np.uint8, (height, width, 3)) - np.float32(DIFFERENCE_OFFSET),
+        normal_map=_decode_normals(_plane(planes["normal"], np.int8, (height, width, 2))),
+        depth_mm=_decode_depth(_plane(planes["depth"], np.uint16, (height, width))),
+        contact=bits.reshape(height, width).astype(bool),
+    )
+
+
+def without_nan(value: object) -> object:
+    """Return `value` with every number that JSON cannot carry replaced by None, all the way down."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): without_nan(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(item) for item in value]
+    return value
+
+
+def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str, object]:
+    camera_frame = frame.camera_frame
+    height, width = frame.depth_mm.shape
+    header = {
+        "sequence": camera_frame.sequence,
+        "time_s": camera_frame.time_s,
+        "source": camera_frame.source,
+        "image_px": [width, height],
+        "pixel_size_mm": list(pixel_size_mm),
+        "contact": _contact_figures(frame.contact),
+        "light": None if camera_frame.light is None else camera_frame.light.tolist(),
+        "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
+    }
+    finite = without_nan(header)
+    assert isinstance(finite, dict)
+    return finite
+
+
+def _contact_figures(contact: Contact) -> dict[str, object]:
+    return {
+        "area_mm2": float(contact.area_mm2),
+        "indentation_mm": float(contact.indentation_mm),
+        "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
+    }
+
+
+def _places(planes: dict[str, bytes]) -> list[dict[str, object]]:
+    places, offset = [], 0
+    for name, plane in planes.items():
+        places.append({"name": name, "offset": offset, "length": len(plane)})
+        offset += len(_padded(plane))
+    return places
+
+
+def _padded(block: bytes, start: int = 0, filler: bytes = b"\0") -> bytes:
+    return block + filler * (-(start + len(block)) % ALIGNMENT)
+
+
+def _reduce(plane: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    return np.asarray(cv2.resize(plane, (shape[1], shape[0]), interpolation=cv2.INTER_AREA))
+
+
+def _encode_image(image: NDArray[np.uint8], shape: tuple[int, int]) -> bytes:
+    bgr = cv2.cvtColor(_reduce(image, shape), cv2.COLOR_RGB2BGR)
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    return cv2.imencode(".jpg", bgr, options)[1].tobytes()
+
+
+def _decode_image(jpeg: bytes) -> NDArray[np.uint8]:
+    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ValueError("the image of the message is not a JPEG")
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def _encode_difference(difference: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
+    grey = np.rint(_reduce(difference, shape)) + DIFFERENCE_OFFSET
+    return bytes(np.clip(grey, 0, 255).astype(np.uint8).tobytes())
+
+
+def _encode_normals(normal_map: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
+    x, y, z = cv2.split(cv2.patchNaNs(_reduce(normal_map.astype(np.float32, copy=False), shape), 0.0))
+    scale = 1 / (NORMAL_UNIT * np.sqrt(x * x + y * y + z * z + np.float32(1e-12)))
+    codes = np.rint(cv2.merge([x * scale, y * scale])).astype(np.int8)
+    return bytes(codes.tobytes())
+
+
+def _decode_normals(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+    xy = codes * np.float32(NORMAL_UNIT)
+    z = np.sqrt(np.maximum(1 - (xy**2).sum(axis=2, keepdims=True), 0))
+    return np.concatenate([xy, z], axis=2)
+
+
+def _encode_depth(depth_mm: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
+    code = np.rint((_reduce(depth_mm, shape) + DEPTH_OFFSET_MM) / DEPTH_UNIT_MM)
+    return np.where(np.isfinite(code), np.clip(code, 0, NO_DEPTH - 1), NO_DEPTH).astype("<u2").tobytes()
+
+
+def _decode_depth(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+    depth = codes.astype(np.float32) * np.float32(DEPTH_UNIT_MM) - np.float32(DEPTH_OFFSET_MM)
+    return np.where(codes == NO_DEPTH, np.float32(np.nan), depth)
+
+
+def _plane(block: bytes, dtype: type[np.generic], shape: tuple[int, ...]) -> NDArray[Any]:
+    return np.frombuffer(block, np.dtype(dtype).newbyteorder("<")).reshape(shape)

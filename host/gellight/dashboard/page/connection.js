@@ -1,0 +1,59 @@
+// The WebSocket to the server: commands out, frames and status in, and a new attempt whenever it is lost.
+
+const FIRST_RETRY_MS = 300;
+const LAST_RETRY_MS = 3000;
+const FRAMES_AHEAD = 2; // one being drawn, one on its way
+
+export class Connection {
+  #socket = null;
+  #retryMs = FIRST_RETRY_MS;
+  #listeners;
+
+  /** `listeners`: frame(ArrayBuffer), status(object), answer(object), open(), lost(). */
+  constructor(listeners) {
+    this.#listeners = listeners;
+    this.#open();
+  }
+
+  #open() {
+    const socket = new WebSocket(`ws://${location.host}/ws`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.#retryMs = FIRST_RETRY_MS;
+      this.#socket = socket;
+      this.#listeners.open();
+      this.grant(FRAMES_AHEAD);
+    };
+    socket.onmessage = ({ data }) => this.#receive(data);
+    socket.onclose = () => this.#retry();
+  }
+
+  #receive(data) {
+    if (data instanceof ArrayBuffer) {
+      this.#listeners.frame(data);
+      return;
+    }
+    const message = JSON.parse(data);
+    if (message.type === "status") this.#listeners.status(message);
+    else this.#listeners.answer(message);
+  }
+
+  #retry() {
+    this.#socket = null;
+    this.#listeners.lost();
+    setTimeout(() => this.#open(), this.#retryMs);
+    this.#retryMs = Math.min(this.#retryMs * 1.6, LAST_RETRY_MS);
+  }
+
+  /** Tell the server that `count` more frames can be drawn. */
+  grant(count) {
+    this.send({ type: "credit", count });
+  }
+
+  /** Send a command; false where there is no connection. */
+  send(command) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) return false;
+    this.#socket.send(JSON.stringify(command));
+    return true;
+  }
+}

@@ -1,0 +1,52 @@
+// How finely the surface is drawn, by what this machine can afford.
+
+export const LEVELS = [
+  { name: "320 × 240 mesh", caption: "320 × 240 mesh, grid 5 mm", columns: 320, rows: 240 },
+  { name: "160 × 120 mesh", caption: "160 × 120 mesh, grid 5 mm", columns: 160, rows: 120 },
+  { name: "2D relief", caption: "2D relief", columns: 0, rows: 0 },
+];
+export const RELIEF = LEVELS.length - 1;
+
+const BUDGET_MS = 130; // what a picture may take from being drawn to the next turn of the page
+const SAMPLES = 5;
+const SETTLING = 2; // the first pictures of a level compile shaders
+const PAUSE_MS = 3000; // longer than that the page was asleep, not slow
+
+/** Steps down a level when the median picture takes longer than the budget; `choose` overrides it. */
+export class Detail {
+  #first;
+  #chosen = null;
+  #times = [];
+  #settling = SETTLING;
+
+  /** Start at level `first`. */
+  constructor(first) {
+    this.#first = first;
+    this.level = first;
+  }
+
+  /** Fix a level, or let it adapt again with null. */
+  choose(level) {
+    this.#chosen = level;
+    this.#enter(level ?? this.#first);
+  }
+
+  /** Take in how long the last picture took; return whether the level has changed. */
+  note(milliseconds) {
+    if (this.#chosen !== null || this.level === RELIEF || milliseconds > PAUSE_MS) return false;
+    if (this.#settling-- > 0) return false;
+    this.#times.push(milliseconds);
+    if (this.#times.length < SAMPLES) return false;
+    const median = this.#times.toSorted((a, b) => a - b)[SAMPLES >> 1];
+    this.#times = [];
+    if (median <= BUDGET_MS) return false;
+    this.#enter(this.level + 1);
+    return true;
+  }
+
+  #enter(level) {
+    this.level = level;
+    this.#times = [];
+    this.#settling = SETTLING;
+  }
+}

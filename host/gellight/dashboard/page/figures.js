@@ -1,0 +1,83 @@
+// The numbers of the page.
+
+const element = (id) => document.getElementById(id);
+/** `value` with so many digits, without a minus before zero; a dash where it is not known. */
+function fixed(value, digits) {
+  if (typeof value !== "number") return "–";
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text;
+}
+
+function write(id, text) {
+  if (element(id).textContent !== text) element(id).textContent = text;
+}
+
+/** Show what one frame says of the contact. */
+export function showContact({ indentation_mm: indentation, area_mm2: area, centroid_mm: centroid }) {
+  write("indentation", fixed(indentation, 3));
+  write("indentation-um", fixed(indentation * 1000, 0));
+  write("area", fixed(area, 1));
+  write("centroid", centroid ? centroid.map((mm) => fixed(mm, 2)).join(", ") : "–");
+}
+
+/** Show what the daemon says of itself. */
+export function showStatus(status) {
+  write("sensor", status.sensor ?? "");
+  element("sensor").title = status.sensor ?? "";
+  write("error", status.error ?? "");
+  element("error").title = status.error ?? "";
+  write("fps", fixed(status.fps, 1));
+  write("age-median", fixed(status.frame_age_ms?.median, 1));
+  write("age-p95", fixed(status.frame_age_ms?.p95, 1));
+  write("dropped", String(status.dropped ?? "–"));
+  showStages(status.stage_ms ?? {});
+  showChecks(status.selfcheck);
+}
+
+function showStages(stages) {
+  const longest = Math.max(1, ...Object.values(stages));
+  element("stages").replaceChildren(...Object.entries(stages).map(([name, ms]) => {
+    const line = document.createElement("div");
+    const meter = Object.assign(document.createElement("meter"), { min: 0, max: longest, value: ms });
+    line.append(node("dt", name), meter, node("dd", fixed(ms, 1)));
+    return line;
+  }));
+}
+
+// Of the self-check: what the daemon calls it, what people call it, its unit, and units in one of the daemon's.
+const CHECKS = [
+  ["depth_error_mm", "depth error", "µm", 1000],
+  ["shape_error_mm", "shape error", "µm", 1000],
+  ["normal_error_deg", "normal error", "°", 1],
+  ["contact_normal_error_deg", "in contact", "°", 1],
+  ["integral_error_mm", "integration", "µm", 1000],
+  ["picture_error_grey", "re-rendered", "grey", 1],
+];
+
+function showChecks(selfcheck) {
+  const verdict = element("verdict");
+  verdict.textContent = selfcheck ? (selfcheck.passed ? "passed" : "failed") : "";
+  verdict.className = `verdict ${selfcheck?.passed ? "passed" : "failed"}`;
+  write("checked", selfcheck?.sequence === undefined ? "" : `frame ${selfcheck.sequence}`);
+  const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
+  const nothing = node("td", "no reference to compare with", "dim");
+  element("checks").replaceChildren(...(known.length ? known.map((check) => checkRow(selfcheck, check)) : [row(nothing)]));
+}
+
+function checkRow(selfcheck, [key, name, unit, factor]) {
+  const bound = selfcheck.bounds?.[key];
+  const judged = bound === undefined ? "" : selfcheck[key] <= bound ? "passed" : "failed";
+  const value = node("td", `${fixed(selfcheck[key] * factor, 2)} ${unit}`, judged);
+  value.dataset.testid = `check-${key}`;
+  return row(node("td", name, "dim"), value, node("td", bound === undefined ? "" : `≤ ${Number((bound * factor).toPrecision(3))}`, "dim"));
+}
+
+function row(...cells) {
+  const line = document.createElement("tr");
+  line.append(...cells);
+  return line;
+}
+
+function node(kind, text, className = "") {
+  return Object.assign(document.createElement(kind), { textContent: text, className });
+}

@@ -1,0 +1,134 @@
+// The four flat pictures: camera image, difference, normals, depth.
+
+import { DEPTH_SCALES_UM, depthColour, depthTable, differenceTable } from "./colour.js";
+
+const element = (id) => document.getElementById(id);
+const OUTLINE = 0xffffffff;
+
+/** A canvas at view size with its pixels at hand. */
+class Plane {
+  constructor(id) {
+    this.canvas = element(id);
+    this.context = this.canvas.getContext("2d");
+    this.fit(320, 240);
+  }
+
+  fit(width, height) {
+    if (this.pixels?.width === width && this.pixels.height === height) return;
+    Object.assign(this.canvas, { width, height });
+    this.pixels = new ImageData(width, height);
+    this.pixels.data.fill(255);
+    this.words = new Uint32Array(this.pixels.data.buffer);
+  }
+
+  show() {
+    this.context.putImageData(this.pixels, 0, 0);
+  }
+}
+
+export class Planes {
+  #image = new Plane("image");
+  #difference = new Plane("difference");
+  #normal = new Plane("normal");
+  #depth = new Plane("depth");
+  #view = null;
+
+  constructor() {
+    this.setGain(2);
+    this.setScale(1600);
+  }
+
+  /** Show `view`, with its decoded camera picture `bitmap`. */
+  draw(view, bitmap) {
+    this.#view = view;
+    for (const plane of [this.#image, this.#difference, this.#normal, this.#depth]) plane.fit(view.width, view.height);
+    this.#image.context.drawImage(bitmap, 0, 0);
+    this.#drawDifference(view.difference);
+    this.#drawNormals(view.normal);
+    this.#drawDepth(view);
+  }
+
+  get canvases() {
+    return [this.#image, this.#difference, this.#normal, this.#depth].map((plane) => plane.canvas);
+  }
+
+  get imageCanvas() {
+    return this.#image.canvas;
+  }
+
+  get normalPixels() {
+    return this.#normal.pixels.data;
+  }
+
+  get depthPixels() {
+    return this.#depth.words;
+  }
+
+  setGain(gain) {
+    this.differences = differenceTable(gain);
+    if (this.#view) this.#drawDifference(this.#view.difference);
+  }
+
+  setScale(scaleUm) {
+    this.scaleUm = scaleUm;
+    this.colours = depthTable(scaleUm);
+    drawBar(scaleUm);
+    if (this.#view) this.#drawDepth(this.#view);
+  }
+
+  #drawDifference(difference) {
+    const { data } = this.#difference.pixels;
+    for (let from = 0, to = 0; from < difference.length; from += 3, to += 4) {
+      data[to] = this.differences[difference[from]];
+      data[to + 1] = this.differences[difference[from + 1]];
+      data[to + 2] = this.differences[difference[from + 2]];
+    }
+    this.#difference.show();
+  }
+
+  #drawNormals(normal) {
+    const { data } = this.#normal.pixels;
+    for (let from = 0, to = 0; from < normal.length; from += 2, to += 4) {
+      const x = normal[from] / 127;
+      const y = normal[from + 1] / 127;
+      data[to] = 127.5 + 127.5 * x;
+      data[to + 1] = 127.5 + 127.5 * y;
+      data[to + 2] = 127.5 + 127.5 * Math.sqrt(Math.max(1 - x * x - y * y, 0));
+    }
+    this.#normal.show();
+  }
+
+  #drawDepth({ depth, contact, width, height }) {
+    const { words } = this.#depth;
+    for (let i = 0; i < depth.length; i++) words[i] = this.colours[depth[i]];
+    outline(words, contact, width, height);
+    this.#depth.show();
+  }
+}
+
+/** Draw the rim of the contact patch: pixels inside it with a neighbour outside. */
+function outline(words, contact, width, height) {
+  const inside = (i) => (contact[i >> 3] >> (7 - (i & 7))) & 1;
+  for (let row = 1; row < height - 1; row++) {
+    for (let i = row * width + 1; i < (row + 1) * width - 1; i++) {
+      if (inside(i) && !(inside(i - 1) && inside(i + 1) && inside(i - width) && inside(i + width))) words[i] = OUTLINE;
+    }
+  }
+}
+
+function drawBar(scaleUm) {
+  const bar = element("bar");
+  Object.assign(bar, { width: 1, height: 256 });
+  const context = bar.getContext("2d");
+  for (let row = 0; row < 256; row++) {
+    context.fillStyle = `rgb(${depthColour(1 - row / 255)})`;
+    context.fillRect(0, row, 1, 1);
+  }
+  const labels = [1, 0.75, 0.5, 0.25, 0].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
+  element("ticks").replaceChildren(...labels);
+}
+
+/** Fill the chooser of the depth scale. */
+export function fillScales(select, chosen) {
+  for (const um of DEPTH_SCALES_UM) select.add(new Option(`0 – ${um} µm`, um, um === chosen, um === chosen));
+}

@@ -1,0 +1,99 @@
+"""The error of a calibration bundle on labelled ball presses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.calibration import Calibration
+from gellight.camera import read_image
+from gellight.errors import InputError
+from gellight.frames import CameraFrame
+from gellight.pipeline import Reconstructor
+from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.reconstruction import normals
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressError:
+    """What was felt of one press, against its label."""
+
+    image: str
+    angle_deg: Floats
+    """(N,) angle between the felt and the true normal at each pixel inside the labelled circle"""
+    depth_mae_mm: float
+    """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
+
+    @property
+    def mean_deg(self) -> float:
+        """Mean angle."""
+        return float(self.angle_deg.mean())
+
+
+def evaluate(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> dict[str, Any]:
+    """Measure a calibration on labelled presses, as labelled, with the very frame path that the sensor runs.
+
+    Returns normal_error_deg {mean, median, p95} over all pixels inside the circles, depth_mae_mm, and images, a list
+    of {image, pixels, normal_error_deg, depth_mae_mm}. Raises InputError for images of another size.
+    """
+    return summarised(press_errors(calibration, presses, ball))
+
+
+def press_errors(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> list[PressError]:
+    """Reconstruct each press and compare it with its label."""
+    if not presses:
+        raise InputError("there are no presses to evaluate: give at least one")
+    # Without the mask: a pixel of the contact circle counts whether or not its colour changed.
+    reconstructor = Reconstructor(calibration, masked=False)
+    return [_press_error(reconstructor, press, ball, number) for number, press in enumerate(presses)]
+
+
+def _press_error(reconstructor: Reconstructor, press: Press, ball: Ball, number: int) -> PressError:
+    image = read_image(press.image)
+    felt = reconstructor.reconstruct(
+        CameraFrame(image=image, time_s=0.0, sequence=number, source=str(press.image)),
+    )
+    shape = (image.shape[0], image.shape[1])
+    inside = contact_circle(press, shape)
+    normal_map = normals(sphere_gradient(press, ball, shape))
+    depth_error = felt.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    return PressError(
+        image=press.image.name,
+        angle_deg=angle_deg(felt.normal_map[inside], normal_map[inside]),
+        depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
+    )
+
+
+def summarised(errors: Sequence[PressError]) -> dict[str, Any]:
+    """Sum up: every pixel counts the same."""
+    pixels = [len(error.angle_deg) for error in errors]
+    return {
+        "normal_error_deg": _figures(np.concatenate([error.angle_deg for error in errors])),
+        "depth_mae_mm": float(np.average([error.depth_mae_mm for error in errors], weights=pixels)),
+        "images": [
+            {
+                "image": error.image,
+                "pixels": len(error.angle_deg),
+                "normal_error_deg": _figures(error.angle_deg),
+                "depth_mae_mm": error.depth_mae_mm,
+            }
+            for error in errors
+        ],
+    }
+
+
+def _figures(angle: Floats) -> dict[str, float]:
+    median, p95 = np.percentile(angle, [50, 95])
+    return {"mean": float(angle.mean()), "median": float(median), "p95": float(p95)}
+
+
+def angle_deg(a: NDArray[np.floating], b: NDArray[np.floating]) -> Floats:
+    """Return the angle between unit vectors (N, 3), deg; by atan2, which keeps small angles exact."""
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    across = np.linalg.norm(np.cross(a, b), axis=-1)
+    angle: Floats = np.degrees(np.arctan2(across, (a * b).sum(axis=-1))).astype(np.float32)
+    return angle

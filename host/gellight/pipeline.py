@@ -1,0 +1,133 @@
+"""The frame path: camera frame in, tactile frame out."""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from gellight.calibration import Calibration
+from gellight.contact import THRESHOLD_MM, find_contact
+from gellight.errors import InputError
+from gellight.frames import CameraFrame, TactileFrame
+from gellight.gelnet import SMOOTHING_PX, GradientNetwork
+from gellight.reconstruction import integrate, normals
+
+STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
+"""Keys of `TactileFrame.stage_seconds`, in the order of the path."""
+
+
+_CELL_PX = 8
+
+
+class Reconstructor:
+    """Everything that stays the same between the frames of one sensor.
+
+    Each result owns its arrays; nothing that was returned changes later. One reconstructor serves one thread.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        *,
+        threads: int = 1,
+        smoothing_px: int = SMOOTHING_PX,
+        masked: bool = True,
+        contact_threshold_mm: float = THRESHOLD_MM,
+    ) -> None:
+        """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
+
+        threads: of the network. smoothing_px: half width of the smoothing of the gradient map. masked: run the
+        network only where the image differs from the reference; without, everywhere. Raises CalibrationError.
+        """
+        self.calibration = calibration
+        self.masked = masked
+        self.contact_threshold_mm = contact_threshold_mm
+        self._reference = calibration.reference
+        self._network = GradientNetwork(
+            calibration.network,
+            calibration.image_shape,
+            noise_grey=calibration.manifest.noise_grey,
+            threads=threads,
+            smoothing_px=smoothing_px,
+            source=calibration.source,
+        )
+
+    def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
+        """Reconstruct gradient, normal and depth map and the contact from one frame.
+
+        Depth is 0 where the gel is at rest: see `far_from_touch`, and `reconstruction.integrate` for a view that is
+        touched all over. Raises InputError for an image of another size or type than the calibration's.
+        """
+        self._check(camera_frame)
+        watch = _Watch()
+        difference = np.subtract(camera_frame.image, self._reference, dtype=np.float32)
+        watch.lap("difference")
+        touched = self._network.touched(difference)
+        watch.lap("mask")
+        gradient_map = self._network.gradient_map(difference, touched if self.masked else None)
+        watch.lap("gradient")
+        depth_mm = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=far_from_touch(touched))
+        watch.lap("depth")
+        normal_map = normals(gradient_map)
+        watch.lap("normals")
+        contact = find_contact(depth_mm, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
+        watch.lap("contact")
+        return TactileFrame(
+            camera_frame=camera_frame,
+            difference=difference,
+            gradient_map=gradient_map,
+            normal_map=normal_map,
+            depth_mm=depth_mm.astype(np.float32, copy=False),
+            contact=contact,
+            stage_seconds=watch.seconds,
+        )
+
+    def touched(self, difference: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
+        return self._network.touched(difference)
+
+    def _check(self, camera_frame: CameraFrame) -> None:
+        image: NDArray[np.uint8] = camera_frame.image
+        name = camera_frame.source or "the image"
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")
+        if image.shape[:2] != self.calibration.image_shape:
+            height, width = self.calibration.image_shape
+            raise InputError(
+                f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {self.calibration.source} is for "
+                f"{width} x {height} px: set the camera to that size or use the calibration of this sensor"
+            )
+
+
+def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the quarter of the untouched (H, W) pixels that is farthest from any touched one.
+
+    Gel that is pressed down in one place bulges out around it, with slopes too gentle to show in the image, and comes
+    to rest some thicknesses of the gel farther out. The median over all untouched pixels would put 5 micrometres of
+    bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of 8 x 8 pixels.
+    """
+    free = ~touched
+    cells = free[4::_CELL_PX, 4::_CELL_PX]
+    if cells.all() or not cells.any():
+        return free
+    distance = ndimage.distance_transform_cdt(cells, metric="chessboard")
+    far = distance >= max(1, np.quantile(distance[cells], 0.75))
+    height, width = free.shape
+    rows = np.minimum(np.arange(height) // _CELL_PX, far.shape[0] - 1)
+    columns = np.minimum(np.arange(width) // _CELL_PX, far.shape[1] - 1)
+    return np.asarray(free & far[rows[:, None], columns[None, :]])
+
+
+class _Watch:
+    """Time the stages of one frame."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Book the time since the last lap."""
+        now = time.perf_counter()
+        self.seconds[stage] = now - self._last
+        self._last = now

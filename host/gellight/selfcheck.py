@@ -1,0 +1,135 @@
+"""The host judged by the reference simulator, while it streams.
+
+Three comparisons, each against something the host did not compute:
+
+- depth and normals against the gel surface that the simulator pressed;
+- the host's integral (cosine transform) against the reference's (sparse least squares) of the same gradient map;
+- the picture against the reference's rendering of the depth that the host measured. This one needs no truth but the
+  light: it also tells when a calibration does not fit its sensor.
+
+The pictures are compared at a quarter of the resolution, so that a check costs a fraction of a frame's time a second.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.errors import InputError
+from gellight.frames import TactileFrame
+from sim_reference.camera import CameraResponse, linear_grey
+from sim_reference.geometry import SensorGeometry
+from sim_reference.imaging import normals, ring_irradiance, ring_light
+from sim_reference.integration import integrate
+from sim_reference.metrics import angular_error
+from sim_reference.surface import Surface
+
+SHRINK = 4
+"""pictures and integrals are compared on blocks of 4 x 4 pixels"""
+
+
+SMOOTH = MappingProxyType(
+    {"depth_error_mm": 0.010, "normal_error_deg": 0.28, "integral_error_mm": 0.005, "picture_error_grey": 2.0}
+)
+"""For what is nowhere steeper than 45 degrees, like a ball pressed to a quarter of its radius. The paper: 0.02 mm and
+0.28 degrees for its ball (section 3.2.5)."""
+STEEP = MappingProxyType(
+    {"shape_error_mm": 0.060, "normal_error_deg": 2.0, "integral_error_mm": 0.030, "picture_error_grey": 4.0}
+)
+"""For the steps and walls of the benchmark. They throw shadows, in which one picture cannot tell a slope; and they
+touch the whole view, so that no slope tells how high the surface is as a whole: its shape is judged."""
+STEEP_SLOPE = 1.0
+"""d(depth)/dx that a surface may have on 0.3 % of its pixels and still count as smooth"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfCheckResult:
+    """How far the host's answer is from the reference's, in one frame."""
+
+    sequence: int
+    depth_error_mm: float
+    """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
+    shape_error_mm: float
+    """the same after the best constant is taken off"""
+    normal_error_deg: float
+    """mean angle between the normals over the whole map"""
+    contact_normal_error_deg: float
+    """the same over the contact"""
+    integral_error_mm: float
+    """mean absolute difference of the two integrals, constants removed"""
+    picture_error_grey: float
+    """mean absolute difference of the picture and its re-rendering, grey levels"""
+    indentation_mm: float
+    true_indentation_mm: float
+    bounds: Mapping[str, float]
+    """by the names of the errors they bound"""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every error is within its bound."""
+        return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    def as_json(self) -> dict[str, object]:
+        """Return the numbers, rounded for people."""
+        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed}
+        return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
+
+
+class SelfCheck:
+    """Compares tactile frames of a simulated sensor with the reference simulator."""
+
+    def __init__(self, geometry: SensorGeometry, response: CameraResponse, pixel_size_mm: tuple[float, float]) -> None:
+        """Judge a sensor of `geometry` with a camera of `response`; the host takes pixels to be `pixel_size_mm`."""
+        self._pixel_size_mm = pixel_size_mm
+        self._response = response
+        self._small = replace(
+            geometry,
+            image_width_px=geometry.image_width_px // SHRINK,
+            image_height_px=geometry.image_height_px // SHRINK,
+            pixel_size_mm=geometry.pixel_size_mm * SHRINK,
+        )
+
+    def compare(self, frame: TactileFrame) -> SelfCheckResult:
+        """Compare one frame that carries its truth; raises InputError for one that does not."""
+        truth = frame.camera_frame.truth
+        if truth is None:
+            raise InputError(f"frame {frame.camera_frame.sequence} carries no truth: only simulated sensors can check")
+        where = truth.contact if truth.contact.any() else np.ones_like(truth.contact)
+        depth_error = (frame.depth_mm - truth.depth_mm)[where]
+        angles = np.degrees(angular_error(frame.normal_map, normals(truth.gradient_map.astype(np.float64))))
+        slope = np.linalg.norm(truth.gradient_map, axis=2)
+        return SelfCheckResult(
+            sequence=frame.camera_frame.sequence,
+            depth_error_mm=float(np.abs(depth_error).mean()),
+            shape_error_mm=float(np.abs(depth_error - np.median(depth_error)).mean()),
+            normal_error_deg=float(angles.mean()),
+            contact_normal_error_deg=float(angles[where].mean()),
+            integral_error_mm=self._integral_error_mm(frame),
+            picture_error_grey=self._picture_error_grey(frame),
+            indentation_mm=frame.contact.indentation_mm,
+            true_indentation_mm=float(truth.depth_mm.max()),
+            bounds=STEEP if np.percentile(slope, 99.7) > STEEP_SLOPE else SMOOTH,
+        )
+
+    def _integral_error_mm(self, frame: TactileFrame) -> float:
+        x_mm, y_mm = (size * SHRINK for size in self._pixel_size_mm)
+        reference = integrate(blocks(frame.gradient_map), (x_mm, y_mm))
+        difference = blocks(frame.depth_mm) - reference
+        return float(np.abs(difference - np.median(difference)).mean())
+
+    def _picture_error_grey(self, frame: TactileFrame) -> float:
+        light = frame.camera_frame.light
+        lit = ring_light(self._small) if light is None else light / 255.0
+        depth, gradient = blocks(frame.depth_mm), blocks(frame.gradient_map)
+        surface = Surface(depth, gradient, np.zeros(depth.shape, bool))
+        rendered = linear_grey(ring_irradiance(surface, self._small, lit), self._response)
+        return float(np.abs(rendered - blocks(frame.camera_frame.image)).mean())
+
+
+def blocks(image: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Return the means of blocks of `SHRINK` x `SHRINK` pixels: (H, W, ...) -> (H/4, W/4, ...)."""
+    height, width = image.shape[0] // SHRINK, image.shape[1] // SHRINK
+    cut = np.asarray(image[: height * SHRINK, : width * SHRINK], dtype=np.float64)
+    return np.asarray(cut.reshape(height, SHRINK, width, SHRINK, *image.shape[2:]).mean(axis=(1, 3)))

@@ -1,0 +1,230 @@
+"""From ball presses to a calibration bundle.
+
+GelNet is trained in a child process, `python -m gelnet.train`: the host itself never loads torch.
+"""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.calibration import Calibration, write_calibration
+from gellight.camera import EndOfStream, open_camera
+from gellight.errors import InputError, TrainingError
+from gellight.evaluation import PressError, press_errors, summarised
+from gellight.presses import Ball, Press, PressTable, TableOptions, build_table
+
+Floats = NDArray[np.float32]
+Progress = Callable[[int, int, float], None]
+"""Called with (epoch, epochs, loss)."""
+_REMEDY = 'pip install "gellight[train]"'
+_FOLD_SEED = 1
+RECIPES = ("fast", "paper")
+
+
+def silent(epoch: int, epochs: int, loss: float) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingOptions:
+    """How GelNet is trained; `python -m gelnet.train --help` describes each."""
+
+    recipe: str = "fast"
+    width: int = 32
+    seed: int = 0
+    epochs: int | None = None
+    threads: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """The untouched gel."""
+
+    image: Floats
+    """(H, W, 3) RGB mean of the frames, grey levels"""
+    frames: int
+    noise_grey: float
+    """standard deviation of one pixel of one frame, grey levels"""
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(H, W)"""
+        return self.image.shape[0], self.image.shape[1]
+
+
+def read_reference(source: str | Path) -> Reference:
+    """Read the untouched gel from one image, or the mean of a folder or pattern of images.
+
+    The noise is the pixel-wise spread between frames; of a single frame it is estimated from the difference of
+    neighbouring pixels, which fixed texture of the gel raises.
+    """
+    frames: list[NDArray[np.uint8]] = []
+    with open_camera(source) as camera:
+        while True:
+            try:
+                frames.append(camera.read().image)
+            except EndOfStream:
+                break
+    stack = np.stack(frames).astype(np.float32)
+    noise = float(stack.std(axis=0, ddof=1).mean()) if len(frames) > 1 else _noise_of_one(stack[0])
+    return Reference(image=stack.mean(axis=0), frames=len(frames), noise_grey=noise)
+
+
+def _noise_of_one(image: Floats) -> float:
+    """Robust estimate from second differences along the rows: (1, -2, 1) has variance 6 sigma^2."""
+    second = image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:]
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6))
+
+
+def train(table: PressTable, options: TrainingOptions, *, progress: Progress = silent) -> tuple[bytes, dict[str, Any]]:
+    """Train GelNet in a child process; returns the ONNX file and what training says of itself.
+
+    Raises TrainingError with the child's own message. An interrupt ends the child as well.
+    """
+    with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
+        place = Path(folder)
+        np.savez(place / "table.npz", **table.arrays())  # type: ignore[arg-type]
+        run_module("gelnet.train", _arguments(place, options), progress)
+        record: dict[str, Any] = json.loads((place / "training.json").read_text())
+        return (place / "network.onnx").read_bytes(), record
+
+
+def _arguments(place: Path, options: TrainingOptions) -> list[str]:
+    arguments = ["--table", str(place / "table.npz"), "--out", str(place)]
+    for name in ("recipe", "width", "seed", "threads", "epochs"):
+        value = getattr(options, name)
+        if value is not None:
+            arguments += [f"--{name}", str(value)]
+    return arguments
+
+
+def run_module(module: str, arguments: list[str], progress: Progress) -> None:
+    """Run a module of gelnet in a child process and hand its progress on.
+
+    Raises TrainingError with the child's last words unless it ends well. An interrupt ends the child as well.
+    """
+    if importlib.util.find_spec("torch") is None:
+        raise TrainingError(f"training needs torch, which is not installed: {_REMEDY}")
+    _run_child([sys.executable, "-m", module, *arguments], progress)
+
+
+def _run_child(command: list[str], progress: Progress) -> None:
+    """Run the command, hand its progress on, and raise TrainingError with its last words unless it ends well."""
+    with (
+        tempfile.TemporaryFile("w+") as complaints,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True, env=_environment()) as child,
+    ):
+        try:
+            for line in child.stdout or ():
+                step = json.loads(line)
+                progress(step["epoch"], step["epochs"], step["loss"])
+        except BaseException:
+            child.kill()
+            raise
+        status = child.wait()
+        complaints.seek(0)
+        words = complaints.read().strip()
+    if status:
+        raise TrainingError(_last_words(words, status))
+
+
+def _last_words(words: str, status: int) -> str:
+    last = words.splitlines()[-1] if words else "it said nothing"
+    if "No module named" in last:
+        return f"training cannot start ({last}): {_REMEDY}"
+    if status < 0:
+        return f"training was ended by signal {-status} ({last}): is there enough memory?"
+    return last.split(": ", 1)[-1] if status == 2 else f"training failed with status {status}: {last}"
+
+
+def _environment() -> dict[str, str]:
+    """The environment in which the child finds the `gelnet` that the host finds."""
+    spec = importlib.util.find_spec("gelnet")
+    if spec is None or not spec.submodule_search_locations:
+        raise TrainingError("the package gelnet is not installed beside gellight: reinstall gellight")
+    places = [str(Path(next(iter(spec.submodule_search_locations))).parent), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(place for place in places if place)}
+
+
+def fit(
+    presses: Sequence[Press],
+    reference: Reference,
+    ball: Ball,
+    out: Path,
+    *,
+    sensor: str,
+    options: TrainingOptions | None = None,
+    table_options: TableOptions | None = None,
+    extra_metrics: dict[str, Any] | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> Calibration:
+    """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
+
+    Raises InputError, TrainingError or CalibrationError; then `out` is as it was.
+    """
+    table = build_table(presses, reference.image, ball, table_options or TableOptions())
+    network, record = train(table, options or TrainingOptions(), progress=progress)
+    return write_calibration(
+        out,
+        sensor=sensor,
+        reference=reference.image,
+        reference_frames=reference.frames,
+        noise_grey=reference.noise_grey,
+        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
+        network=network,
+        metrics={"ball_radius_mm": ball.radius_mm, "training": record, **(extra_metrics or {})},
+        presses=table.arrays(),
+        overwrite=overwrite,
+    )
+
+
+def cross_validate(
+    presses: Sequence[Press],
+    reference: Reference,
+    ball: Ball,
+    *,
+    folds: int = 5,
+    options: TrainingOptions | None = None,
+    table_options: TableOptions | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Train `folds` times without a part of the presses and evaluate each time on that part.
+
+    Every press is evaluated once, by a network that never saw its image. Returns the figures of
+    `evaluation.evaluate` over all presses, and training_cpu_seconds of each fold. progress is called after each fold
+    with (fold, folds, mean normal error of that fold, deg).
+    """
+    if not 2 <= folds <= len(presses) // 2:
+        raise InputError(f"{folds} folds of {len(presses)} presses: give between 2 and {len(presses) // 2}")
+    order = np.random.default_rng(_FOLD_SEED).permutation(len(presses))
+    errors: list[PressError] = []
+    seconds: list[float] = []
+    with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
+        for fold in range(folds):
+            part = set(order[fold::folds].tolist())
+            calibration = fit(
+                [press for i, press in enumerate(presses) if i not in part],
+                reference,
+                ball,
+                Path(folder) / f"fold-{fold}",
+                sensor=f"fold {fold}",
+                options=options,
+                table_options=table_options,
+            )
+            found = press_errors(calibration, [press for i, press in enumerate(presses) if i in part], ball)
+            errors += found
+            seconds.append(calibration.metrics["training"]["cpu_seconds"])
+            progress(fold + 1, folds, float(np.mean([error.mean_deg for error in found])))
+    errors.sort(key=lambda error: error.image)
+    return {**summarised(errors), "folds": folds, "training_cpu_seconds": seconds}

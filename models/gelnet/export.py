@@ -1,0 +1,132 @@
+"""From torch to ONNX: a small file that is the same every time, and proven equal to what was trained."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+from gelnet.network import INPUTS, GelNet
+
+SCHEMA = "gelnet/1"
+BOUND = 2e-4
+"""Largest difference of the slope angle between ONNX Runtime and torch, rad (0.011 degrees)."""
+_OPSET, _IR_VERSION = 17, 8
+_ROWS_PER_RUN = 65536
+
+
+class ExportError(RuntimeError):
+    """The exported network does not answer what was trained; nothing is left of the file."""
+
+
+def export(
+    network: GelNet,
+    path: Path,
+    *,
+    rows: NDArray[np.float32],
+    summary: Mapping[str, str] | None = None,
+) -> float:
+    """Write the network to an ONNX file and return its largest difference from torch, rad.
+
+    rows: (N, 5) pixels as the network will see them, compared together with random ones. summary: text for the
+    metadata of the file. Raises ExportError, and removes the file, when the angles differ by more than `BOUND`.
+    """
+    path.write_bytes(to_onnx(network, summary or {}).SerializeToString(deterministic=True))
+    try:
+        difference = largest_difference(network, path, rows)
+    except Exception as error:
+        path.unlink(missing_ok=True)
+        raise ExportError(f"{path.name} cannot be run by ONNX Runtime ({error})") from error
+    if not difference <= BOUND:
+        path.unlink(missing_ok=True)
+        raise ExportError(
+            f"{path.name} differs from the trained network by {difference:.3g} rad, allowed are {BOUND:g}: train again"
+        )
+    return difference
+
+
+def to_onnx(network: GelNet, summary: Mapping[str, str]) -> onnx.ModelProto:
+    """Write down the trained network, with the normalisation folded into the first layer.
+
+    W (p - c) / s + b = (W / s) p + (b - W c / s): five numbers a pixel fewer to move, the same answer.
+    """
+    nodes: list[onnx.NodeProto] = []
+    weights: list[onnx.TensorProto] = []
+    value = "pixels"
+    for i, (weight, bias) in enumerate(_layers(network), start=1):
+        weights += [_tensor(f"weight_{i}", weight), _tensor(f"bias_{i}", bias)]
+        nodes.append(helper.make_node("Gemm", [value, f"weight_{i}", f"bias_{i}"], [f"layer_{i}"], transB=1))
+        nodes.append(helper.make_node("Tanh", [f"layer_{i}"], [f"tanh_{i}"]))
+        value = f"tanh_{i}"
+    weights.append(_tensor("steepest_rad", network.steepest_rad.numpy()))
+    nodes.append(helper.make_node("Mul", [value, "steepest_rad"], ["angle"]))
+    nodes.append(helper.make_node("Tan", ["angle"], ["gradient"]))
+    graph = helper.make_graph(
+        nodes,
+        "GelNet",
+        [helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", len(INPUTS)])],
+        [helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])],
+        weights,
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="gelnet")
+    model.ir_version = _IR_VERSION
+    helper.set_model_props(model, _properties(network) | dict(summary))
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def _properties(network: GelNet) -> dict[str, str]:
+    return {
+        "schema": SCHEMA,
+        "inputs": "dR dG dB (image minus reference, grey levels), x y (px: column, row)",
+        "outputs": "d(depth)/dx d(depth)/dy (dimensionless; depth positive into the sensor)",
+        "width": str(network.width),
+    }
+
+
+def _layers(network: GelNet) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    layers = [
+        (layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy())
+        for layer in (*network.hidden, network.output)
+        if isinstance(layer, torch.nn.Linear)
+    ]
+    weight, bias = layers[0]
+    weight = weight / network.scale.double().numpy()
+    layers[0] = weight, bias - weight @ network.centre.double().numpy()
+    return layers
+
+
+def _tensor(name: str, value: NDArray[np.floating]) -> onnx.TensorProto:
+    return numpy_helper.from_array(np.ascontiguousarray(value, dtype=np.float32), name)
+
+
+def largest_difference(network: GelNet, path: Path, rows: NDArray[np.float32]) -> float:
+    """Return the largest difference of slope angles between the file and the network, rad, on rows and random pixels.
+
+    Angles, because a slope near the vertical is a large number of which the last digits mean nothing.
+    """
+    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    network.eval()
+    worst = 0.0
+    everything = np.concatenate([rows, _random_pixels(rows)])
+    for start in range(0, len(everything), _ROWS_PER_RUN):
+        block = everything[start : start + _ROWS_PER_RUN]
+        with torch.no_grad():
+            trained = network(torch.from_numpy(block)).numpy()
+        exported = session.run(["gradient"], {"pixels": block})[0]
+        if not np.isfinite(exported).all():
+            return float("inf")
+        worst = max(worst, float(np.abs(np.arctan(exported) - np.arctan(trained)).max()))
+    return worst
+
+
+def _random_pixels(rows: NDArray[np.float32], count: int = 4096) -> NDArray[np.float32]:
+    """Pixels all over the image with any colour change a camera can show."""
+    random = np.random.default_rng(0)
+    colour = random.uniform(-255, 255, (count, 3))
+    place = random.uniform(0, rows[:, 3:].max(axis=0), (count, 2))
+    return np.concatenate([colour, place], axis=1).astype(np.float32)

@@ -1,0 +1,65 @@
+"""GelNet: five fully connected layers with tanh, a pixel's colour change and place in, the slope of the gel out.
+
+The paper (section 2.4, figure 6b) gives the layers, the activation and the dropout before the last layer, but not the
+width. Its last tanh bounds the answer "to satisfy the range to gradient". Here the tanh bounds the angle of the slope
+and the gradient is its tangent: a gradient has no natural bound, an angle has one.
+"""
+
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+
+INPUTS = ("dR", "dG", "dB", "x_px", "y_px")
+LAYERS = 5
+STEEPEST_RAD = 1.5
+"""No slope beyond 86 degrees: the largest angle that training may ask for."""
+_HEADROOM = 1.05
+"""Room above the steepest training slope, so that the tanh is not saturated there."""
+
+
+class GelNet(nn.Module):
+    """Map (N, 5) pixels (dR, dG, dB in grey levels, x, y in px) to (N, 2) gradients d(depth)/dx, d(depth)/dy.
+
+    Normalisation is inside: `centre` and `scale` of the five inputs and `steepest_rad` of the output come from the
+    training table by `fit_range`, and travel with the weights. N is free, also 0.
+    """
+
+    centre: Tensor
+    scale: Tensor
+    steepest_rad: Tensor
+
+    def __init__(self, width: int, *, dropout: float = 0.0) -> None:
+        """Build with `width` units in each hidden layer; dropout is a probability in [0, 1)."""
+        super().__init__()
+        if width < 1 or not 0 <= dropout < 1:
+            raise ValueError(f"width {width} must be at least 1 and dropout {dropout} in [0, 1)")
+        sizes = [len(INPUTS)] + [width] * (LAYERS - 1)
+        self.hidden = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
+        self.dropout = nn.Dropout(dropout)
+        self.output = nn.Linear(width, 2)
+        self.register_buffer("centre", torch.zeros(len(INPUTS)))
+        self.register_buffer("scale", torch.ones(len(INPUTS)))
+        self.register_buffer("steepest_rad", torch.tensor(STEEPEST_RAD))
+
+    @property
+    def width(self) -> int:
+        """Units in each hidden layer."""
+        return self.output.in_features
+
+    def fit_range(self, pixels: Tensor, gradient: Tensor) -> None:
+        """Take the range of inputs and output from (N, 5) training pixels and their (N, 2) gradients."""
+        self.centre.copy_(pixels.mean(dim=0))
+        spread = pixels.std(dim=0)
+        # A column that never changes says nothing: leave its scale at 1 instead of dividing by nothing.
+        self.scale.copy_(torch.where(spread > 1e-6, spread, torch.ones_like(spread)))
+        steepest = float(torch.atan(gradient.abs().max())) * _HEADROOM
+        self.steepest_rad.fill_(min(max(steepest, 0.1), STEEPEST_RAD))
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        """Return (N, 2) gradients of (N, 5) pixels."""
+        x = (pixels - self.centre) / self.scale
+        for layer in self.hidden:
+            x = torch.tanh(layer(x))
+        angle: Tensor = self.steepest_rad * torch.tanh(self.output(self.dropout(x)))
+        return torch.tan(angle)

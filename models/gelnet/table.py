@@ -1,0 +1,108 @@
+"""The table of labelled pixels that GelNet learns from: read, checked, split by image."""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+COLUMNS = ("dR", "dG", "dB", "x_px", "y_px", "gx", "gy")
+
+
+class TableError(ValueError):
+    """The table cannot be learnt from; the message says what is wrong, where, and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Labelled pixels of several images of one sensor."""
+
+    rows: NDArray[np.float32]
+    """(N, 7) dR, dG, dB in grey levels (image minus reference), x, y in px, d(depth)/dx, d(depth)/dy"""
+    image: NDArray[np.int32]
+    """(N,) which image each row comes from"""
+    image_size: tuple[int, int]
+    """(W, H) px"""
+
+    def chosen(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> "Table":
+        """Return the table of the chosen rows."""
+        return Table(rows=self.rows[mask], image=self.image[mask], image_size=self.image_size)
+
+
+def load_table(path: Path) -> Table:
+    """Read and check an npz with rows (N, 7), image (N,) and image_size (2,) = W, H; raises TableError."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise TableError(f"table {path} cannot be read ({error}): give the .npz that the calibration wrote") from error
+    missing = sorted({"rows", "image", "image_size"} - set(arrays))
+    if missing:
+        raise TableError(f"table {path} has no {', '.join(missing)}: it needs rows, image and image_size")
+    return checked(arrays["rows"], arrays["image"], arrays["image_size"], name=str(path))
+
+
+def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *, name: str = "the table") -> Table:
+    """Return a table after every check; raises TableError."""
+    if rows.ndim != 2 or rows.shape[1] != len(COLUMNS):
+        raise TableError(f"{name}: rows has shape {rows.shape}, expected (N, 7) = {', '.join(COLUMNS)}")
+    if len(rows) == 0:
+        raise TableError(f"{name}: there are no rows: press the ball into the gel at least twice")
+    if image.shape != (len(rows),) or not np.issubdtype(image.dtype, np.integer):
+        raise TableError(f"{name}: image is {image.shape} {image.dtype}, expected ({len(rows)},) whole numbers")
+    if image_size.shape != (2,) or (image_size < 2).any():
+        raise TableError(f"{name}: image_size is {image_size.tolist()}, expected width and height in px")
+    _check_values(rows, name)
+    _check_places(rows, image_size, name)
+    count = len(np.unique(image))
+    if count < 2:
+        raise TableError(
+            f"{name}: all rows come from {count} image; at least 2 are needed, because the error is measured on "
+            "images that were not trained on: press the ball at more places"
+        )
+    return Table(
+        rows=np.ascontiguousarray(rows, dtype=np.float32),
+        image=image.astype(np.int32),
+        image_size=(int(image_size[0]), int(image_size[1])),
+    )
+
+
+def _check_values(rows: NDArray[Any], name: str) -> None:
+    try:
+        bad = ~np.isfinite(rows)
+    except TypeError as error:
+        raise TableError(f"{name}: rows are {rows.dtype}, expected float32") from error
+    if bad.any():
+        row, column = (int(i) for i in np.argwhere(bad)[0])
+        raise TableError(
+            f"{name}: row {row}, column {COLUMNS[column]} is {rows[row, column]} "
+            f"({int(bad.sum())} such values): remove the press it comes from"
+        )
+
+
+def _check_places(rows: NDArray[Any], image_size: NDArray[Any], name: str) -> None:
+    for column, limit in ((3, int(image_size[0])), (4, int(image_size[1]))):
+        outside = (rows[:, column] < 0) | (rows[:, column] > limit - 1)
+        if outside.any():
+            row = int(np.argmax(outside))
+            raise TableError(
+                f"{name}: row {row}, column {COLUMNS[column]} is {rows[row, column]}, outside the image of {limit} px"
+            )
+
+
+def held_out_images(image: NDArray[np.int32], *, fraction: float, seed: int) -> NDArray[np.int32]:
+    """Choose the images to hold out, at least one and never all; the same seed chooses the same."""
+    numbers = np.unique(image)
+    count = min(max(1, round(len(numbers) * fraction)), len(numbers) - 1)
+    return np.sort(np.random.default_rng(seed).permutation(numbers)[:count])
+
+
+def split_by_image(table: Table, *, fraction: float = 0.1, seed: int = 0) -> tuple[Table, Table]:
+    """Split into (training, held out) so that no image is in both.
+
+    Pixels of one press are alike: an error measured on other pixels of the same image would flatter.
+    """
+    held_out = np.isin(table.image, held_out_images(table.image, fraction=fraction, seed=seed))
+    return table.chosen(~held_out), table.chosen(held_out)

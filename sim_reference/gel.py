@@ -1,0 +1,148 @@
+"""The gel: an elastic layer bonded to its support, pressed by a rigid object without friction.
+
+A layer of thickness h answers a normal pressure p with the surface depth u whose Fourier transform is G(k) p(k)
+(Johnson, Contact Mechanics, 1985, section 5.8, and the references there):
+
+    G(k) = (1 - nu) / (mu k) * (2 K sinh 2q - 4 q) / (2 K cosh 2q + 4 q^2 + 1 + K^2),   q = k h,  K = 3 - 4 nu
+
+and G(0) = h (1 - 2 nu) / (2 mu (1 - nu)), the uniaxial compression. Contact without tension and penetration is found by
+the conjugate gradient method of Polonsky and Keer (Wear 231, 1999). Depth does not depend on the shear modulus mu, so
+pressures are in units of mu. This is a small-strain model: it knows neither large deformation nor friction.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
+
+from sim_reference.geometry import SensorGeometry
+
+Array = NDArray[np.float64]
+NO_OBJECT = -1e3
+"""height in mm of "nothing there": far below anything that could touch"""
+
+
+class NotConverged(RuntimeError):  # noqa: N818 - the name says what happened
+    """The contact problem was not solved to the wanted tolerance."""
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """The gel under a press, on the grid of the object, its centre in the middle."""
+
+    depth_mm: Array
+    """(n, n) mm, positive into the sensor, negative where the gel bulges out beside the object"""
+    pressure: Array
+    """(n, n) in units of the shear modulus, 0 outside the contact"""
+    spacing_mm: float
+
+    @property
+    def contact(self) -> NDArray[np.bool_]:
+        """(n, n) where the object touches the gel."""
+        return np.asarray(self.pressure > 0)
+
+    @cached_property
+    def spline(self) -> RectBivariateSpline:
+        """Cubic spline of the depth over (y, x) in mm from the object's centre."""
+        at = grid(len(self.depth_mm), self.spacing_mm)
+        return RectBivariateSpline(at, at, self.depth_mm, s=0)
+
+
+def grid(size: int, spacing_mm: float) -> Array:
+    """(size,) mm: coordinates of the points around the object's centre, along either axis."""
+    return np.asarray((np.arange(size) - (size - 1) / 2) * spacing_mm)
+
+
+def wave_number(size: int, spacing_mm: float) -> Array:
+    """Return |k| in rad/mm on the grid of a real FFT, (size, size // 2 + 1)."""
+    kx = 2 * np.pi * scipy.fft.rfftfreq(size, spacing_mm)[None, :]
+    ky = 2 * np.pi * scipy.fft.fftfreq(size, spacing_mm)[:, None]
+    return np.asarray(np.hypot(kx, ky))
+
+
+def coating(size: int, spacing_mm: float, smoothing_mm: float) -> Array:
+    """Return the transform of a Gaussian of standard deviation `smoothing_mm`: what the coating lets through."""
+    return np.asarray(np.exp(-((wave_number(size, spacing_mm) * smoothing_mm) ** 2) / 2))
+
+
+def compliance(size: int, spacing_mm: float, thickness_mm: float, poisson_ratio: float) -> Array:
+    """Return G(k) on the grid of a real FFT, (size, size // 2 + 1), in mm per shear modulus."""
+    k = wave_number(size, spacing_mm)
+    k[0, 0] = 1.0
+    q = np.minimum(k * thickness_mm, 30.0)  # beyond, the layer is a half space to 1e-13 and sinh would overflow
+    kappa = 3 - 4 * poisson_ratio
+    layer = (2 * kappa * np.sinh(2 * q) - 4 * q) / (2 * kappa * np.cosh(2 * q) + 4 * q**2 + 1 + kappa**2)
+    response = (1 - poisson_ratio) / k * layer
+    response[0, 0] = thickness_mm * (1 - 2 * poisson_ratio) / (2 * (1 - poisson_ratio))
+    return np.asarray(response)
+
+
+def press(
+    object_height_mm: Array,
+    spacing_mm: float,
+    press_depth_mm: float,
+    geometry: SensorGeometry,
+    *,
+    tolerance: float = 1e-4,
+    max_iterations: int = 500,
+) -> Deformation:
+    """Press a rigid object into the gel and return the gel's surface.
+
+    `object_height_mm` (n, n) is the object's surface towards the gel, 0 at its highest point, `NO_OBJECT` beside it;
+    keep a margin of two gel thicknesses, for the grid is periodic. `press_depth_mm` is how far the highest point goes
+    beyond first touch. The iteration ends when the pressure changes by less than `tolerance` of its sum. Raises
+    ValueError for a press that is negative, deeper than the gel or not a number, and for an object that is no square of
+    numbers, NotConverged otherwise.
+    """
+    if not 0 <= press_depth_mm < geometry.gel_thickness_mm:
+        raise ValueError(
+            f"press depth {press_depth_mm} mm: it must lie between 0 and the gel's thickness, "
+            f"{geometry.gel_thickness_mm} mm"
+        )
+    size = len(object_height_mm)
+    if object_height_mm.shape != (size, size) or not np.isfinite(object_height_mm).all():
+        raise ValueError(
+            f"object height of shape {object_height_mm.shape}: give (n, n) finite numbers, NO_OBJECT where nothing is"
+        )
+    response = compliance(size, spacing_mm, geometry.gel_thickness_mm, geometry.poisson_ratio)
+    rest_gap = -(object_height_mm + press_depth_mm)
+    pressure = _contact_pressure(rest_gap, response, geometry.gel_thickness_mm, tolerance, max_iterations)
+    smoothing = coating(size, spacing_mm, geometry.coating_smoothing_mm)
+    return Deformation(deflection(pressure, response * smoothing), pressure, spacing_mm)
+
+
+def deflection(pressure: Array, response: Array) -> Array:
+    """Return the depth (n, n) in mm under `pressure` (n, n): the product with G in Fourier space."""
+    return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(pressure) * response, s=pressure.shape))
+
+
+def _contact_pressure(rest_gap: Array, response: Array, thickness: float, tolerance: float, limit: int) -> Array:
+    """Find p >= 0 with gap = G p + rest_gap >= 0 and p gap = 0 (Polonsky and Keer, steps as numbered there)."""
+    pressure = np.maximum(-rest_gap, 0.0) / thickness
+    if not pressure.any():
+        return pressure
+    direction = np.zeros_like(pressure)
+    previous_norm, conjugate = 1.0, 0.0
+    for _ in range(limit):
+        gap = deflection(pressure, response) + rest_gap
+        contact = pressure > 0
+        norm = float((gap[contact] ** 2).sum())
+        direction = np.where(contact, gap + conjugate * norm / previous_norm * direction, 0.0)
+        previous_norm = norm
+        change = deflection(direction, response)
+        step = float((gap * direction)[contact].sum() / (change * direction)[contact].sum())
+        updated = np.maximum(pressure - step * direction, 0.0)
+        penetrating = (updated == 0) & (gap < 0) & ~contact
+        updated = np.where(penetrating, -step * gap, updated)
+        conjugate = 0.0 if penetrating.any() else 1.0
+        moved = float(np.abs(updated - pressure).sum() / updated.sum())
+        pressure = updated
+        if moved < tolerance:
+            return pressure
+    raise NotConverged(
+        f"the contact changed by {moved:.1e} in iteration {limit}, wanted {tolerance:.1e}: use a coarser grid, a "
+        "larger margin around the object, or a smaller Poisson's ratio"
+    )

@@ -1,0 +1,131 @@
+"""How the gel is lit: equations 1 to 3 of the paper, with attached and cast shadows.
+
+The coating is Lambertian. Equation 2, directional light, serves the coarse study of the incident angle; equation 3, a
+spot light near the gel, is the sensor itself. An LED at distance d gives a surface point with normal n the irradiance
+
+    E = max(0, cos a)^m  max(0, n . l)  (h / d)^2
+
+where l points to the LED, a is the angle between -l and the LED's axis, m follows from the beam angle, and h is the
+LEDs' height above the gel: the unit is what an LED straight above, shining straight down, would give.
+"""
+
+from math import isclose
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
+from sim_reference.surface import Surface
+
+Array = NDArray[np.float64]
+Window = tuple[slice, slice]
+WHOLE: Window = (slice(None), slice(None))
+SHADOW_PITCH_PX = 2.0
+"""of the polar grid on which cast shadows are found; their edges are sharp to this much"""
+SHADOW_TOLERANCE_MM = 1e-3
+"""a point this far below a grazing ray counts as shadowed; less is the error of interpolating the surface"""
+
+
+def ring_light(geometry: SensorGeometry) -> Array:
+    """(N, 3) the light of the ring as designed: each LED full on in its own colour."""
+    return np.array([[float(colour == channel) for channel in "RGB"] for colour in geometry.led_colours])
+
+
+def normals(gradient_map: Array) -> Array:
+    """(..., 2) -> (..., 3): the unit normal (-dz/dx, -dz/dy, 1) / norm, towards the camera."""
+    normal = np.concatenate([-gradient_map, np.ones_like(gradient_map[..., :1])], axis=-1)
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+def directional_image(gradient_map: Array, direction: Array, albedo: float = 1.0) -> Array:
+    """Equation 2: (H, W) picture under light from the unit vector `direction`, with attached shadows."""
+    return np.asarray(albedo * np.maximum(normals(gradient_map) @ direction, 0.0))
+
+
+def ring_irradiance(surface: Surface, geometry: SensorGeometry, light: Array, window: Window = WHOLE) -> Array:
+    """Equation 3 summed over the ring: (h, w, 3) light in each colour on the pixels of `window`.
+
+    `light` (N, 3) is the brightness of each LED in R, G, B, 0 to 1; dark LEDs cost nothing.
+    """
+    lit = [led for led in range(len(light)) if light[led].any()]
+    total = np.zeros((3, *surface.depth_mm[window].shape), surface.depth_mm.dtype)
+    for led in lit:
+        irradiance = led_irradiance(surface, geometry, led, window)
+        for channel in np.flatnonzero(light[led]):
+            total[channel] += irradiance * float(light[led, channel])
+    return np.ascontiguousarray(np.moveaxis(total, 0, 2))
+
+
+def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, window: Window = WHOLE) -> Array:
+    """Equation 3 for one LED: (h, w) irradiance on the pixels of `window`, shadows included."""
+    depth, slope = surface.depth_mm[window], surface.gradient_map[window]
+    x, y = (axis.astype(depth.dtype) for axis in pixel_grid(geometry))
+    position = led_positions(geometry)[led]
+    led_x, led_y, led_z = position.tolist()
+    axis_x, axis_y, axis_z = led_axes(geometry)[led].tolist()
+    to_x, to_y, to_z = led_x - x[:, window[1]], led_y - y[window[0]], led_z - depth
+    squared = to_x**2 + to_y**2 + to_z**2
+    facing = to_z - slope[..., 0] * to_x - slope[..., 1] * to_y
+    leaving = np.maximum(-(to_x * axis_x + to_y * axis_y + to_z * axis_z), 0)
+    irradiance = led_z**2 * surface.upright[window] * np.maximum(facing, 0)
+    if isclose(geometry.emission_exponent, 1):
+        irradiance *= leaving / squared**2
+    else:
+        irradiance *= (leaving / np.sqrt(squared)) ** geometry.emission_exponent / squared**1.5
+    # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
+    if facing.min() < 0:
+        reach = (depth.max() - depth.min()) * np.sqrt(squared.max()) / led_z
+        rows, columns = _around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
+        axes = x[0, window[1]][columns], y[window[0], 0][rows]
+        irradiance[rows, columns] *= visibility(depth[rows, columns], axes, position)
+    return np.asarray(irradiance)
+
+
+def _around(marked: NDArray[np.bool_], margin: int) -> Window:
+    """Rows and columns that hold all marked pixels and a margin around them."""
+    spans = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (slice(max(int(span[0]) - margin, 0), int(span[-1]) + 1 + margin) for span in spans)
+    return rows, columns
+
+
+def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Array:
+    """Cast shadows: (h, w) share of each pixel that sees the point light at `led_mm`, 0 or 1 but for edge pixels.
+
+    Seen from the point below the light, a surface point at distance r and height z is hidden when a nearer point rises
+    above the line from the light to it. With the slope s(r) = (z_led - z) / r of that line this says: hidden when s(r)
+    exceeds the smallest slope at a smaller r. One running minimum along the rays of a polar grid finds every shadow.
+    """
+    x, y = (axis.astype(np.float64) for axis in axes)
+    spacing = (x[-1] - x[0]) / (len(x) - 1)
+    radius, angle = _polar_grid(x, y, led_mm, SHADOW_PITCH_PX * spacing)
+    columns = (led_mm[0] + radius[None, :] * np.cos(angle)[:, None] - x[0]) / spacing
+    rows = (led_mm[1] + radius[None, :] * np.sin(angle)[:, None] - y[0]) / spacing
+    height = map_coordinates(depth_mm, [rows, columns], order=1, mode="nearest")
+    slope = (led_mm[2] - height) / radius
+    nearest = np.minimum.accumulate(slope, axis=1)
+    seen = ((slope - nearest) * radius <= SHADOW_TOLERANCE_MM).astype(np.float32)
+    away_x, away_y = x[None, :] - led_mm[0], y[:, None] - led_mm[1]
+    at_radius = (np.hypot(away_x, away_y) - radius[0]) / (radius[1] - radius[0])
+    turned = (np.arctan2(away_y, away_x) - angle[0]) % (2 * np.pi)
+    at_angle = turned / (angle[1] - angle[0])
+    return np.asarray(map_coordinates(seen, [at_angle, at_radius], order=1, mode="nearest"))
+
+
+def _polar_grid(x: Array, y: Array, led_mm: Array, pitch: float) -> tuple[Array, Array]:
+    """Radii and angles about the light's foot point that cover the window, `pitch` mm apart."""
+    corners_x = np.array([x[0], x[-1], x[-1], x[0]]) - led_mm[0]
+    corners_y = np.array([y[0], y[0], y[-1], y[-1]]) - led_mm[1]
+    far = np.hypot(corners_x, corners_y).max()
+    outside_x = max(x[0] - led_mm[0], led_mm[0] - x[-1], 0.0)
+    outside_y = max(y[0] - led_mm[1], led_mm[1] - y[-1], 0.0)
+    near = max(np.hypot(outside_x, outside_y), pitch)
+    radius = np.arange(near, far + 2 * pitch, pitch)
+    if outside_x == outside_y == 0:
+        first, last = -np.pi, np.pi
+    else:
+        middle = np.arctan2(corners_y.mean(), corners_x.mean())
+        spread = (np.arctan2(corners_y, corners_x) - middle + np.pi) % (2 * np.pi) - np.pi
+        first, last = middle + spread.min() - 2 * pitch / far, middle + spread.max() + 2 * pitch / far
+    count = int(np.ceil((last - first) * far / pitch)) + 1
+    return radius, np.linspace(first, last, max(count, 2))

@@ -1,0 +1,32 @@
+"""Browsers, started once a module: Playwright keeps an event loop running in the thread as long as it is there."""
+
+import shutil
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from tests.host.browsing import FLAGS, NO_GL, SOFTWARE_GL
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Callable[[list[str]], Browser]]:
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if path is None:
+        pytest.skip("needs Chromium: sudo apt-get install chromium")
+    with sync_playwright() as playwright:
+        yield lambda flags: playwright.chromium.launch(executable_path=path, args=FLAGS + flags)
+
+
+@pytest.fixture(scope="module")
+def browser(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
+    """A browser without 3D, as quick as it gets."""
+    with chromium(NO_GL) as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def browser_3d(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
+    """A browser that draws 3D without a graphics card."""
+    with chromium(SOFTWARE_GL) as browser:
+        yield browser

@@ -1,0 +1,144 @@
+"""The daemon: always the newest frame, no error swallowed, everything closed."""
+
+import threading
+import time
+from types import SimpleNamespace
+from typing import Any, Self
+
+import numpy as np
+import pytest
+
+from gellight.camera import EndOfStream
+from gellight.daemon import Daemon
+from gellight.errors import CameraError
+from gellight.frames import CameraFrame, Contact, TactileFrame
+
+
+class ScriptedCamera:
+    """Gives frames as fast as they are taken, then raises `ending`."""
+
+    url = "scripted"
+    stage = None
+    image_shape = (2, 2)
+
+    def __init__(self, count: int, ending: Exception, period_s: float = 0.0) -> None:
+        self.sequence, self.count, self.ending, self.period_s = 0, count, ending, period_s
+        self.closed = False
+
+    def read(self) -> CameraFrame:
+        time.sleep(self.period_s)
+        if self.sequence == self.count:
+            raise self.ending
+        self.sequence += 1
+        return CameraFrame(image=np.zeros((2, 2, 3), np.uint8), time_s=time.monotonic(), sequence=self.sequence)
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        return None
+
+    def close(self) -> None:
+        self.closed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self.close()
+
+
+class CountingReconstructor:
+    """Passes frames through; holds each until `gate` is open."""
+
+    calibration = SimpleNamespace(pixel_size_mm=(0.1, 0.2))
+
+    def __init__(self) -> None:
+        self.gate = threading.Event()
+        self.gate.set()
+        self.failure: Exception | None = None
+
+    def reconstruct(self, frame: CameraFrame) -> TactileFrame:
+        assert self.gate.wait(10)
+        if self.failure:
+            raise self.failure
+        flat = np.zeros((2, 2), np.float32)
+        return TactileFrame(
+            camera_frame=frame,
+            difference=np.zeros((2, 2, 3), np.float32),
+            gradient_map=np.zeros((2, 2, 2), np.float32),
+            normal_map=np.zeros((2, 2, 3), np.float32),
+            depth_mm=flat,
+            contact=Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
+        )
+
+
+def daemon_of(camera: ScriptedCamera, reconstructor: CountingReconstructor | None = None) -> Daemon:
+    parts: Any = camera, reconstructor or CountingReconstructor()
+    return Daemon(*parts)
+
+
+def follow(daemon: Daemon, seen: list[int]) -> None:
+    """Note the sequence number of every frame, until the end is raised."""
+    while True:
+        seen.append(daemon.wait_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
+
+
+def test_frames_come_in_order_and_the_end_is_told_after_the_last() -> None:
+    camera = ScriptedCamera(20, EndOfStream("used up"), period_s=0.02)
+    seen: list[int] = []
+    with daemon_of(camera) as daemon, pytest.raises(EndOfStream, match="used up"):
+        follow(daemon, seen)
+    assert seen == sorted(set(seen))
+    assert seen[-1] == 20, "the newest frame before the end is delivered"
+    assert camera.closed
+
+
+def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
+    camera = ScriptedCamera(50, EndOfStream("used up"))
+    reconstructor = CountingReconstructor()
+    reconstructor.gate.clear()
+    with daemon_of(camera, reconstructor) as daemon:
+        while camera.sequence < 50:
+            time.sleep(0.001)
+        reconstructor.gate.set()
+        newest = daemon.wait_frame(1, 10)
+        assert newest.camera_frame.sequence == 50
+        status = daemon.status()
+    assert status["dropped"] == 50 - status["frames"]
+    assert status["dropped"] >= 48
+
+
+def test_a_camera_that_fails_ends_the_run_with_its_own_words() -> None:
+    camera = ScriptedCamera(1, CameraError("the cable is out: plug it in"))
+    with daemon_of(camera) as daemon:
+        with pytest.raises(CameraError, match="cable is out"):
+            daemon.wait_frame(1, 10)
+        assert daemon.status()["error"] == "the cable is out: plug it in"
+    assert camera.closed
+
+
+def test_a_reconstruction_that_fails_ends_the_run_too() -> None:
+    reconstructor = CountingReconstructor()
+    reconstructor.failure = ValueError("broken network")
+    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001), reconstructor) as daemon:
+        with pytest.raises(ValueError, match="broken network"):
+            daemon.wait_frame(0, 10)
+        assert daemon.status()["error"] == "broken network"
+
+
+def test_waiting_has_an_end() -> None:
+    reconstructor = CountingReconstructor()
+    reconstructor.gate.clear()
+    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001), reconstructor) as daemon:
+        with pytest.raises(TimeoutError):
+            daemon.wait_frame(0, 0.05)
+        reconstructor.gate.set()
+
+
+def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
+    before = threading.active_count()
+    daemon = daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001))
+    with daemon:
+        sequence = daemon.wait_frame(0, 10).camera_frame.sequence
+    assert threading.active_count() == before
+    with pytest.raises(CameraError, match="stopped"):
+        daemon.wait_frame(sequence + 10**6, 10)
+    assert daemon.pixel_size_mm == (0.1, 0.2)

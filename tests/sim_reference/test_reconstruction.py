@@ -1,0 +1,131 @@
+"""The reference's own inverse: photometric stereo, integration, metrics."""
+
+from math import degrees, radians, sin
+
+import numpy as np
+import pytest
+
+from sim_reference.imaging import directional_image, normals
+from sim_reference.integration import integrate
+from sim_reference.metrics import (
+    angular_error,
+    maximum_elevation,
+    mean_angular_error,
+    mean_of_largest,
+    normalised_deviation,
+    saturation,
+)
+from sim_reference.photometric_stereo import ring_directions, solve_normals
+
+
+def gentle_slopes() -> np.ndarray:
+    """At most 21 degrees: lights up to 61 degrees from the normal throw no shadow."""
+    y, x = np.mgrid[-1:1:40j, -1:1:50j]
+    return 0.27 * np.stack([np.sin(3 * x) * np.cos(2 * y), np.cos(4 * y + x)], axis=2)
+
+
+@pytest.mark.parametrize("count", [3, 12, 21])
+@pytest.mark.parametrize("angle_deg", [5, 29, 61])
+def test_without_noise_and_shadow_photometric_stereo_is_exact(count: int, angle_deg: float) -> None:
+    slopes = gentle_slopes()
+    directions = ring_directions(count, radians(angle_deg))
+    images = np.array([directional_image(slopes, direction, albedo=230.0) for direction in directions])
+    assert degrees(angular_error(solve_normals(images, directions), normals(slopes)).max()) < 1e-9
+
+
+@pytest.mark.parametrize("count", [3, 12, 21])
+@pytest.mark.parametrize("angle_deg", [13, 29, 61])
+def test_noise_gives_the_error_of_the_closed_form(count: int, angle_deg: float) -> None:
+    # On a plane of brightness G cos(phi) the error is Rayleigh distributed with
+    # s = sqrt(sd^2 + 1/12) / G sqrt(2 / n) / sin(phi): MAE 1.2533 s, Top5 2.808 s, Top1 3.337 s.
+    albedo, noise, rng = 230.0, 1.0, np.random.default_rng(count)
+    directions = ring_directions(count, radians(angle_deg))
+    flat = np.zeros((150, 150, 2))
+    images = np.array([directional_image(flat, d, albedo=albedo) for d in directions])
+    seen = np.rint(images + noise * rng.standard_normal(images.shape))
+    error = angular_error(solve_normals(seen, directions), normals(flat))
+    s = np.sqrt(noise**2 + 1 / 12) / albedo * np.sqrt(2 / count) / sin(radians(angle_deg))
+    assert error.mean() == pytest.approx(1.2533 * s, rel=0.05)
+    assert mean_of_largest(error, 0.05) == pytest.approx(2.808 * s, rel=0.05)
+    assert mean_of_largest(error, 0.01) == pytest.approx(3.337 * s, rel=0.05)
+
+
+def test_dropping_shadows_makes_steep_slopes_exact_again() -> None:
+    slopes = np.array([[[1.3, 0.2]]])
+    directions = ring_directions(12, radians(45))
+    images = np.array([directional_image(slopes, d, albedo=230.0) for d in directions])
+    assert (images == 0).any(), "some lights must be behind the slope"
+    plain = angular_error(solve_normals(images, directions), normals(slopes)).max()
+    aware = angular_error(solve_normals(images, directions, shadow_level=1e-9), normals(slopes)).max()
+    assert degrees(plain) > 1
+    assert degrees(aware) < 1e-9
+
+
+def test_light_that_differs_from_pixel_to_pixel_is_solved_too() -> None:
+    slopes = gentle_slopes()
+    directions = ring_directions(6, radians(29))
+    strength = 1 + 0.5 * np.linspace(0, 1, slopes.shape[1])[None, None, :]
+    images = np.array([directional_image(slopes, d, albedo=100.0) for d in directions]) * strength
+    near = np.broadcast_to(directions[:, None, None, :] * strength[..., None], (6, 40, 50, 3))
+    assert degrees(angular_error(solve_normals(images, near), normals(slopes)).max()) < 1e-9
+
+
+def test_too_few_pictures_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least 3"):
+        solve_normals(np.zeros((2, 4, 4)), np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="at least 3"):
+        ring_directions(2, 0.5)
+
+
+def test_a_plane_is_integrated_exactly() -> None:
+    depth = integrate(np.broadcast_to([0.3, -0.2], (30, 40, 2)), (0.1, 0.2))
+    y, x = np.mgrid[0:30, 0:40]
+    plane = 0.03 * x - 0.04 * y
+    assert depth == pytest.approx(plane - np.median(plane), abs=1e-9)
+
+
+def test_the_integral_converges_with_the_square_of_the_pixel() -> None:
+    def error(count: int) -> float:
+        at = (np.arange(count) + 0.5) / count * 4 - 2
+        x, y = at[None, :], at[:, None]
+        bump = np.exp(-(x**2) - y**2)
+        difference = integrate(np.stack([-2 * x * bump, -2 * y * bump], axis=2), 4 / count) - bump
+        return float(np.abs(difference - np.median(difference)).max())
+
+    assert error(40) / error(80) == pytest.approx(4, rel=0.15)
+
+
+def test_the_integral_refuses_other_shapes() -> None:
+    with pytest.raises(ValueError, match=r"\(H, W, 2\)"):
+        integrate(np.zeros((5, 5)), 0.1)
+
+
+def test_angles_are_right_from_tiny_to_opposite() -> None:
+    for angle in (0.0, 1e-9, 1e-3, 1.0, 3.0, np.pi):
+        turned = [np.sin(angle), 0, np.cos(angle)]
+        assert angular_error([0, 0, 2.0], turned) == pytest.approx(angle, rel=1e-9, abs=1e-15)
+    assert mean_angular_error([[0, 0, 1], [0, 1, 0]], [[0, 0, 1], [0, 0, 1]]) == pytest.approx(np.pi / 4)
+
+
+def test_the_largest_errors_of_a_constant_map_are_that_constant() -> None:
+    assert mean_of_largest(np.full((10, 10), 0.7), 0.01) == pytest.approx(0.7)
+    assert mean_of_largest(np.arange(1000.0), 0.01) == pytest.approx(np.arange(990, 1000).mean())
+
+
+def test_grey_has_no_saturation_and_pure_colours_have_all() -> None:
+    assert saturation(np.full((2, 2, 3), 0.4)) == 0
+    assert saturation(np.array([[[1.0, 0.0, 0.0], [0.0, 0.5, 0.0]]])) == 1
+    with pytest.raises(ValueError, match="black"):
+        saturation(np.zeros((2, 2, 3)))
+
+
+def test_the_deviation_adds_the_channels() -> None:
+    picture = np.zeros((1, 2, 3)) + 1
+    picture[0, 1] = (3.0, 1.0, 1.0)
+    assert normalised_deviation(picture) == pytest.approx(1.0 / picture.mean())
+
+
+def test_the_ball_of_the_paper_records_sixty_degrees() -> None:
+    assert degrees(maximum_elevation(4.0, 2.0)) == pytest.approx(60, abs=1e-9)
+    with pytest.raises(ValueError, match="press depth 5"):
+        maximum_elevation(4.0, 5.0)

@@ -1,0 +1,52 @@
+"""A press placed under the pixels is the same surface, moved."""
+
+import numpy as np
+import pytest
+
+from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.surface import press_object, sample, untouched
+
+GEOMETRY = SensorGeometry()
+BALL = press_object("BALL", 1.0, GEOMETRY)
+
+
+def test_slopes_are_the_derivatives_of_the_depth() -> None:
+    surface = sample(BALL, GEOMETRY, 1.234, -0.567)
+    depth, pixel = surface.depth_mm, GEOMETRY.pixel_size_mm
+    # Fourth-order central differences; the spline's third derivative jumps at its knots, so some 0.001 remains.
+    right = (8 * (depth[:, 3:-1] - depth[:, 1:-3]) - (depth[:, 4:] - depth[:, :-4])) / (12 * pixel)
+    down = (8 * (depth[3:-1] - depth[1:-3]) - (depth[4:] - depth[:-4])) / (12 * pixel)
+    assert surface.gradient_map[:, 2:-2, 0] == pytest.approx(right, abs=2e-3)
+    assert surface.gradient_map[2:-2, :, 1] == pytest.approx(down, abs=2e-3)
+
+
+def test_the_deepest_point_is_where_the_object_is_pressed() -> None:
+    surface = sample(BALL, GEOMETRY, 5.0, -3.0)
+    row, column = np.unravel_index(surface.depth_mm.argmax(), surface.depth_mm.shape)
+    x, y = pixel_grid(GEOMETRY)
+    assert x[0, column] == pytest.approx(5.0, abs=0.06)
+    assert y[row, 0] == pytest.approx(-3.0, abs=0.06)
+
+
+def test_a_shift_by_whole_pixels_shifts_the_map() -> None:
+    here = sample(BALL, GEOMETRY, 0.0, 0.0)
+    there = sample(BALL, GEOMETRY, 10 * GEOMETRY.pixel_size_mm, 0.0)
+    assert there.depth_mm[:, 110:-100] == pytest.approx(here.depth_mm[:, 100:-110], abs=1e-9)
+    # The contact is sampled from a coarser grid: its rim may move by a pixel.
+    assert (there.contact[:, 110:-100] != here.contact[:, 100:-110]).sum() < 0.05 * here.contact.sum()
+
+
+def test_far_from_the_object_the_gel_is_at_rest() -> None:
+    surface = sample(BALL, GEOMETRY, 0.0, 0.0)
+    assert np.abs(surface.depth_mm[:, 0]).max() < 0.003
+    assert not surface.contact[:, 0].any()
+
+
+def test_an_object_beside_the_view_leaves_the_gel_at_rest() -> None:
+    assert not sample(BALL, GEOMETRY, 200.0, 0.0).depth_mm.any()
+    assert not untouched(GEOMETRY).contact.any()
+
+
+def test_a_place_that_is_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        sample(BALL, GEOMETRY, float("nan"), 0.0)
