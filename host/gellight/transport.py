@@ -37,7 +37,7 @@ def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
     if scheme == "sim" and not rest:
-        from gellight.board.simulated import SimulatedBoard
+        from gellight.board.child import SimulatedBoard
 
         board: Transport = SimulatedBoard()
         return board

@@ -176,10 +176,15 @@ def test_suspending_the_bus_darkens(board: EmulatedBoard, ring: LightRing) -> No
 
 
 def test_an_exception_darkens(board: EmulatedBoard) -> None:
-    with pytest.raises(KeyError), LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
-        ring.set_leds(RED)
-        board.run(2_000)
-        raise KeyError
+    def fail() -> None:
+        with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+            ring.set_leds(RED)
+            board.run(2_000)
+            assert lit(board).any()
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
     board.run(2_000)
     assert not lit(board).any()
 

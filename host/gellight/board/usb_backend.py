@@ -1,6 +1,7 @@
 """A pyusb backend onto the emulated board, so that the real pyusb runs unchanged without hardware."""
 
 import array
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -20,34 +21,28 @@ def _fields(names: str, values: tuple[int, ...]) -> Any:
     return SimpleNamespace(**dict(zip(names.split(), values, strict=True)), extra_descriptors=[])
 
 
-class EmulatedBackend(usb.backend.IBackend):  # type: ignore[misc]
-    """One bus with one device; waiting for it lets virtual time pass."""
+class DeviceBackend(usb.backend.IBackend):  # type: ignore[misc]
+    """One bus with one device that is configured already; what it is, its descriptors tell."""
 
-    def __init__(self, board: EmulatedBoard) -> None:
-        """Enumerate the board first."""
-        super().__init__()
-        self.board = board
+    @abstractmethod
+    def control(self, kind: int, request: int, value: int, index: int, length: int, data: bytes = b"") -> bytes:
+        """Do a control transfer and return what came back."""
 
-    def _wait(self, reached: Callable[[], object], timeout_us: float) -> None:
-        if not self.board.run_until(reached, timeout_us):
-            raise usb.core.USBTimeoutError("Operation timed out", errno=ETIMEDOUT)
+    @abstractmethod
+    def send(self, endpoint: int, data: bytes, timeout_us: float) -> None:
+        """Send bytes to a bulk endpoint."""
 
-    def _control(self, kind: int, request: int, value: int, index: int, length: int, data: bytes = b"") -> bytes:
-        answers: list[bytes | None] = []
-        self.board.host.control(kind, request, value, index, length, answers.append, data)
-        self._wait(lambda: answers, CONTROL_US)
-        if answers[0] is None:
-            raise usb.core.USBError("Pipe error", errno=EPIPE)
-        return answers[0]
+    @abstractmethod
+    def take(self, endpoint: int, most: int, timeout_us: float) -> bytes:
+        """Return what a bulk endpoint has, at most so many bytes."""
 
     def enumerate_devices(self) -> Iterator[str]:
         """Yield the one device."""
-        self._wait(lambda: self.board.host.configured, CONTROL_US)
         yield "board"
 
     def get_device_descriptor(self, dev: str) -> Any:
         """Read the device descriptor from the firmware."""
-        raw = self._control(0x80, 6, 0x100, 0, 18)
+        raw = self.control(0x80, 6, 0x100, 0, 18)
         pairs = {2: "bcdUSB", 8: "idVendor", 10: "idProduct", 12: "bcdDevice"}
         single = {0: "bLength", 1: "bDescriptorType", 4: "bDeviceClass", 5: "bDeviceSubClass", 6: "bDeviceProtocol",
                   7: "bMaxPacketSize0", 14: "iManufacturer", 15: "iProduct", 16: "iSerialNumber",
@@ -61,11 +56,14 @@ class EmulatedBackend(usb.backend.IBackend):  # type: ignore[misc]
         if config:
             raise IndexError(config)
         raw = self._configuration()
-        names = "bLength bDescriptorType wTotalLength bNumInterfaces bConfigurationValue iConfiguration bmAttributes bMaxPower"
+        names = (
+            "bLength bDescriptorType wTotalLength bNumInterfaces "
+            "bConfigurationValue iConfiguration bmAttributes bMaxPower"
+        )
         return _fields(names, (raw[0], raw[1], int.from_bytes(raw[2:4], "little"), *raw[4:9]))
 
     def _configuration(self) -> bytes:
-        return self._control(0x80, 6, 0x200, 0, 255)
+        return self.control(0x80, 6, 0x200, 0, 255)
 
     def _descriptors(self, kind: int) -> list[tuple[int, bytes]]:
         """Interface number and bytes of each descriptor of a kind."""
@@ -83,7 +81,10 @@ class EmulatedBackend(usb.backend.IBackend):  # type: ignore[misc]
         found = self._descriptors(INTERFACE)
         if alt or intf >= len(found):
             raise IndexError(intf)
-        names = "bLength bDescriptorType bInterfaceNumber bAlternateSetting bNumEndpoints bInterfaceClass bInterfaceSubClass bInterfaceProtocol iInterface"
+        names = (
+            "bLength bDescriptorType bInterfaceNumber bAlternateSetting bNumEndpoints "
+            "bInterfaceClass bInterfaceSubClass bInterfaceProtocol iInterface"
+        )
         return _fields(names, tuple(found[intf][1][:9]))
 
     def get_endpoint_descriptor(self, dev: str, ep: int, intf: int, alt: int, config: int) -> Any:
@@ -120,23 +121,59 @@ class EmulatedBackend(usb.backend.IBackend):  # type: ignore[misc]
                       data: Any, timeout: int) -> int:  # fmt: skip
         """Do a control transfer."""
         if bmRequestType & 0x80:
-            answer = self._control(bmRequestType, bRequest, wValue, wIndex, len(data))
+            answer = self.control(bmRequestType, bRequest, wValue, wIndex, len(data))
             data[: len(answer)] = array.array("B", answer)
             return len(answer)
-        self._control(bmRequestType, bRequest, wValue, wIndex, len(data), bytes(data))
+        self.control(bmRequestType, bRequest, wValue, wIndex, len(data), bytes(data))
         return len(data)
 
     def bulk_write(self, dev_handle: str, ep: int, intf: int, data: Any, timeout: int) -> int:
         """Send bytes and wait until the device has them."""
-        self.board.host.send(bytes(data))
-        self._wait(lambda: not self.board.host.unsent, timeout * 1e3)
+        self.send(ep, bytes(data), timeout * 1e3)
         return len(data)
 
     def bulk_read(self, dev_handle: str, ep: int, intf: int, buff: Any, timeout: int) -> int:
         """Take what the device sent."""
+        data = self.take(ep, len(buff), timeout * 1e3)
+        buff[: len(data)] = array.array("B", data)
+        return len(data)
+
+
+class EmulatedBackend(DeviceBackend):
+    """The firmware on the emulated board; waiting for it lets virtual time pass."""
+
+    def __init__(self, board: EmulatedBoard) -> None:
+        """Enumerate the board when it is first looked for."""
+        super().__init__()
+        self.board = board
+
+    def _wait(self, reached: Callable[[], object], timeout_us: float) -> None:
+        if not self.board.run_until(reached, timeout_us):
+            raise usb.core.USBTimeoutError("Operation timed out", errno=ETIMEDOUT)
+
+    def enumerate_devices(self) -> Iterator[str]:
+        """Yield the board once it is on the bus."""
+        self._wait(lambda: self.board.host.configured, CONTROL_US)
+        yield "board"
+
+    def control(self, kind: int, request: int, value: int, index: int, length: int, data: bytes = b"") -> bytes:
+        """Let the firmware answer; a stall is EPIPE."""
+        answers: list[bytes | None] = []
+        self.board.host.control(kind, request, value, index, length, answers.append, data)
+        self._wait(lambda: answers, CONTROL_US)
+        if answers[0] is None:
+            raise usb.core.USBError("Pipe error", errno=EPIPE)
+        return answers[0]
+
+    def send(self, endpoint: int, data: bytes, timeout_us: float) -> None:
+        """Wait until the device has taken the bytes."""
+        self.board.host.send(data)
+        self._wait(lambda: not self.board.host.unsent, timeout_us)
+
+    def take(self, endpoint: int, most: int, timeout_us: float) -> bytes:
+        """Wait for bytes."""
         received = self.board.host.received
-        self._wait(lambda: received, timeout * 1e3)
-        count = min(len(buff), len(received))
-        buff[:count] = array.array("B", received[:count])
-        del received[:count]
-        return count
+        self._wait(lambda: received, timeout_us)
+        data = bytes(received[:most])
+        del received[:most]
+        return data

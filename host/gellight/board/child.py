@@ -2,12 +2,14 @@
 
 import json
 import logging
+import os
 import select
 import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,8 @@ from gellight.errors import BoardError
 
 logger = logging.getLogger(__name__)
 START_S = 30.0
+PACKAGES = Path(__file__).parents[2]
+"""so that the child finds this very package, installed or not"""
 STOP_S = 5.0
 
 
@@ -37,6 +41,7 @@ class SimulatedBoard:
         self.lag_us = 0.0
         """virtual time that was lost because emulation is slower than the wall clock"""
         self._epoch_s = 0.0
+        self._started = False
         self._ready = threading.Event()
         self._lock = threading.Lock()
         self._ours, theirs = socket.socketpair()
@@ -44,12 +49,15 @@ class SimulatedBoard:
         self._process = subprocess.Popen(
             [sys.executable, "-m", "gellight.board.process", *how],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=(theirs.fileno(),),
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(PACKAGES), os.environ.get("PYTHONPATH", "")])},
         )  # fmt: skip
         theirs.close()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
-        if not self._ready.wait(START_S) or self._process.poll() is not None:
-            message = self._process.stderr.read() if self._process.poll() is not None and self._process.stderr else ""
+        self._ready.wait(START_S)
+        if not self._started:
+            self._process.kill()
+            message = self._process.stderr.read() if self._process.stderr else ""
             self.close()
             raise BoardError(f"the simulated board does not start: {message.strip() or 'no answer'}")
 
@@ -124,6 +132,7 @@ class SimulatedBoard:
             self.lag_us = float(str(told.get("lag_us", 0.0)))
         if "ready" in told:
             self.path = str(told["pty"])
+            self._started = True
             self._ready.set()
         if "light_us" in told:
             colours = np.frombuffer(bytes.fromhex(str(told["colours"])), np.uint8).reshape(LED_COUNT, 3)
