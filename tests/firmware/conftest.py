@@ -30,6 +30,7 @@ def _sibling(name: str) -> ModuleType:
 
 _sibling("virtual_board")
 _sibling("core_model")
+_sibling("mutations")
 
 
 @pytest.fixture(scope="session")

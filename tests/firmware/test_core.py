@@ -166,6 +166,16 @@ def test_scaling_reports_its_factor_and_keeps_the_limit(core: VirtualBoard) -> N
     assert reply.current_ma == -(-round(current_ma * 1000) // 1000)
 
 
+def test_scaling_keeps_the_limit_whatever_the_colours(core: VirtualBoard) -> None:
+    for limit_ma in (100, 237, 450):
+        core.ok("SET_LIMITS", p.SetLimits(limit_ma, Policy.SCALE))
+        for bright in range(1, 37):
+            core.ok("SET_LEDS", p.SetLeds(bytes([255] * bright + [0] * (36 - bright))))
+            core.advance(2000)
+            current_ua = 12 * 1000 + sum(core.lights()[-1][2]) * 20000 / 255
+            assert current_ua <= limit_ma * 1000
+
+
 def test_the_paper_ring_fits_the_limit(core: VirtualBoard) -> None:
     one_colour_each = b"".join(bytes([255 * (i // 4 == c) for c in range(3)]) for i in range(12))
     reply = core.ok("SET_LEDS", p.SetLeds(one_colour_each))
@@ -202,14 +212,14 @@ def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> Non
     sync(core, SyncMode.FREE)
     core.ok("START")
     start = core.now_us + 1000
-    core.ok("TRIM", p.Trim(250, round(1e-4 * 2**32)))
+    core.ok("TRIM", p.Trim(250, round(3.3e-5 * 2**32)))
     for _ in range(10):
         core.advance(200_000)
         core.ok("CLOCK", p.ClockRequest(0))
     times = [at for at, _, _ in core.lights()[1:]]
     assert times[0] in (start, start + 250)  # the first step may have been planned before the trim came
     for k, at in enumerate(times[1:], start=1):
-        assert abs(at - (start + 250 + k * 10_001)) <= 2
+        assert abs(at - (start + 250 + k * 10_000.33)) <= 2
     assert len(times) > 190
 
 
@@ -269,14 +279,15 @@ def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoar
 
 
 def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    steps = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0), p.SetStep(2, 0, 1, 10_000, 0)]
+    load(core, [RED, GREEN], steps)
     sync(core, SyncMode.FREE)
     core.ok("START")
     core.advance(3000)
     blue = bytes([0, 0, 200] + [0] * 33)
     load(core, [blue], [p.SetStep(0, 0, 1, 5000, 0)])
     core.advance(40_000)
-    assert [colours for _, _, colours in core.lights()[1:5]] == [RED, GREEN, blue, blue]
+    assert [colours for _, _, colours in core.lights()[1:6]] == [RED, GREEN, RED, blue, blue]
 
 
 def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:

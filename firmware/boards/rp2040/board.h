@@ -37,7 +37,6 @@ void light_start(void);
 void light_show(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);
 bool light_cancel(void *context);
 enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *latched_us);
-bool light_finished(void);
 bool light_path_intact(void);
 void light_force_dark(void);
 void light_listen(void *context, bool enabled, bool falling);
@@ -49,7 +48,6 @@ extern struct trigger *light_trigger;
 void usb_start(const uint8_t unique_id[8]);
 bool usb_send(void *context, const uint8_t *bytes, size_t count);
 uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
-bool usb_pending(void);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
 

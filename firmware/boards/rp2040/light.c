@@ -120,11 +120,6 @@ bool light_cancel(void *context)
     return waiting;
 }
 
-bool light_finished(void)
-{
-    return phase == PHASE_DONE;
-}
-
 /* All words have left the DMA and the FIFO. */
 static bool transferred(void)
 {

@@ -124,13 +124,10 @@ static void serve_host(void)
         controller_receive(&controller, bytes[i]);
 }
 
-/* An interrupt that comes between the question and the sleep stays pending, and so ends the sleep at once. */
+/* Every interrupt since the last sleep has set the event register, so none is slept through, and none is held off. */
 static void sleep_until_something_happens(void)
 {
-    uint32_t interrupts = interrupts_off();
-    if (!usb_pending() && !light_finished())
-        __asm volatile("wfi");
-    interrupts_restore(interrupts);
+    __asm volatile("wfe" ::: "memory");
 }
 
 int main(void)

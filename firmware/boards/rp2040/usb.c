@@ -388,11 +388,6 @@ uint16_t usb_start_of_frame(void *context, uint64_t *at_us)
     return (uint16_t)(REGISTER(USB_SOF_RD) & 0x7ffu);
 }
 
-bool usb_pending(void)
-{
-    return ring_count(&incoming) || event != USB_NOTHING;
-}
-
 size_t usb_receive(uint8_t *bytes, size_t room)
 {
     size_t count = 0;

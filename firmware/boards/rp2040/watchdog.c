@@ -26,7 +26,6 @@ void watchdog_start(void)
 void watchdog_feed(void)
 {
     REGISTER(WATCHDOG_LOAD) = 2u * TIMEOUT_US;
-    SET_BITS(WATCHDOG_CTRL) = 1u << 30;
 }
 
 /* An erase takes up to 400 ms, by the data sheets of the usual flash chips; 24 bits last 8.3 s. */

@@ -12,6 +12,7 @@ DEVICE, CONFIGURATION, STRING = 1, 2, 3
 BULK, ENDPOINT_DESCRIPTOR = 2, 5
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
 ENDPOINT0_BYTES = 64
+SIE_CTRL, PULL_UP = 0x4C, 1 << 16
 ADDRESS = 7
 
 
@@ -130,6 +131,8 @@ class UsbHost:
 
     def _configured(self, _: bytes | None) -> None:
         self.configured = True
+        if not self._usb.read_uint32(SIE_CTRL) & PULL_UP:
+            self._report("USB: the pull-up is off, a real host would not see the device")
         rest = self.descriptors["configuration"]
         while rest:
             if rest[1] == ENDPOINT_DESCRIPTOR and rest[3] & 3 == BULK:
