@@ -31,6 +31,7 @@ def _sibling(name: str) -> ModuleType:
 _sibling("virtual_board")
 _sibling("core_model")
 _sibling("mutations")
+_sibling("fuzzing")
 
 
 @pytest.fixture(scope="session")
