@@ -38,6 +38,8 @@ if __name__ == "__main__":
     new = CHECKOUT / "build/fuzz"
     new.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        done = fuzz(compile_fuzzer(Path(scratch) / "fuzzer"), int(sys.argv[1]), int((sys.argv[2:] or ["1"])[0]), str(new))
+        done = fuzz(
+            compile_fuzzer(Path(scratch) / "fuzzer"), int(sys.argv[1]), int((sys.argv[2:] or ["1"])[0]), str(new)
+        )
     print(done.stdout, done.stderr, sep="")
     sys.exit(done.returncode)

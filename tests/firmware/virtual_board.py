@@ -22,9 +22,7 @@ def c_compiler() -> list[str]:
     return [found] if found else [sys.executable, "-m", "ziglang", "cc"]
 
 
-def compile_library(
-    target: Path, sanitizers: str, extra: Sequence[str] = (), *, checkout: Path = CHECKOUT
-) -> Path:
+def compile_library(target: Path, sanitizers: str, extra: Sequence[str] = (), *, checkout: Path = CHECKOUT) -> Path:
     files = sorted((checkout / "firmware/boards/host").glob("*.c")) + sorted((checkout / "firmware/core").glob("*.c"))
     flags = [*FLAGS, f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all", *extra]
     command = [*c_compiler(), *flags, "-shared", f"-I{checkout}/firmware/core", *map(str, files), "-o", str(target)]
