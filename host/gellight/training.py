@@ -21,7 +21,7 @@ from gellight.calibration import Calibration, write_calibration
 from gellight.camera import EndOfStream, open_camera
 from gellight.errors import InputError, TrainingError
 from gellight.evaluation import PressError, press_errors, summarised
-from gellight.presses import Ball, Press, PressTable, TableOptions, build_table
+from gellight.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
 
 Floats = NDArray[np.float32]
 Progress = Callable[[int, int, float], None]
@@ -165,15 +165,20 @@ def fit(
     sensor: str,
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
+    follow_light: bool | None = None,
     extra_metrics: dict[str, Any] | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> Calibration:
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
+    follow_light: whether to take the drift of the light off each difference image; None: if the light of the presses
+    differs from the reference's by more than the noise of a pixel.
     Raises InputError, TrainingError or CalibrationError; then `out` is as it was.
     """
-    table = build_table(presses, reference.image, ball, table_options or TableOptions())
+    drift = drift_of_presses(presses, reference.image)
+    follow = drift > reference.noise_grey if follow_light is None else follow_light
+    table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
     network, record = train(table, options or TrainingOptions(), progress=progress)
     return write_calibration(
         out,
@@ -183,7 +188,13 @@ def fit(
         noise_grey=reference.noise_grey,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
         network=network,
-        metrics={"ball_radius_mm": ball.radius_mm, "training": record, **(extra_metrics or {})},
+        follow_light=follow,
+        metrics={
+            "ball_radius_mm": ball.radius_mm,
+            "light_drift_grey": drift,
+            "training": record,
+            **(extra_metrics or {}),
+        },
         presses=table.arrays(),
         overwrite=overwrite,
     )

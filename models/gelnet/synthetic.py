@@ -143,8 +143,9 @@ def _chosen_pixels(
 
 
 def geometry_hash(geometry: SensorGeometry, response: CameraResponse) -> str:
-    """Return the SHA-256 of every number that describes the simulated sensor."""
-    text = json.dumps({"geometry": asdict(geometry), "response": asdict(response)}, sort_keys=True)
+    """Return the SHA-256 of every number that describes the simulated sensor; the exposure follows from them."""
+    numbers = {"geometry": asdict(geometry), "camera": asdict(response) | {"exposure": None}, "grey": BRIGHTEST_GREY}
+    text = json.dumps(numbers, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
