@@ -1,5 +1,7 @@
 """Firmware faults, one at a time: what to change in which file. Each has to be caught by a test."""
 
+# ruff: noqa: E501 (a line of C stays one line)
+
 from typing import NamedTuple
 
 
@@ -63,7 +65,7 @@ LOGIC = (
              "(config->saves && record.saves >= config->saves)"),
     Mutation("newest sector erased", f"{CORE}/config.c", "page % SECTOR_PAGES == 0)\n        return port", "true)\n        return port"),
     Mutation("disturbed light forgotten", f"{CORE}/controller.c", "        hand_over(controller);\n    }\n    if (result", "    }\n    if (result"),
-    Mutation("group number unchecked", f"{CORE}/commands.c", "outside(call, request->group, 0, GROUP_COUNT - 1))\n        return",
+    Mutation("group number unchecked", f"{CORE}/light_commands.c", "outside(call, request->group, 0, GROUP_COUNT - 1))\n        return",
              "outside(call, request->group, 0, 255))\n        return"),
     Mutation("trigger timeout forgotten", f"{CORE}/controller.c", "if (!controller->sync.timeout_us || ", "if (1 || "),
     Mutation("every edge counts", f"{CORE}/trigger.c", "if (++trigger->edges < trigger->divider)", "if (++trigger->edges < 1)"),

@@ -189,7 +189,7 @@ def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> No
     from virtual_board import compile_library
 
     library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
-    tests = [CHECKOUT / "tests/firmware/test_core.py"]
+    tests = [CHECKOUT / "tests/firmware" / name for name in ("test_core.py", "test_core_config.py")]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, tests)],
         cwd=CHECKOUT, env=os.environ | {"GELLIGHT_CORE_LIBRARY": str(library)}, capture_output=True, text=True,

@@ -6,6 +6,7 @@
  * whole one, so a host that floods the board is slowed down by the bus and nothing is lost.
  */
 #include "board.h"
+#include "byte_ring.h"
 #include "registers.h"
 
 #define FULL (1u << 15)
@@ -31,13 +32,7 @@
 #define INTERRUPT_SUSPEND (1u << 14)
 #define INTERRUPT_SETUP (1u << 16)
 
-#define RING_BYTES 1024u /* a power of two */
 #define BAUD_TOUCH 1200u
-
-struct byte_ring {
-    uint8_t bytes[RING_BYTES];
-    volatile uint32_t head, tail; /* count up for ever; their difference is what is in the ring */
-};
 
 struct setup {
     uint8_t type, request;
@@ -55,24 +50,6 @@ static uint8_t new_address, configured;
 static uint8_t line_coding[7] = {0x00, 0xc2, 0x01, 0x00, 0, 0, 8}; /* 115200 8N1 */
 static volatile bool open;
 static volatile uint8_t event;
-
-static uint32_t ring_count(const struct byte_ring *ring)
-{
-    return ring->head - ring->tail;
-}
-
-static void ring_put(struct byte_ring *ring, uint8_t byte)
-{
-    ring->bytes[ring->head % RING_BYTES] = byte;
-    ring->head++;
-}
-
-static uint8_t ring_get(struct byte_ring *ring)
-{
-    uint8_t byte = ring->bytes[ring->tail % RING_BYTES];
-    ring->tail++;
-    return byte;
-}
 
 static volatile uint8_t *dpram(uint32_t address)
 {
