@@ -14,7 +14,7 @@ ROOMS = {
 }
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 HOST_DOORS = {
-    "sim_reference": {"simulated.py", "selfcheck.py", "synthetic.py"},
+    "sim_reference": {"scene.py", "selfcheck.py", "simulated.py", "synthetic.py"},
     "cv2": {"camera.py", "presses.py", "pictures.py", "calibration.py", "server.py", "messages.py"},
     "onnxruntime": {"gelnet.py", "bench.py"},
 }
