@@ -198,6 +198,8 @@ class SimulatedCamera(Camera):
             return self._scene.light, np.round(self._scene.light * 255).astype(np.uint8)
         source = self.ring.transport
         assert isinstance(source, SimulatedBoard)
+        if not source.running:
+            raise CameraError(f"{self.url}: the board of the light ring is gone, and the gel is dark: start again")
         start_us = source.virtual_us(begun_s)
         lights = source.light_during(start_us - self._shutter.pulse_period_us, start_us + self._shutter.duration_us)
         weights = row_weights(lights, start_us, self.image_shape[0], self._phases_us, self._shutter)

@@ -164,6 +164,15 @@ def test_a_change_of_light_in_mid_exposure_is_seen_row_by_row() -> None:
     assert torn == 2, "the gel is as bright at the top as at the bottom: only a change in between can do that"
 
 
+def test_a_board_that_is_gone_is_told_instead_of_a_dark_picture() -> None:
+    with open_quiet() as camera:
+        assert camera.ring is not None
+        camera.ring.transport._process.kill()  # as when somebody pulls the plug
+        camera.ring.transport._process.wait()
+        with pytest.raises(CameraError, match="board of the light ring is gone"):
+            camera.read()
+
+
 def test_closing_the_camera_darkens_and_ends_the_board() -> None:
     with open_quiet() as camera:
         ring = camera.ring

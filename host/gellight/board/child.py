@@ -99,6 +99,11 @@ class SimulatedBoard:
         if self.faults:
             logger.warning("the simulated board noticed faults of its firmware: %s", "; ".join(self.faults))
 
+    @property
+    def running(self) -> bool:
+        """Whether the board is there; False once its process has ended, however that came."""
+        return self._process.poll() is None
+
     # ---- light ----
 
     def virtual_us(self, monotonic_s: float) -> float:
