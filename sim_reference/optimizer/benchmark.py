@@ -1,11 +1,12 @@
 """The benchmark of section 2.1.2 as it is measured: each object pressed into the gel and seen on a square of pixels."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_reference.gel import Deformation
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import normals
 from sim_reference.objects import OBJECT_NAMES, ObjectParameters
@@ -89,10 +90,25 @@ def press_benchmark(
     parameters: ObjectParameters | None = None,
 ) -> PressedObject:
     """Press object `name` into the gel and look at it; raises ValueError as `surface.press_object` does."""
-    deformation = press_object(name, sampling.press_depth_mm, geometry, parameters=parameters, size=sampling.press_grid)
+    deformation = deformed(name, sampling, geometry, parameters or ObjectParameters())
     surface = sample(deformation, sampling.on(geometry), 0.0, 0.0)
     inside, _, _ = region(sampling, geometry)
     return PressedObject(name, surface.depth_mm, surface.gradient_map, inside, sampling.spacing_mm)
+
+
+def deformed(name: str, sampling: Sampling, geometry: SensorGeometry, parameters: ObjectParameters) -> Deformation:
+    """Press object `name` into the gel; the last few presses are kept, for studies repeat them."""
+    gel = SensorGeometry(
+        gel_thickness_mm=geometry.gel_thickness_mm,
+        poisson_ratio=geometry.poisson_ratio,
+        coating_smoothing_mm=geometry.coating_smoothing_mm,
+    )
+    return _deformed(name, sampling.press_depth_mm, sampling.press_grid, gel, parameters)
+
+
+@lru_cache(maxsize=12)
+def _deformed(name: str, depth_mm: float, size: int, gel: SensorGeometry, parameters: ObjectParameters) -> Deformation:
+    return press_object(name, depth_mm, gel, parameters=parameters, size=size)
 
 
 def plane(sampling: Sampling, geometry: SensorGeometry) -> PressedObject:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim_reference.optimizer.benchmark import PressedObject
 from sim_reference.optimizer.exposing import LightGroups, azimuths, expose, picture_key
 from sim_reference.optimizer.plain import figures
-from sim_reference.optimizer.shadows import horizon, reach
+from sim_reference.optimizer.shadows import box_of, horizon, reach
 
 Array = NDArray[np.float64]
 CHOSEN_NUMBER = 12
@@ -53,11 +53,12 @@ def evaluate(pressed: PressedObject, groups: LightGroups) -> Array:
 def ring_lights(pressed: PressedObject, groups: LightGroups, truth: Array) -> list[Light]:
     """Return every azimuth of `groups` with its horizon; `truth` is (3, P)."""
     far = reach(pressed.depth_mm, max(groups.angles_rad))
-    depth = pressed.depth_mm.astype(np.float32)
+    depth, box = pressed.depth_mm.astype(np.float32), box_of(pressed.region)
+    inside = pressed.region[box[0] : box[1], box[2] : box[3]]
     lights = []
     for azimuth in azimuths(groups.numbers):
         turn = 2 * pi * float(azimuth)
-        shade = horizon(depth, pressed.spacing_mm, turn, far)[pressed.region] if groups.cast_shadows else None
+        shade = horizon(depth, pressed.spacing_mm, turn, far, box)[inside] if groups.cast_shadows else None
         lights.append(Light(azimuth, cos(turn), -sin(turn), truth[0] * cos(turn) - truth[1] * sin(turn), shade))
     return lights
 

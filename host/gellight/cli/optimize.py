@@ -117,7 +117,7 @@ def design(
     one_shot: Annotated[bool, typer.Option("--one-shot", help="Reconstruct from one exposure in colour.")] = False,
     exposure_limit: Annotated[
         float, typer.Option("--exposure-limit", min=0.01, help="Longest exposure, in those of the given sensor.")
-    ] = float("inf"),
+    ] = 1.0,
     workers: Workers = 0,
     shard: ShardText = "1/1",
     scheduler: Scheduler = None,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 SERIES = ("#3b6fd4", "#d6453d", "#3a9d5d", "#b07aa1", "#e08e2b", "#4aa3a8", "#8c6d46", "#7f7f7f", "#5b4fa2", "#c05780")
-WIDTH, HEIGHT = 460.0, 290.0
+WIDTH, HEIGHT = 440.0, 280.0
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 12.0, 26.0, 40.0
 
 
@@ -68,10 +68,11 @@ def heat_map(
         for c in range(len(columns)):
             x, y, value = left + c * cell_x, top + r * cell_y, float(table[r, c])
             colour = heat_colour(value / largest)
+            ink = "#fff" if not 0.12 < value / largest < 0.85 else "#111"
             best = ' stroke="#111" stroke-width="1.6"' if mark and value == table[r].min() else ""
             body.append(
                 f'<rect x="{x}" y="{y}" width="{cell_x - 1}" height="{cell_y - 1}" rx="2" fill="{colour}"{best}/>'
-                f'<text class="cell" x="{x + cell_x / 2}" y="{y + 14}">{_short(value)}</text>'
+                f'<text class="cell" fill="{ink}" x="{x + cell_x / 2}" y="{y + 14}">{_short(value)}</text>'
             )
     for c, column in enumerate(columns):
         body.append(
@@ -209,9 +210,10 @@ def _short(value: float) -> str:
 
 
 STYLE = (
-    "text{font:11px system-ui,sans-serif;fill:currentColor}.title{font-weight:600;font-size:12px}.tick{font-size:9.5px;"
-    "opacity:.75}.axis{font-size:10.5px;opacity:.85}.grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
-    ".mark{stroke:currentColor;stroke-opacity:.6;stroke-dasharray:3 3}.cell{font-size:9px;fill:#111;text-anchor:middle}"
+    "svg{fill:currentColor}text{font:11px system-ui,sans-serif}.title{font-weight:600;font-size:12px}"
+    ".tick{font-size:9.5px;opacity:.75}.axis{font-size:10.5px;opacity:.85}.grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
+    ".mark{stroke:currentColor;stroke-opacity:.6;stroke-dasharray:3 3}"
+    ".cell{font-size:9px;fill:inherit;text-anchor:middle}"
 )
 
 

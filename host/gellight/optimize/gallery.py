@@ -10,10 +10,9 @@ from gellight.optimize.studies import Subject
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance, ring_light
-from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import fine
-from sim_reference.optimizer.benchmark import Sampling, press_benchmark
-from sim_reference.surface import Surface, press_object, sample, untouched
+from sim_reference.optimizer.benchmark import Sampling, deformed, press_benchmark
+from sim_reference.surface import Surface, sample, untouched
 
 Image = NDArray[np.uint8]
 SMALL = Sampling(size_px=150, extent_mm=36.0)
@@ -24,9 +23,9 @@ CONTOURS = 12
 def benchmark_depths(subject: Subject) -> str:
     """Return the depth of every pressed object, light where it is deep."""
     figures = []
-    for name in BENCHMARK_NAMES:
+    for name in subject.names:
         pressed = press_benchmark(
-            name, replace(SMALL, press_depth_mm=subject.sampling.press_depth_mm), subject.geometry
+            name, replace(SMALL, press_depth_mm=subject.sampling.press_depth_mm), subject.geometry, subject.parameters
         )
         slope = np.degrees(pressed.steepest_rad())
         depth = pressed.depth_mm - pressed.depth_mm.min()
@@ -40,8 +39,8 @@ def benchmark_pictures(subject: Subject) -> str:
     square = SMALL.on(subject.geometry)
     exposed = _exposed(square)
     figures = []
-    for name in BENCHMARK_NAMES:
-        deformation = press_object(name, subject.sampling.press_depth_mm, square, parameters=subject.parameters)
+    for name in subject.names:
+        deformation = deformed(name, subject.sampling, square, subject.parameters)
         figures.append(picture(_picture(sample(deformation, square, 0, 0), square, exposed), name, 130))
     return "".join(figures)
 

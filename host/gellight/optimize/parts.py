@@ -108,7 +108,6 @@ COLOURS = {"R": "#d6453d", "G": "#3a9d5d", "B": "#3b6fd4"}
 
 def strip_svg(flat: Strip, colours: str) -> str:
     """Return the strip as SVG at its true size, the LEDs in their colours."""
-    margin = flat.outer_radius_mm + 2
     large = int(flat.sector_rad > pi)
     start, end = (1.0, 0.0), (cos(flat.sector_rad), -sin(flat.sector_rad))
     outline = (
@@ -120,7 +119,7 @@ def strip_svg(flat: Strip, colours: str) -> str:
     for led, colour in enumerate(colours):
         corners = " ".join(f"{x:.4f},{-y:.4f}" for x, y in flat.led_corners(led))
         body.append(f'<polygon points="{corners}" fill="{COLOURS[colour]}"/>')
-    return _svg(body, margin, margin)
+    return _svg(body, _extent(flat))
 
 
 def ring_svg(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> str:
@@ -135,7 +134,7 @@ def ring_svg(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> str:
     ]
     for side, letter in ((1, geometry.led_colours[0]), (-1, geometry.led_colours[len(geometry.led_colours) // 2])):
         body += _led_in_section(geometry, side, width_mm, COLOURS[letter])
-    return _svg(body, reach + 4, height + 6, below=3.0)
+    return _svg(body, (-reach - 4, -height - 6, reach + 4, 3.0))
 
 
 def _led_in_section(geometry: SensorGeometry, side: int, width_mm: float, colour: str) -> list[str]:
@@ -170,11 +169,20 @@ def _round(radius: float) -> str:
     return f"{radius:.4f} {radius:.4f}"
 
 
-def _svg(body: list[str], reach: float, above: float, below: float | None = None) -> str:
-    height = above + (above if below is None else below)
+def _extent(flat: Strip) -> tuple[float, float, float, float]:
+    """Left, top, right, bottom of the flat strip in the drawing (y down), with a margin of 2 mm."""
+    turns = [flat.sector_rad * step / 360 for step in range(361)]
+    across = [radius * cos(turn) for turn in turns for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
+    down = [-radius * sin(turn) for turn in turns for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
+    return min(across) - 2, min(down) - 2, max(across) + 2, max(down) + 2
+
+
+def _svg(body: list[str], extent: tuple[float, float, float, float]) -> str:
+    left, top, right, bottom = extent
+    width, height = right - left, bottom - top
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * reach:.3f}mm" height="{height:.3f}mm" '
-        f'viewBox="{-reach:.3f} {-above:.3f} {2 * reach:.3f} {height:.3f}" fill="none">' + "".join(body) + "</svg>"
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.3f}mm" height="{height:.3f}mm" '
+        f'viewBox="{left:.3f} {top:.3f} {width:.3f} {height:.3f}" fill="none">' + "".join(body) + "</svg>"
     )
 
 

@@ -21,6 +21,7 @@ from sim_reference.optimizer.refraction import VACUUM, WINDOW, Medium
 
 Array = NDArray[np.float64]
 FINE_SAMPLING = Sampling(region_diameter_mm=30.0)
+DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
 CAMERA = LightGroups(full_scale_grey=230.0)
 METHODS = {
     "one exposure": (True, False),
@@ -168,7 +169,8 @@ def beyond_study(subject: Subject, way: Way) -> dict[str, Array] | None:
 
 def design_of_number(number: int, subject: Subject, wishes: design.Wishes) -> Any:
     """Return the best design with one number of LEDs, as the fields of `design.Candidate`."""
-    found = [scene_of(name, subject, replace(FINE_SAMPLING, size_px=128), 2) for name in subject.names]
+    design_sampling = replace(DESIGN_SAMPLING, press_depth_mm=subject.sampling.press_depth_mm)
+    found = [scene_of(name, subject, design_sampling, 2) for name in subject.names]
     place = design.Place([seen for seen, _, _ in found], found[0][1], found[0][2])
     (candidate,) = design.optimise(subject.geometry, place, replace(wishes, numbers=(number,)))
     return candidate.__dict__
