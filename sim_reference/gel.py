@@ -94,14 +94,19 @@ def press(
     `object_height_mm` (n, n) is the object's surface towards the gel, 0 at its highest point, `NO_OBJECT` beside it;
     keep a margin of two gel thicknesses, for the grid is periodic. `press_depth_mm` is how far the highest point goes
     beyond first touch. The iteration ends when the pressure changes by less than `tolerance` of its sum. Raises
-    ValueError for a press that is negative, deeper than the gel or not a number, NotConverged otherwise.
+    ValueError for a press that is negative, deeper than the gel or not a number, and for an object that is no square of
+    numbers, NotConverged otherwise.
     """
     if not 0 <= press_depth_mm < geometry.gel_thickness_mm:
         raise ValueError(
             f"press depth {press_depth_mm} mm: it must lie between 0 and the gel's thickness, "
             f"{geometry.gel_thickness_mm} mm"
         )
-    size = object_height_mm.shape[0]
+    size = len(object_height_mm)
+    if object_height_mm.shape != (size, size) or not np.isfinite(object_height_mm).all():
+        raise ValueError(
+            f"object height of shape {object_height_mm.shape}: give (n, n) finite numbers, NO_OBJECT where nothing is"
+        )
     response = compliance(size, spacing_mm, geometry.gel_thickness_mm, geometry.poisson_ratio)
     rest_gap = -(object_height_mm + press_depth_mm)
     pressure = _contact_pressure(rest_gap, response, geometry.gel_thickness_mm, tolerance, max_iterations)

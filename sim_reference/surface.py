@@ -69,7 +69,9 @@ def press_object(
 def sample(deformation: Deformation, geometry: SensorGeometry, x_mm: float, y_mm: float) -> Surface:
     """Return the gel surface on the camera's pixels, with the object's centre at (x_mm, y_mm) from the image centre.
 
-    Beyond the object's grid, where the gel is at rest but for micrometres, depth and slopes are 0.
+    Beyond the object's grid depth and slopes are 0. The ball has left 1 um of depth there, the plates of the benchmark,
+    which displace more, up to 0.13 mm (BALLCAVE, 0.9 mm deep): 32 mm from the object's centre, so beyond the image
+    unless the object is pressed more than 13 mm off centre.
     """
     if not (np.isfinite(x_mm) and np.isfinite(y_mm)):
         raise ValueError(f"an object cannot be placed at ({x_mm}, {y_mm}) mm: give finite numbers")

@@ -84,6 +84,8 @@ class Manifest(BaseModel):
     """how many frames the reference image is the mean of"""
     noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     """standard deviation of one pixel of one frame, grey levels"""
+    follow_light: bool = False
+    """take the median over the view off every difference image, because the light of this sensor drifts"""
     network: FileName = "network.onnx"
     files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
     led: tuple[LedSetting, ...] = ()
@@ -177,6 +179,7 @@ def write_calibration(
     network: bytes,
     metrics: Mapping[str, Any],
     network_name: str = "network.onnx",
+    follow_light: bool = False,
     presses: Mapping[str, NDArray[Any]] | None = None,
     led: tuple[LedSetting, ...] = (),
     camera: Mapping[str, Control] | None = None,
@@ -185,7 +188,8 @@ def write_calibration(
 ) -> Calibration:
     """Write a bundle as a folder, whole or not at all, and return it as it will be loaded.
 
-    reference: (H, W, 3) RGB, grey levels 0 to 255. noise_grey: grey levels. pixel_size_mm: (x, y).
+    reference: (H, W, 3) RGB, grey levels 0 to 255. noise_grey: grey levels. pixel_size_mm: (x, y). follow_light: the
+    network was trained on difference images without `light_drift`.
     An existing bundle is replaced only with `overwrite`. Raises CalibrationError; then the folder is as before.
     """
     files = dict(extra_files or {})
@@ -204,6 +208,7 @@ def write_calibration(
         pixel_size_mm=pixel_size_mm,
         reference_frames=reference_frames,
         noise_grey=noise_grey,
+        follow_light=follow_light,
         network=network_name,
         files={name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())},
         led=led,

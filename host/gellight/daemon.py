@@ -40,7 +40,7 @@ class Daemon:
         self._delivered: Mailbox[TactileFrame] = Mailbox()
         self._stopping = threading.Event()
         self._error: str | None = None
-        jobs = [self._capture, self._reconstruct, *([self._check] if selfcheck else [])]
+        jobs = [self._capture, self._reconstruct, *([self._check_now_and_then] if selfcheck else [])]
         self._threads = [threading.Thread(target=job, name=job.__name__.strip("_"), daemon=True) for job in jobs]
 
     def __enter__(self) -> Self:
@@ -86,6 +86,13 @@ class Daemon:
             if frame.camera_frame.sequence > after_sequence:
                 return frame
 
+    def check(self, frame: TactileFrame) -> SelfCheckResult | None:
+        """Compare `frame` with the reference simulator now; None where the truth cannot be known."""
+        if self._selfcheck is None or frame.camera_frame.truth is None:
+            return None
+        self._selfcheck_result = self._selfcheck.compare(frame)
+        return self._selfcheck_result
+
     def status(self) -> dict[str, object]:
         """Counters, rates and the self-check, ready for JSON."""
         result = self._selfcheck_result
@@ -122,14 +129,12 @@ class Daemon:
             self._delivered.close(error)
             self._stopping.set()
 
-    def _check(self) -> None:
-        assert self._selfcheck is not None
+    def _check_now_and_then(self) -> None:
         number = 0
         while not self._stopping.wait(SELFCHECK_PERIOD_S):
             try:
                 number, frame = self._delivered.take(number, POLL_S)
-                if frame.camera_frame.truth is not None:
-                    self._selfcheck_result = self._selfcheck.compare(frame)
+                self.check(frame)
             except TimeoutError:
                 continue
             except Exception as error:

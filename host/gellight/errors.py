@@ -27,3 +27,7 @@ class ConfigError(GellightError):
 
 class ServerError(GellightError):
     """The dashboard cannot be served (for example: the port is in use)."""
+
+
+class BoardError(GellightError):
+    """The board of the light ring cannot be reached, speaks another protocol, or refuses what was asked."""

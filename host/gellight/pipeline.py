@@ -11,6 +11,7 @@ from gellight.contact import THRESHOLD_MM, find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame, TactileFrame
 from gellight.gelnet import SMOOTHING_PX, GradientNetwork
+from gellight.light_drift import light_drift
 from gellight.reconstruction import integrate, normals
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
@@ -62,6 +63,8 @@ class Reconstructor:
         self._check(camera_frame)
         watch = _Watch()
         difference = np.subtract(camera_frame.image, self._reference, dtype=np.float32)
+        if self.calibration.manifest.follow_light:
+            difference -= light_drift(difference)
         watch.lap("difference")
         touched = self._network.touched(difference)
         watch.lap("mask")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gellight.camera import read_image
 from gellight.errors import InputError
+from gellight.light_drift import light_drift
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
 Floats = NDArray[np.float32]
@@ -196,11 +197,16 @@ def contact_circle(press: Press, image_shape: tuple[int, int]) -> NDArray[np.boo
     return distance_px(press, image_shape) < press.contact_radius_px
 
 
-def build_table(presses: Sequence[Press], reference: Floats, ball: Ball, options: TableOptions) -> PressTable:
-    """Build the table of all presses; reference is the (H, W, 3) image of the untouched gel, grey levels."""
+def build_table(
+    presses: Sequence[Press], reference: Floats, ball: Ball, options: TableOptions, *, follow_light: bool = False
+) -> PressTable:
+    """Build the table of all presses; reference is the (H, W, 3) image of the untouched gel, grey levels.
+
+    With `follow_light` the drift of the light is taken off each difference image, as the frame path then does.
+    """
     shape = (reference.shape[0], reference.shape[1])
     random = np.random.default_rng(options.seed)
-    parts = [_press_rows(press, reference, ball, options, random) for press in presses]
+    parts = [_press_rows(press, reference, ball, options, follow_light, random) for press in presses]
     counts = [len(part) for part in parts]
     return PressTable(
         rows=np.concatenate(parts),
@@ -209,11 +215,24 @@ def build_table(presses: Sequence[Press], reference: Floats, ball: Ball, options
     )
 
 
+def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
+    """Return how far the light of the presses is from the reference's: root mean square over images and channels."""
+    drifts = [light_drift(read_image(press.image).astype(np.float32) - reference) for press in presses]
+    return float(np.sqrt(np.mean(np.square(drifts))))
+
+
 def _press_rows(
-    press: Press, reference: Floats, ball: Ball, options: TableOptions, random: np.random.Generator
+    press: Press,
+    reference: Floats,
+    ball: Ball,
+    options: TableOptions,
+    follow_light: bool,
+    random: np.random.Generator,
 ) -> Floats:
     shape = (reference.shape[0], reference.shape[1])
     difference = read_image(press.image).astype(np.float32) - reference
+    if follow_light:
+        difference -= light_drift(difference)
     distance = distance_px(press, shape)
     contact = np.flatnonzero(distance < press.contact_radius_px - options.inset_px)
     if not len(contact):

@@ -24,7 +24,11 @@ _EDGE_SECOND = (13 / 24, -1 / 24)
 _EDGE_FIRST = (9 / 24, 19 / 24, -5 / 24, 1 / 24)
 """The edge at a border, one-sided from the border inwards (Adams-Moulton). Exact to degree 3."""
 _ZERO_SAMPLES = 40_000
-_LEAST_AT_REST = 0.01
+_LEAST_AT_REST = 0.05
+_BULGE = 1.71
+"""Mean depth of a view that is touched all over, per bulge at its border. A soft layer keeps its volume, so what is
+pressed down in the view comes up around it. Fitted to 30 random presses of the simulated gel of the paper, where it
+lay between 1.5 and 2.1."""
 
 
 def integrate(
@@ -41,9 +45,9 @@ def integrate(
 
     Returns (H, W) depth in mm. Slopes leave the height of the whole surface open; what sets it is: the median over
     `at_rest` is 0. Without `at_rest` the median of the map is 0, which is the untouched gel while less than half of
-    the view is touched. With an `at_rest` of less than 1 % of the view the border of the view stands in,
-    which is wrong by as much as the gel is pressed or bulges there. The medians are over a regular subset of about
-    40 000 pixels.
+    the view is touched. With an `at_rest` of less than 5 % of the view nothing tells the height but the gel itself: it
+    keeps its volume, so what is pressed down in the view bulges up at its border, in a known proportion; on the
+    simulated gel that is right to some 0.02 mm. The medians are over a regular subset of about 40 000 pixels.
 
     Where the slope jumps between two samples, as at the rim of a hard cap on a plane, the rim is known to half a pixel
     only: caps 5, 10, 20 and 60 px across scatter by 7, 4, 1.4 and 0.3 % with their place between the pixels
@@ -177,5 +181,6 @@ def _rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None) -> np.floating
     resting = sample[at_rest[grid]]
     if resting.size >= _LEAST_AT_REST * sample.size:
         return np.median(resting)
-    border: np.floating = np.median(np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]]))
-    return border
+    border = np.median(np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]]))
+    level: np.floating = (sample.mean() + _BULGE * border) / (1 + _BULGE)
+    return level

@@ -21,7 +21,7 @@ from gellight.calibration import Calibration, write_calibration
 from gellight.camera import EndOfStream, open_camera
 from gellight.errors import InputError, TrainingError
 from gellight.evaluation import PressError, press_errors, summarised
-from gellight.presses import Ball, Press, PressTable, TableOptions, build_table
+from gellight.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
 
 Floats = NDArray[np.float32]
 Progress = Callable[[int, int, float], None]
@@ -31,7 +31,7 @@ _FOLD_SEED = 1
 RECIPES = ("fast", "paper")
 
 
-def _silent(epoch: int, epochs: int, loss: float) -> None:
+def silent(epoch: int, epochs: int, loss: float) -> None:
     """Report to nobody."""
 
 
@@ -86,28 +86,36 @@ def _noise_of_one(image: Floats) -> float:
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6))
 
 
-def train(table: PressTable, options: TrainingOptions, *, progress: Progress = _silent) -> tuple[bytes, dict[str, Any]]:
+def train(table: PressTable, options: TrainingOptions, *, progress: Progress = silent) -> tuple[bytes, dict[str, Any]]:
     """Train GelNet in a child process; returns the ONNX file and what training says of itself.
 
     Raises TrainingError with the child's own message. An interrupt ends the child as well.
     """
-    if importlib.util.find_spec("torch") is None:
-        raise TrainingError(f"training needs torch, which is not installed: {_REMEDY}")
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
         np.savez(place / "table.npz", **table.arrays())  # type: ignore[arg-type]
-        _run_child(_command(place, options), progress)
+        run_module("gelnet.train", _arguments(place, options), progress)
         record: dict[str, Any] = json.loads((place / "training.json").read_text())
         return (place / "network.onnx").read_bytes(), record
 
 
-def _command(place: Path, options: TrainingOptions) -> list[str]:
-    command = [sys.executable, "-m", "gelnet.train", "--table", str(place / "table.npz"), "--out", str(place)]
+def _arguments(place: Path, options: TrainingOptions) -> list[str]:
+    arguments = ["--table", str(place / "table.npz"), "--out", str(place)]
     for name in ("recipe", "width", "seed", "threads", "epochs"):
         value = getattr(options, name)
         if value is not None:
-            command += [f"--{name}", str(value)]
-    return command
+            arguments += [f"--{name}", str(value)]
+    return arguments
+
+
+def run_module(module: str, arguments: list[str], progress: Progress) -> None:
+    """Run a module of gelnet in a child process and hand its progress on.
+
+    Raises TrainingError with the child's last words unless it ends well. An interrupt ends the child as well.
+    """
+    if importlib.util.find_spec("torch") is None:
+        raise TrainingError(f"training needs torch, which is not installed: {_REMEDY}")
+    _run_child([sys.executable, "-m", module, *arguments], progress)
 
 
 def _run_child(command: list[str], progress: Progress) -> None:
@@ -136,7 +144,7 @@ def _last_words(words: str, status: int) -> str:
         return f"training cannot start ({last}): {_REMEDY}"
     if status < 0:
         return f"training was ended by signal {-status} ({last}): is there enough memory?"
-    return last.removeprefix("gelnet.train: ") if status == 2 else f"training failed with status {status}: {last}"
+    return last.split(": ", 1)[-1] if status == 2 else f"training failed with status {status}: {last}"
 
 
 def _environment() -> dict[str, str]:
@@ -157,15 +165,20 @@ def fit(
     sensor: str,
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
+    follow_light: bool | None = None,
     extra_metrics: dict[str, Any] | None = None,
     overwrite: bool = False,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Calibration:
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
+    follow_light: whether to take the drift of the light off each difference image; None: if the light of the presses
+    differs from the reference's by more than the noise of a pixel.
     Raises InputError, TrainingError or CalibrationError; then `out` is as it was.
     """
-    table = build_table(presses, reference.image, ball, table_options or TableOptions())
+    drift = drift_of_presses(presses, reference.image)
+    follow = drift > reference.noise_grey if follow_light is None else follow_light
+    table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
     network, record = train(table, options or TrainingOptions(), progress=progress)
     return write_calibration(
         out,
@@ -175,7 +188,13 @@ def fit(
         noise_grey=reference.noise_grey,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
         network=network,
-        metrics={"ball_radius_mm": ball.radius_mm, "training": record, **(extra_metrics or {})},
+        follow_light=follow,
+        metrics={
+            "ball_radius_mm": ball.radius_mm,
+            "light_drift_grey": drift,
+            "training": record,
+            **(extra_metrics or {}),
+        },
         presses=table.arrays(),
         overwrite=overwrite,
     )
@@ -189,7 +208,7 @@ def cross_validate(
     folds: int = 5,
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Train `folds` times without a part of the presses and evaluate each time on that part.
 

@@ -26,6 +26,12 @@ class Table:
     image_size: tuple[int, int]
     """(W, H) px"""
 
+    @property
+    def press_distance_px(self) -> float:
+        """Mean distance between neighbouring presses if they cover the image evenly, px."""
+        width, height = self.image_size
+        return float(np.sqrt(width * height / len(np.unique(self.image))))
+
     def chosen(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> "Table":
         """Return the table of the chosen rows."""
         return Table(rows=self.rows[mask], image=self.image[mask], image_size=self.image_size)

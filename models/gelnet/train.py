@@ -42,6 +42,9 @@ class Recipe:
     """more rows than that are thinned out at random"""
     warm_up: float
     """fraction of the steps in which the learning rate rises; then it falls as a cosine. 0: it stays as it is"""
+    place_jitter: float
+    """standard deviation of a random shift of each pixel's place, in mean distances between presses: light changes
+    slowly over the gel, and a few presses must not be taken for a map of it"""
     zero_based: bool
     """subtract the answer to an unchanged pixel at the same place, as the host does with every frame"""
 
@@ -57,6 +60,7 @@ RECIPES = {
         dropout=0.1,
         largest_table=10**9,
         warm_up=0,
+        place_jitter=0.0,
         zero_based=False,
     ),
     "fast": Recipe(
@@ -68,6 +72,7 @@ RECIPES = {
         dropout=0.0,
         largest_table=500_000,
         warm_up=0.05,
+        place_jitter=0.5,
         zero_based=True,
     ),
 }
@@ -86,6 +91,10 @@ class Training:
     epochs: int
     rows: int
     cpu_seconds: float
+
+
+_PLACE = torch.tensor([0.0, 0.0, 0.0, 1.0, 1.0])
+"""the two of the five inputs that say where a pixel is"""
 
 
 def train(
@@ -110,9 +119,11 @@ def train(
     batch = min(recipe.batch, len(pixels))
     rates = learning_rates(recipe, steps=epochs * math.ceil(len(pixels) / batch))
     losses: list[float] = []
+    jitter_px = recipe.place_jitter * table.press_distance_px
     network.train()
     for epoch in range(1, epochs + 1):
-        losses.append(_one_epoch(network, optimiser, rates, pixels, gradient, batch, recipe))
+        shifted = pixels + jitter_px * _PLACE * torch.randn_like(pixels) if jitter_px else pixels
+        losses.append(_one_epoch(network, optimiser, rates, shifted, gradient, batch, recipe))
         progress(epoch, epochs, losses[-1])
     network.eval()
     return Training(
@@ -166,7 +177,7 @@ def _one_epoch(
         optimiser.zero_grad()
         torch.autograd.backward(loss)
         optimiser.step()
-        total += float(loss) * len(seen)
+        total += float(loss.detach()) * len(seen)
     return total / len(pixels)
 
 
@@ -219,12 +230,21 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     recipe = RECIPES[options.recipe]
     if options.epochs:
         recipe = replace(recipe, epochs=options.epochs, least_visits=0)
-    trained = train(training, recipe, width=options.width, seed=options.seed, progress=_print_progress)
-    record = {
-        "recipe": options.recipe,
+    trained = train(training, recipe, width=options.width, seed=options.seed, progress=print_progress)
+    record = record_of(options.recipe, recipe, options.width, options.seed, trained, training, held_out)
+    write(trained.network, record, table, options.out)
+    return record
+
+
+def record_of(
+    name: str, recipe: Recipe, width: int, seed: int, trained: Training, training: Table, held_out: Table
+) -> dict[str, Any]:
+    """Return the content of training.json: how the network was trained, and its error on what was held out."""
+    return {
+        "recipe": name,
         **asdict(recipe),
-        "width": options.width,
-        "seed": options.seed,
+        "width": width,
+        "seed": seed,
         "epochs": trained.epochs,
         "rows": trained.rows,
         "images": len(np.unique(training.image)),
@@ -234,8 +254,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "held_out_normal_error_deg": normal_error_deg(trained.network, held_out),
         "torch": torch.__version__,
     }
-    write(trained.network, record, table, options.out)
-    return record
 
 
 def write(network: GelNet, record: dict[str, Any], table: Table, folder: Path) -> None:
@@ -252,7 +270,8 @@ def write(network: GelNet, record: dict[str, Any], table: Table, folder: Path) -
             (partial / name).replace(folder / name)
 
 
-def _print_progress(epoch: int, epochs: int, loss: float) -> None:
+def print_progress(epoch: int, epochs: int, loss: float) -> None:
+    """Say on stdout, as one line of JSON, how far training is."""
     print(json.dumps({"epoch": epoch, "epochs": epochs, "loss": loss}), flush=True)
 
 

@@ -49,8 +49,8 @@ def test_untouched_gel_is_exactly_flat(tmp_path: Path) -> None:
 
 
 def test_depth_is_zero_where_the_image_shows_no_touch_even_if_most_is_touched(tmp_path: Path) -> None:
-    cap = smooth_cap(SHAPE, 330, (0, 0), height=40)
-    assert (cap.depth > 0).mean() > 0.8
+    cap = smooth_cap(SHAPE, 290, (0, 0), height=40)
+    assert (cap.depth > 0).mean() > 0.7
     reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
     frame = reconstructor.reconstruct(photograph(cap.gradient_map, noise_grey=1.0))
     assert np.abs(frame.depth_mm - cap.depth * SIZE).max() < 0.04

@@ -16,10 +16,11 @@ class Subject(StrEnum):
 
     FRAMES = "frames"
     INTEGRATOR = "integrator"
+    PRESSES = "presses"
 
 
 def command(
-    subject: Annotated[Subject, typer.Argument(help="frames: time of each stage; integrator: depth scale.")] = (
+    subject: Annotated[Subject, typer.Argument(help="frames: time; integrator: depth scale; presses: accuracy.")] = (
         Subject.FRAMES
     ),
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
@@ -27,7 +28,10 @@ def command(
     threads: Annotated[int, typer.Option(min=1, help="Threads of the network, both ways.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Time the frame path against a plain run of its network, or measure the depth scale of the integrator."""
+    """Time the frame path against a plain run of its network, or measure depth scale or accuracy.
+
+    `presses` presses the 4 mm ball 1 mm deep at 20 random places of the simulated sensor, with noise of 1 grey level.
+    """
     from gellight import bench
 
     if subject is Subject.INTEGRATOR:
@@ -36,6 +40,14 @@ def command(
         return
     from gellight.calibration import load_calibration
 
+    if subject is Subject.PRESSES:
+        from dataclasses import asdict
+
+        from gellight.synthetic import evaluate_simulated
+
+        figures = asdict(evaluate_simulated(load_calibration(calibration)))
+        typer.echo(json.dumps(figures) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in figures.items()))
+        return
     times = bench.frame_times(load_calibration(calibration), rounds=rounds, threads=threads)
     typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
 

@@ -124,6 +124,25 @@ def crossvalidate(
     _print(result, as_json, _error_text)
 
 
+@app.command()
+def synthetic(
+    out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
+    width: Width = 32,
+    seed: Seed = 0,
+    threads: Threads = 1,
+    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    as_json: Json = False,
+) -> None:
+    """Make the bundle of the simulated sensor again, as it comes with GelLight."""
+    from gellight.synthetic import make_synthetic
+
+    if out.exists() and not overwrite:
+        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+    with _progress("training") as report:
+        calibration = make_synthetic(out, width=width, seed=seed, threads=threads, overwrite=overwrite, progress=report)
+    _print({"calibration": str(out), "metrics": calibration.metrics}, as_json, _synthetic_text)
+
+
 def _options(recipe: str, width: int, seed: int, epochs: int | None, threads: int) -> "TrainingOptions":
     from gellight.training import RECIPES, TrainingOptions
 
@@ -190,6 +209,12 @@ def _fit_text(result: dict[str, Any]) -> str:
     ]
     if "cross_validation" in metrics:
         lines.append(_error_text(metrics["cross_validation"]))
+    return "\n".join(lines)
+
+
+def _synthetic_text(result: dict[str, Any]) -> str:
+    lines = [f"wrote {result['calibration']}, measured on simulated presses it was not trained on:"]
+    lines += [f"{name:<28}{value:>10.4g}" for name, value in result["metrics"]["test"].items()]
     return "\n".join(lines)
 
 

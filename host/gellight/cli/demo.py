@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gellight.daemon import Daemon
     from gellight.frames import TactileFrame
 
@@ -45,19 +47,40 @@ def command(
 
 def watch(daemon: "Daemon", frames: int) -> dict[str, object]:
     """Follow the tactile frames until `frames` came (0: for ever); return the statistics of the run."""
-    sequence, count, deepest = 0, 0, 0.0
+    count, deepest = 0, 0.0
     started_s = time.monotonic()
-    while not frames or count < frames:
-        frame: TactileFrame = daemon.wait_frame(sequence, FRAME_TIMEOUT_S)
-        sequence = frame.camera_frame.sequence
-        deepest = max(deepest, frame.contact.indentation_mm)
+    for frame in followed(daemon):
         count += 1
+        deepest = max(deepest, frame.contact.indentation_mm)
+        if count == frames:
+            daemon.check(frame)  # a short run may end before the first check that runs beside it
+            break
     return {
         **daemon.status(),
         "frames": count,
         "fps": round(count / (time.monotonic() - started_s), 2),
         "indentation_mm": round(deepest, 4),
     }
+
+
+def followed(daemon: "Daemon") -> "Iterator[TactileFrame]":
+    """Yield every frame that is not overtaken, until the images of a folder are used up.
+
+    Raises CameraError when the camera falls silent.
+    """
+    from gellight.camera import EndOfStream
+    from gellight.errors import CameraError
+
+    sequence = -1
+    while True:
+        try:
+            frame = daemon.wait_frame(sequence, FRAME_TIMEOUT_S)
+        except EndOfStream:
+            return
+        except TimeoutError:
+            raise CameraError(f"no frame for {FRAME_TIMEOUT_S:g} s: check the camera and start again") from None
+        sequence = frame.camera_frame.sequence
+        yield frame
 
 
 def table(summary: dict[str, object]) -> str:

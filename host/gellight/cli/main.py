@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from gellight.cli import bench, calibrate, config, demo, optimize, reconstruct, selfcheck
+from gellight.cli import bench, calibrate, config, demo, firmware, optimize, reconstruct, ring, selfcheck, sim
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -28,6 +28,9 @@ app.add_typer(calibrate.app)
 app.command("bench")(bench.command)
 app.add_typer(config.app, name="config")
 app.add_typer(optimize.app, name="optimize")
+app.add_typer(ring.app)
+app.add_typer(firmware.app)
+app.command("sim")(sim.command)
 
 
 def run() -> None:

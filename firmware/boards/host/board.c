@@ -1,0 +1,274 @@
+#include "board.h"
+
+#include <stdlib.h>
+
+#include "bytes.h"
+
+#define TICK_US 10000u
+
+static uint64_t port_micros(void *context)
+{
+    return ((struct board *)context)->now_us;
+}
+
+static bool port_send(void *context, const uint8_t *bytes, size_t count)
+{
+    struct board *board = context;
+    if (board->deaf || count > BOARD_OUTPUT_BYTES - board->output_count)
+        return false;
+    bytes_copy(board->output + board->output_count, bytes, count);
+    board->output_count += (uint32_t)count;
+    return true;
+}
+
+static void begin(struct board *board, uint64_t start_us)
+{
+    board->on_trigger = false;
+    board->light.first_bit_us = start_us > board->now_us ? start_us : board->now_us;
+    board->light.latched_us = board->light.first_bit_us + WIRE_US + board->latch_us;
+}
+
+static void port_light(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us)
+{
+    struct board *board = context;
+    if (board->waiting)
+        abort(); /* the core broke its contract */
+    bytes_copy(board->light.wire, wire, COLOUR_BYTES);
+    board->latch_us = latch_us;
+    board->waiting = true;
+    board->on_trigger = start_us == PORT_ON_TRIGGER;
+    if (!board->on_trigger)
+        begin(board, start_us);
+}
+
+static bool port_light_cancel(void *context)
+{
+    struct board *board = context;
+    if (!board->waiting || (!board->on_trigger && board->light.first_bit_us <= board->now_us))
+        return false;
+    board->waiting = false;
+    return true;
+}
+
+static enum port_light port_light_result(void *context, uint64_t *first_bit_us, uint64_t *latched_us)
+{
+    struct board *board = context;
+    if (!board->waiting)
+        return PORT_LIGHT_NONE;
+    if (board->on_trigger || board->now_us < board->light.latched_us)
+        return PORT_LIGHT_WAITING;
+    board->waiting = false;
+    if (board->disturb) {
+        board->disturb--;
+        return PORT_LIGHT_DISTURBED;
+    }
+    *first_bit_us = board->light.first_bit_us;
+    *latched_us = board->light.latched_us;
+    board->lights[board->light_count++ % BOARD_LIGHTS] = board->light;
+    return PORT_LIGHT_LATCHED;
+}
+
+static void port_trigger(void *context, bool enabled, bool falling)
+{
+    struct board *board = context;
+    board->listening = enabled;
+    board->falling = falling;
+}
+
+static uint16_t port_start_of_frame(void *context, uint64_t *at_us)
+{
+    struct board *board = context;
+    *at_us = board->now_us / 1000u * 1000u;
+    return (uint16_t)(board->now_us / 1000u & 0x7ff);
+}
+
+static uint16_t port_temperature(void *context)
+{
+    (void)context;
+    return 876; /* 27 degrees: 0.706 V of 3.3 V, RP2040 data sheet 4.9.5 */
+}
+
+static void port_flash_read(void *context, uint32_t offset, void *to, size_t count)
+{
+    struct board *board = context;
+    if (offset > BOARD_FLASH_BYTES || count > BOARD_FLASH_BYTES - offset)
+        abort();
+    bytes_copy(to, board->flash + offset, count);
+}
+
+static bool powered(struct board *board)
+{
+    if (board->cut_after == 0)
+        board->powerless = true;
+    if (board->cut_after > 0)
+        board->cut_after--;
+    return !board->powerless;
+}
+
+static bool port_flash_erase(void *context, uint32_t sector)
+{
+    struct board *board = context;
+    if (sector >= PORT_SECTORS)
+        abort();
+    for (uint32_t i = 0; i < PORT_SECTOR_BYTES && powered(board); i++)
+        board->flash[sector * PORT_SECTOR_BYTES + i] = 0xff;
+    return !board->powerless;
+}
+
+static bool port_flash_program(void *context, uint32_t offset, const uint8_t *page)
+{
+    struct board *board = context;
+    if (offset % PORT_PAGE_BYTES || offset >= BOARD_FLASH_BYTES)
+        abort();
+    for (uint32_t i = 0; i < PORT_PAGE_BYTES && powered(board); i++)
+        board->flash[offset + i] &= page[i];
+    return !board->powerless;
+}
+
+static uint16_t port_selftest(void *context, uint16_t *tested, uint32_t *stack_free)
+{
+    (void)context;
+    *tested = CHECK_STORE;
+    *stack_free = 0;
+    return 0;
+}
+
+static void port_restart(void *context, bool bootloader)
+{
+    struct board *board = context;
+    board->restarted = true;
+    board->bootloader = bootloader;
+}
+
+static const struct port functions = {
+    .micros = port_micros,
+    .send = port_send,
+    .light = port_light,
+    .light_cancel = port_light_cancel,
+    .light_result = port_light_result,
+    .trigger = port_trigger,
+    .start_of_frame = port_start_of_frame,
+    .temperature = port_temperature,
+    .flash_read = port_flash_read,
+    .flash_erase = port_flash_erase,
+    .flash_program = port_flash_program,
+    .selftest = port_selftest,
+    .restart = port_restart,
+    .identity = {
+        .board = BOARD_KIND_HOST,
+        .unique_id = "virtual",
+        .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_USB_CLOCK | CAPABILITY_TEMPERATURE,
+    },
+};
+
+struct board *board_new(const uint8_t *flash)
+{
+    struct board *board = calloc(1, sizeof *board);
+    if (!board)
+        abort();
+    bytes_fill(board->flash, 0xff, BOARD_FLASH_BYTES);
+    if (flash)
+        bytes_copy(board->flash, flash, BOARD_FLASH_BYTES);
+    board->cut_after = -1;
+    board->port = functions;
+    board->port.context = board;
+    controller_start(&board->controller, &board->port);
+    return board;
+}
+
+void board_free(struct board *board)
+{
+    free(board);
+}
+
+void board_receive(struct board *board, const uint8_t *bytes, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        controller_receive(&board->controller, bytes[i]);
+    controller_poll(&board->controller);
+}
+
+/* The next instant at which the core may have something to do. */
+static uint64_t next_event(const struct board *board, uint64_t end_us)
+{
+    uint64_t next = end_us;
+    if (board->tick_us + TICK_US < next)
+        next = board->tick_us + TICK_US;
+    if (board->waiting && !board->on_trigger && board->light.latched_us < next)
+        next = board->light.latched_us;
+    return next > board->now_us ? next : board->now_us;
+}
+
+void board_advance(struct board *board, uint64_t duration_us)
+{
+    uint64_t end_us = board->now_us + duration_us;
+    do {
+        board->now_us = next_event(board, end_us);
+        if (board->now_us >= board->tick_us + TICK_US)
+            board->tick_us = board->now_us;
+        controller_poll(&board->controller);
+    } while (board->now_us < end_us);
+}
+
+void board_edge(struct board *board, bool falling)
+{
+    uint64_t start_us;
+    if (board->listening && falling == board->falling &&
+        trigger_edge(&board->controller.trigger, board->now_us, &start_us) && board->waiting)
+        begin(board, start_us);
+    controller_poll(&board->controller);
+}
+
+void board_link(struct board *board, bool open, uint32_t reason)
+{
+    controller_link(&board->controller, open, (enum dark)reason);
+    controller_poll(&board->controller);
+}
+
+uint32_t board_take_output(struct board *board, uint8_t *bytes, uint32_t room)
+{
+    uint32_t count = board->output_count < room ? board->output_count : room;
+    bytes_copy(bytes, board->output, count);
+    bytes_copy(board->output, board->output + count, board->output_count - count);
+    board->output_count -= count;
+    return count;
+}
+
+uint32_t board_light_count(const struct board *board)
+{
+    return board->light_count;
+}
+
+void board_light_at(const struct board *board, uint32_t index, struct board_light *light)
+{
+    *light = board->lights[index % BOARD_LIGHTS];
+}
+
+void board_flash(const struct board *board, uint8_t *flash)
+{
+    bytes_copy(flash, board->flash, BOARD_FLASH_BYTES);
+}
+
+void board_fault(struct board *board, bool deaf, uint32_t disturb, int32_t cut_after)
+{
+    board->deaf = deaf;
+    board->disturb = disturb;
+    board->cut_after = cut_after;
+}
+
+uint64_t board_now(const struct board *board)
+{
+    return board->now_us;
+}
+
+uint32_t board_flags(const struct board *board)
+{
+    return (controller_healthy(&board->controller) ? 1u : 0u) | (board->restarted ? 2u : 0u) |
+           (board->bootloader ? 4u : 0u);
+}
+
+uint32_t board_current_ua(const struct board *board)
+{
+    const uint8_t *wire = board->lights[(board->light_count - 1u) % BOARD_LIGHTS].wire;
+    return board->light_count ? ring_current_ua(&board->controller.limits, wire) : 0;
+}

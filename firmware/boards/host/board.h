@@ -1,0 +1,60 @@
+/*
+ * The core as a library for tests: a board with a virtual clock, an ideal ring of LEDs, and faults on demand.
+ * Nothing happens between two calls; board_advance() lets time pass.
+ */
+#ifndef GELLIGHT_BOARD_H
+#define GELLIGHT_BOARD_H
+
+#include "controller.h"
+
+#define BOARD_LIGHTS 4096u
+#define BOARD_OUTPUT_BYTES 65536u
+#define BOARD_FLASH_BYTES (PORT_SECTORS * PORT_SECTOR_BYTES)
+
+struct board_light {
+    uint64_t first_bit_us;
+    uint64_t latched_us;
+    uint8_t wire[COLOUR_BYTES];
+};
+
+struct board {
+    struct controller controller;
+    struct port port;
+    uint64_t now_us;
+    uint64_t tick_us;
+
+    struct board_light light; /* on its way */
+    bool waiting, on_trigger, begun, done;
+    uint16_t latch_us;
+
+    struct board_light lights[BOARD_LIGHTS];
+    uint32_t light_count;
+    uint8_t output[BOARD_OUTPUT_BYTES];
+    uint32_t output_count;
+    uint8_t flash[BOARD_FLASH_BYTES];
+
+    bool listening, falling;
+    bool restarted, bootloader;
+
+    bool deaf;              /* the host takes no more bytes */
+    uint32_t disturb;       /* so many of the next transfers break off */
+    int32_t cut_after;      /* power fails after so many bytes were programmed or erased; -1: never */
+    bool powerless;
+};
+
+struct board *board_new(const uint8_t *flash);
+void board_free(struct board *board);
+void board_receive(struct board *board, const uint8_t *bytes, uint32_t count);
+void board_advance(struct board *board, uint64_t duration_us);
+void board_edge(struct board *board, bool falling);
+void board_link(struct board *board, bool open, uint32_t reason);
+uint32_t board_take_output(struct board *board, uint8_t *bytes, uint32_t room);
+uint32_t board_light_count(const struct board *board);
+void board_light_at(const struct board *board, uint32_t index, struct board_light *light);
+void board_flash(const struct board *board, uint8_t *flash);
+void board_fault(struct board *board, bool deaf, uint32_t disturb, int32_t cut_after);
+uint64_t board_now(const struct board *board);
+uint32_t board_flags(const struct board *board); /* 1: healthy, 2: restarted, 4: into the boot loader */
+uint32_t board_current_ua(const struct board *board); /* of the last light, by the model of the configuration */
+
+#endif

@@ -1,0 +1,76 @@
+/* The parts of the RP2040 board and what they offer each other. */
+#ifndef GELLIGHT_RP2040_BOARD_H
+#define GELLIGHT_RP2040_BOARD_H
+
+#include "controller.h"
+
+#define LED_PIN 2u     /* data of LED 0, through a level shifter */
+#define TRIGGER_PIN 3u /* EXT mode: strobe or frame valid of a camera */
+
+struct image_header {
+    uint32_t magic;
+    uint32_t count;
+    uint32_t crc;
+};
+extern const struct image_header image_header;
+
+/* start.c */
+void vectors_install(void);
+
+/* clock.c */
+void clock_start(void);
+uint64_t clock_micros(void);
+uint16_t clock_temperature(void);
+void tick_interrupt(void);
+bool tick_passed(void); /* since it was asked last */
+
+/* watchdog.c */
+uint8_t watchdog_reset_reason(void);
+void watchdog_start(void);
+void watchdog_feed(void);
+void watchdog_pause(void); /* for the time of a flash operation */
+void watchdog_restart(uint8_t reason);
+void fault(void);
+
+/* light.c */
+void light_start(void);
+void light_show(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);
+bool light_cancel(void *context);
+enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *latched_us);
+bool light_path_intact(void);
+void light_force_dark(void);
+void light_listen(void *context, bool enabled, bool falling);
+void light_interrupt(void);
+void trigger_interrupt(void);
+extern struct trigger *light_trigger;
+
+/* usb.c */
+void usb_start(const uint8_t unique_id[8]);
+bool usb_send(void *context, const uint8_t *bytes, size_t count);
+uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
+size_t usb_receive(uint8_t *bytes, size_t room);
+void usb_interrupt(void);
+
+/* What happened on the bus since it was asked last. */
+enum usb_event {
+    USB_NOTHING,
+    USB_OPENED,
+    USB_CLOSED,
+    USB_SUSPENDED,
+    USB_BOOTLOADER,
+    USB_RESTART,
+};
+enum usb_event usb_event(void);
+
+/* usb_descriptors.c */
+const uint8_t *usb_descriptor(uint8_t type, uint8_t index, uint16_t *count);
+void usb_serial_number(const uint8_t unique_id[8]);
+
+/* flash.c */
+void flash_unique_id(uint8_t unique_id[8]);
+void flash_read(void *context, uint32_t offset, void *to, size_t count);
+bool flash_erase(void *context, uint32_t sector);
+bool flash_program(void *context, uint32_t offset, const uint8_t *page);
+void flash_bootloader(void);
+
+#endif

@@ -1,0 +1,127 @@
+/* The registers of the RP2040 that this firmware uses, by the names of its data sheet (build 2024-10-15). */
+#ifndef GELLIGHT_REGISTERS_H
+#define GELLIGHT_REGISTERS_H
+
+#include <stdint.h>
+
+#define REGISTER(address) (*(volatile uint32_t *)(address))
+/* Every peripheral register has aliases that set or clear single bits in one access (2.1.2). */
+#define SET_BITS(address) REGISTER((address) + 0x2000u)
+#define CLEAR_BITS(address) REGISTER((address) + 0x3000u)
+
+#define SSI_BASE 0x18000000u
+#define SSI_CTRLR0 (SSI_BASE + 0x00u)
+#define SSI_SSIENR (SSI_BASE + 0x08u)
+#define SSI_SER (SSI_BASE + 0x10u)
+#define SSI_BAUDR (SSI_BASE + 0x14u)
+#define SSI_SR (SSI_BASE + 0x28u)
+#define SSI_DR0 (SSI_BASE + 0x60u)
+
+#define CLK_REF_CTRL 0x40008030u
+#define CLK_REF_SELECTED 0x40008038u
+#define CLK_SYS_CTRL 0x4000803cu
+#define CLK_SYS_SELECTED 0x40008044u
+#define CLK_PERI_CTRL 0x40008048u
+#define CLK_USB_CTRL 0x40008054u
+#define CLK_ADC_CTRL 0x40008060u
+#define CLK_SYS_RESUS_CTRL 0x40008078u
+
+#define RESETS_RESET 0x4000c000u
+#define RESETS_DONE 0x4000c008u
+#define RESET_ADC (1u << 0)
+#define RESET_DMA (1u << 2)
+#define RESET_IO_BANK0 (1u << 5)
+#define RESET_PADS_BANK0 (1u << 8)
+#define RESET_PIO0 (1u << 10)
+#define RESET_PLL_USB (1u << 13)
+#define RESET_TIMER (1u << 21)
+#define RESET_USBCTRL (1u << 24)
+
+#define IO_BANK0_CTRL(pin) (0x40014004u + 8u * (pin))
+#define IO_BANK0_INTR0 0x400140f0u
+#define IO_BANK0_PROC0_INTE0 0x40014100u
+#define IO_QSPI_SS_CTRL 0x4001800cu
+#define PADS_BANK0(pin) (0x4001c004u + 4u * (pin))
+
+#define XOSC_CTRL 0x40024000u
+#define XOSC_STATUS 0x40024004u
+#define XOSC_STARTUP 0x4002400cu
+#define PLL_USB_CS 0x4002c000u
+#define PLL_USB_PWR 0x4002c004u
+#define PLL_USB_FBDIV 0x4002c008u
+#define PLL_USB_PRIM 0x4002c00cu
+
+#define ADC_CS 0x4004c000u
+#define ADC_RESULT 0x4004c004u
+
+#define TIMER_ALARM(n) (0x40054010u + 4u * (n))
+#define TIMER_ARMED 0x40054020u
+#define TIMER_TIMERAWH 0x40054024u
+#define TIMER_TIMERAWL 0x40054028u
+#define TIMER_INTR 0x40054034u
+#define TIMER_INTE 0x40054038u
+
+#define WATCHDOG_CTRL 0x40058000u
+#define WATCHDOG_LOAD 0x40058004u
+#define WATCHDOG_REASON 0x40058008u
+#define WATCHDOG_SCRATCH0 0x4005800cu
+#define WATCHDOG_TICK 0x4005802cu
+#define PSM_WDSEL 0x40010008u
+
+#define DMA_READ_ADDR 0x50000000u
+#define DMA_WRITE_ADDR 0x50000004u
+#define DMA_TRANS_COUNT 0x50000008u
+#define DMA_CTRL_TRIG 0x5000000cu
+#define DMA_AL1_CTRL 0x50000010u
+#define DMA_MULTI_CHAN_TRIGGER 0x50000430u
+#define DMA_CHAN_ABORT 0x50000444u
+
+#define USB_DPRAM 0x50100000u
+#define USB_BASE 0x50110000u
+#define USB_ADDR_ENDP (USB_BASE + 0x00u)
+#define USB_MAIN_CTRL (USB_BASE + 0x40u)
+#define USB_SOF_RD (USB_BASE + 0x48u)
+#define USB_SIE_CTRL (USB_BASE + 0x4cu)
+#define USB_SIE_STATUS (USB_BASE + 0x50u)
+#define USB_BUFF_STATUS (USB_BASE + 0x58u)
+#define USB_EP_STALL_ARM (USB_BASE + 0x68u)
+#define USB_MUXING (USB_BASE + 0x74u)
+#define USB_PWR (USB_BASE + 0x78u)
+#define USB_INTE (USB_BASE + 0x90u)
+#define USB_INTS (USB_BASE + 0x98u)
+
+#define PIO0_CTRL 0x50200000u
+#define PIO0_FSTAT 0x50200004u
+#define PIO0_TXF0 0x50200010u
+#define PIO0_INSTR_MEM(n) (0x50200048u + 4u * (n))
+#define PIO0_SM0_CLKDIV 0x502000c8u
+#define PIO0_SM0_EXECCTRL 0x502000ccu
+#define PIO0_SM0_SHIFTCTRL 0x502000d0u
+#define PIO0_SM0_INSTR 0x502000d8u
+#define PIO0_SM0_PINCTRL 0x502000dcu
+
+#define NVIC_ISER 0xe000e100u
+#define NVIC_ICER 0xe000e180u
+#define NVIC_IPR(n) (0xe000e400u + 4u * (n))
+#define SCB_VTOR 0xe000ed08u
+
+/* The interrupts, by their numbers. */
+#define IRQ_TIMER_0 0u
+#define IRQ_TIMER_1 1u
+#define IRQ_USB 5u
+#define IRQ_IO_BANK0 13u
+
+/* Interrupts off, returning what they were; for the few instructions that must not be split. */
+static inline uint32_t interrupts_off(void)
+{
+    uint32_t before;
+    __asm volatile("mrs %0, primask\n cpsid i" : "=r"(before)::"memory");
+    return before;
+}
+
+static inline void interrupts_restore(uint32_t before)
+{
+    __asm volatile("msr primask, %0" ::"r"(before) : "memory");
+}
+
+#endif

@@ -1,0 +1,51 @@
+/* The hardware watchdog, restarts, and what happens when the processor runs into a fault. */
+#include "board.h"
+#include "registers.h"
+
+#define TIMEOUT_US 100000u
+#define REASON_MAGIC 0x52450000u
+#define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu
+
+uint8_t watchdog_reset_reason(void)
+{
+    uint32_t note = REGISTER(WATCHDOG_SCRATCH0), reason = REGISTER(WATCHDOG_REASON);
+    REGISTER(WATCHDOG_SCRATCH0) = 0;
+    if ((note & 0xffff0000u) == REASON_MAGIC)
+        return (uint8_t)note;
+    return reason ? RESET_REASON_WATCHDOG : RESET_REASON_POWER;
+}
+
+void watchdog_start(void)
+{
+    REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
+    watchdog_feed();
+    SET_BITS(WATCHDOG_CTRL) = 1u << 30;
+}
+
+/* The counter falls twice a microsecond (RP2040-E1). */
+void watchdog_feed(void)
+{
+    REGISTER(WATCHDOG_LOAD) = 2u * TIMEOUT_US;
+}
+
+/* An erase takes up to 400 ms, by the data sheets of the usual flash chips; 24 bits last 8.3 s. */
+void watchdog_pause(void)
+{
+    REGISTER(WATCHDOG_LOAD) = 0xffffffu;
+}
+
+void watchdog_restart(uint8_t reason)
+{
+    REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
+    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | reason;
+    SET_BITS(WATCHDOG_CTRL) = 1u << 31;
+    for (;;)
+        ;
+}
+
+void fault(void)
+{
+    interrupts_off();
+    light_force_dark();
+    watchdog_restart(RESET_REASON_FAULT);
+}

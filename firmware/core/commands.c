@@ -1,0 +1,231 @@
+#include "commands.h"
+
+#include "bytes.h"
+#include "version.h"
+
+typedef enum status handler(struct call *call);
+
+struct entry {
+    uint8_t code;
+    uint8_t request_bytes;
+    uint8_t reply_bytes;
+    handler *handle;
+};
+
+struct RECORD reply_head {
+    uint8_t status;
+    uint32_t value;
+};
+
+enum status handle_hello(struct call *call)
+{
+    const struct port_identity *identity = &call->controller->port->identity;
+    struct hello_reply *reply = call->reply;
+    reply->protocol_major = PROTOCOL_MAJOR;
+    reply->protocol_minor = PROTOCOL_MINOR;
+    reply->schema_crc = SCHEMA_CRC;
+    reply->firmware_major = FIRMWARE_MAJOR;
+    reply->firmware_minor = FIRMWARE_MINOR;
+    reply->firmware_patch = FIRMWARE_PATCH;
+    reply->board = identity->board;
+    reply->reset_reason = identity->reset_reason;
+    bytes_copy(reply->unique_id, identity->unique_id, sizeof reply->unique_id);
+    reply->capabilities = identity->capabilities;
+    reply->led_count = LED_COUNT;
+    reply->group_count = GROUP_COUNT;
+    reply->step_count = STEP_COUNT;
+    reply->packet_bytes = PACKET_BYTES;
+    reply->tick_hz = TICK_HZ;
+    reply->image_crc = identity->image_crc;
+    return STATUS_OK;
+}
+
+enum status handle_clock(struct call *call)
+{
+    const struct controller *controller = call->controller;
+    const struct port *port = controller->port;
+    const struct clock_request *request = call->request;
+    struct clock_reply *reply = call->reply;
+    uint64_t sof_us;
+    reply->host_us = request->host_us;
+    reply->received_us = controller->packet_us;
+    reply->sof_number = port->start_of_frame(port->context, &sof_us);
+    reply->sof_us = sof_us;
+    reply->sent_us = port->micros(port->context);
+    return STATUS_OK;
+}
+
+enum status handle_set_limits(struct call *call)
+{
+    struct controller *controller = call->controller;
+    const struct set_limits *request = call->request;
+    uint32_t cap_ma = controller->config.current.external_supply ? CURRENT_CAP_EXTERNAL_MA : CURRENT_CAP_MA;
+    if (running(call))
+        return STATUS_BUSY;
+    if (outside(call, request->limit_ma, 100, cap_ma) || outside(call, request->policy, 0, POLICY_SCALE))
+        return STATUS_OUT_OF_RANGE;
+    controller->limits.limit_ma = request->limit_ma;
+    controller->limits.policy = request->policy;
+    if (controller->shown_ma > request->limit_ma)
+        controller_go_dark(controller, DARK_COMMAND);
+    return STATUS_OK;
+}
+
+void controller_status(const struct controller *controller, struct status_reply *status)
+{
+    const struct port *port = controller->port;
+    *status = (struct status_reply){
+        .time_us = port->micros(port->context),
+        .light_id = controller->shown_id,
+        .config_saves = controller->config.saves,
+        .current_ma = controller->shown_ma,
+        .limit_ma = controller->limits.limit_ma,
+        .temperature = port->temperature(port->context),
+        .repetition = controller->shown.repetition,
+        .loop = controller->shown.loop,
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .state = controller->sequencer.running ? STATE_RUNNING : STATE_STILL,
+        .dark = controller->dark,
+        .policy = controller->limits.policy,
+        .mode = controller->sequencer.mode,
+        .step = controller->shown.step,
+    };
+}
+
+enum status handle_status(struct call *call)
+{
+    controller_status(call->controller, call->reply);
+    return STATUS_OK;
+}
+
+enum status handle_counters(struct call *call)
+{
+    struct controller *controller = call->controller;
+    controller->counters.triggers = controller->trigger.count;
+    controller->counters.triggers_missed = controller->trigger.missed;
+    controller->counters.flash_retries = controller->config.retries;
+    bytes_copy(call->reply, &controller->counters, sizeof controller->counters);
+    return STATUS_OK;
+}
+
+enum status handle_telemetry(struct call *call)
+{
+    const struct telemetry *request = call->request;
+    call->controller->telemetry_ms = request->period_ms;
+    return STATUS_OK;
+}
+
+enum status handle_get_config(struct call *call)
+{
+    bytes_copy(call->reply, &call->controller->config.current, sizeof(struct configuration));
+    return STATUS_OK;
+}
+
+enum status handle_set_config(struct call *call)
+{
+    struct controller *controller = call->controller;
+    const struct configuration *request = call->request;
+    if (!quiet(controller))
+        return STATUS_BUSY;
+    if (!config_valid(request, &call->value))
+        return STATUS_OUT_OF_RANGE;
+    controller->config.current = *request;
+    controller_apply_config(controller);
+    return STATUS_OK;
+}
+
+enum status handle_save_config(struct call *call)
+{
+    struct controller *controller = call->controller;
+    if (!quiet(controller))
+        return STATUS_BUSY;
+    return config_save(&controller->config, controller->port) ? STATUS_OK : STATUS_FLASH_FAILED;
+}
+
+enum status handle_factory(struct call *call)
+{
+    struct controller *controller = call->controller;
+    if (!quiet(controller))
+        return STATUS_BUSY;
+    config_factory(&controller->config);
+    controller_apply_config(controller);
+    return STATUS_OK;
+}
+
+static enum status restart(struct call *call, uint32_t expected, bool bootloader)
+{
+    struct controller *controller = call->controller;
+    const struct magic *request = call->request;
+    if (request->magic != expected)
+        return refuse(call, STATUS_BAD_MAGIC, request->magic);
+    controller_restart(controller, bootloader);
+    return STATUS_OK;
+}
+
+enum status handle_reset(struct call *call)
+{
+    return restart(call, RESET_MAGIC, false);
+}
+
+enum status handle_bootloader(struct call *call)
+{
+    return restart(call, BOOTLOADER_MAGIC, true);
+}
+
+enum status handle_selftest(struct call *call)
+{
+    const struct controller *controller = call->controller;
+    const struct port *port = controller->port;
+    struct self_test_reply *reply = call->reply;
+    uint16_t tested = 0;
+    uint32_t stack_free = 0;
+    if (!quiet(controller))
+        return STATUS_BUSY;
+    reply->failed = port->selftest(port->context, &tested, &stack_free);
+    reply->tested = tested;
+    reply->stack_free = stack_free;
+    reply->image_crc = port->identity.image_crc;
+    return STATUS_OK;
+}
+
+#define ENTRY(NAME, name, request, reply) {COMMAND_##NAME, request, reply, handle_##name},
+static const struct entry entries[] = {COMMANDS(ENTRY)};
+
+static const struct entry *find(uint8_t code)
+{
+    for (size_t i = 0; i < sizeof entries / sizeof *entries; i++)
+        if (entries[i].code == code)
+            return &entries[i];
+    return NULL;
+}
+
+static enum status execute(struct call *call, const struct packet *request, struct packet *reply)
+{
+    const struct entry *entry = find(request->type);
+    struct counters_reply *counters = &call->controller->counters;
+    if (!entry) {
+        counters->unknown_command++;
+        return refuse(call, STATUS_UNKNOWN_COMMAND, request->type);
+    }
+    if (request->count != entry->request_bytes) {
+        counters->bad_length++;
+        return refuse(call, STATUS_BAD_LENGTH, request->count);
+    }
+    enum status status = entry->handle(call);
+    if (status == STATUS_OK)
+        reply->count = (uint8_t)(reply->count + entry->reply_bytes);
+    else
+        counters->refused++;
+    return status;
+}
+
+void controller_execute(struct controller *controller, const struct packet *request, struct packet *reply)
+{
+    struct reply_head *head = (struct reply_head *)reply->payload;
+    struct call call = {.controller = controller, .request = request->payload, .reply = reply->payload + sizeof *head};
+    reply->type = (uint8_t)(request->type | REPLY);
+    reply->sequence = request->sequence;
+    reply->count = sizeof *head;
+    head->status = (uint8_t)execute(&call, request, reply);
+    head->value = head->status == STATUS_OK ? 0 : call.value;
+}

@@ -1,0 +1,346 @@
+#include "controller.h"
+
+#include "bytes.h"
+
+#define OVERDUE_US 20000u      /* a light that was due so long ago will never come */
+#define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
+
+static uint64_t now_us(const struct controller *controller)
+{
+    return controller->port->micros(controller->port->context);
+}
+
+static void send_event(struct controller *controller, enum event type, const void *record, uint8_t count)
+{
+    struct packet packet = {.type = (uint8_t)type, .sequence = controller->event_sequence++, .count = count};
+    uint8_t wire[PACKET_WIRE_BYTES];
+    if (!controller->open)
+        return;
+    bytes_copy(packet.payload, record, count);
+    if (!controller->port->send(controller->port->context, wire, packet_encode(&packet, wire)))
+        controller->counters.events_dropped++;
+}
+
+static void report_light(struct controller *controller, uint64_t first_bit_us, uint64_t latched_us)
+{
+    const struct port *port = controller->port;
+    struct light_event event = {
+        .first_bit_us = first_bit_us,
+        .latched_us = latched_us,
+        .light_id = controller->shown_id,
+        .repetition = controller->shown.repetition,
+        .loop = controller->shown.loop,
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .step = controller->shown.step,
+        .group = controller->shown.group,
+    };
+    uint64_t sof_us;
+    event.sof_number = port->start_of_frame(port->context, &sof_us);
+    event.sof_us = sof_us;
+    send_event(controller, EVENT_LIGHT, &event, sizeof event);
+}
+
+static void report_dark(struct controller *controller)
+{
+    struct dark_event event = {
+        .time_us = now_us(controller),
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .dark = controller->dark,
+    };
+    send_event(controller, EVENT_DARK, &event, sizeof event);
+}
+
+/* ---- the slot: one light at a time on its way to the LEDs ---- */
+
+static void hand_over(struct controller *controller)
+{
+    const struct port *port = controller->port;
+    struct controller_slot *slot = &controller->slot;
+    if (!slot->start_us)
+        slot->start_us = now_us(controller);
+    port->light(port->context, slot->wire, slot->start_us, controller->config.current.latch_us);
+}
+
+/* The last gate before the LEDs: whatever came before, nothing above the limit passes. */
+static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYTES])
+{
+    struct controller_slot *slot = &controller->slot;
+    uint8_t limited[COLOUR_BYTES];
+    uint16_t scale;
+    bytes_copy(limited, colours, COLOUR_BYTES);
+    if (!ring_limit(&controller->limits, limited, &scale))
+        return false;
+    ring_wire_order(limited, slot->wire);
+    slot->current_ma = ring_current_ma(&controller->limits, limited);
+    slot->shines = ring_current_ua(&controller->limits, limited) > LED_COUNT * controller->limits.quiescent_ua;
+    slot->busy = true;
+    return true;
+}
+
+static void withdraw(struct controller *controller)
+{
+    const struct port *port = controller->port;
+    controller->trigger.armed = false;
+    if (controller->slot.busy && port->light_cancel(port->context))
+        controller->slot.busy = false;
+}
+
+void controller_end_sequence(struct controller *controller)
+{
+    sequencer_stop(&controller->sequencer);
+    controller->sequencer.lit = false;
+    controller->port->trigger(controller->port->context, false, false);
+    withdraw(controller);
+}
+
+void controller_show(struct controller *controller, const uint8_t colours[COLOUR_BYTES])
+{
+    bytes_copy(controller->still, colours, COLOUR_BYTES);
+    controller->still_wanted = true;
+    controller->still_id = ++controller->next_id;
+}
+
+void controller_go_dark(struct controller *controller, enum dark reason)
+{
+    static const uint8_t black[COLOUR_BYTES];
+    controller_end_sequence(controller);
+    controller_show(controller, black);
+    controller->dark = (uint8_t)reason;
+}
+
+static void darken(struct controller *controller, enum dark reason)
+{
+    controller_go_dark(controller, reason);
+    controller->counters.dark_faults++;
+    report_dark(controller);
+}
+
+static void finish_light(struct controller *controller)
+{
+    const struct port *port = controller->port;
+    struct controller_slot *slot = &controller->slot;
+    uint64_t first_bit_us = 0, latched_us = 0;
+    enum port_light result = slot->busy ? port->light_result(port->context, &first_bit_us, &latched_us) : PORT_LIGHT_NONE;
+    if (result == PORT_LIGHT_DISTURBED) {
+        controller->counters.lights_disturbed++;
+        slot->start_us = 0;
+        hand_over(controller);
+    }
+    if (result != PORT_LIGHT_LATCHED)
+        return;
+    slot->busy = false;
+    controller->counters.lights++;
+    controller->shown = slot->at;
+    controller->shown_id = slot->light_id;
+    controller->shown_ma = slot->current_ma;
+    controller->shown_shines = slot->shines;
+    if (slot->shines)
+        controller->dark = DARK_NOT_DARK;
+    if (slot->began && controller->sequencer.running)
+        sequencer_began(&controller->sequencer, first_bit_us);
+    if (!controller->sequencer.running)
+        port->trigger(port->context, false, false);
+    report_light(controller, first_bit_us, latched_us);
+}
+
+static void plan_still(struct controller *controller)
+{
+    struct controller_slot *slot = &controller->slot;
+    controller->still_wanted = false;
+    if (!load(controller, controller->still)) {
+        darken(controller, DARK_FAULT);
+        return;
+    }
+    slot->at = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
+    slot->light_id = controller->still_id;
+    slot->start_us = 0;
+    slot->began = false;
+    hand_over(controller);
+}
+
+static void plan_sequence(struct controller *controller)
+{
+    static const uint8_t black[COLOUR_BYTES];
+    struct sequencer *sequencer = &controller->sequencer;
+    struct controller_slot *slot = &controller->slot;
+    struct sequencer_plan plan;
+    bool asked = sequencer->stepped;
+    enum sequencer_next next = sequencer_next(sequencer, &plan);
+    if (next == SEQUENCER_WAIT)
+        return;
+    if (next == SEQUENCER_END)
+        controller->dark = DARK_SEQUENCE_ENDED;
+    if (!load(controller, next == SEQUENCER_LIT ? sequencer->active.groups[plan.at.group] : black)) {
+        darken(controller, DARK_FAULT);
+        return;
+    }
+    slot->at = plan.at;
+    slot->light_id = asked && !sequencer->stepped ? controller->step_id : ++controller->next_id;
+    slot->start_us = plan.start_us;
+    slot->began = next == SEQUENCER_LIT;
+    if (plan.start_us && plan.start_us < now_us(controller))
+        controller->counters.late_steps++;
+    hand_over(controller);
+    controller->trigger.armed = plan.start_us == PORT_ON_TRIGGER;
+}
+
+/* ---- what is watched ---- */
+
+static void watch_host(struct controller *controller)
+{
+    uint64_t silent_us = now_us(controller) - controller->packet_us;
+    bool lit = controller->shown_shines || controller->sequencer.running;
+    if (!lit || controller->silent || silent_us <= controller->config.current.host_timeout_ms * 1000u)
+        return;
+    controller->silent = true;
+    darken(controller, DARK_HOST_SILENT);
+}
+
+/* Without a trigger the ring is dark, but the sequence goes on: the next edge lights its step. */
+static void watch_trigger(struct controller *controller)
+{
+    static const uint8_t black[COLOUR_BYTES];
+    struct trigger *trigger = &controller->trigger;
+    if (!controller->sync.timeout_us || !trigger->armed || !controller->shown_shines)
+        return;
+    if ((uint32_t)now_us(controller) - trigger->last_us <= controller->sync.timeout_us)
+        return;
+    withdraw(controller);
+    if (controller->slot.busy)
+        return;
+    controller->counters.trigger_timeouts++;
+    controller_show(controller, black);
+    controller->dark = DARK_TRIGGER_MISSED;
+    report_dark(controller);
+}
+
+static void report_telemetry(struct controller *controller)
+{
+    struct status_reply status;
+    uint64_t now = now_us(controller);
+    if (!controller->telemetry_ms || now - controller->reported_us < controller->telemetry_ms * 1000u)
+        return;
+    controller->reported_us = now;
+    controller_status(controller, &status);
+    send_event(controller, EVENT_TELEMETRY, &status, sizeof status);
+}
+
+static void watch_restart(struct controller *controller)
+{
+    const struct port *port = controller->port;
+    if (controller->restart_us && now_us(controller) - controller->restart_us > RESTART_DELAY_US)
+        port->restart(port->context, controller->restart_bootloader);
+}
+
+bool controller_healthy(const struct controller *controller)
+{
+    const struct controller_slot *slot = &controller->slot;
+    if (!slot->busy || slot->start_us == PORT_ON_TRIGGER)
+        return true;
+    return now_us(controller) < slot->start_us + OVERDUE_US;
+}
+
+/* ---- what the board calls ---- */
+
+void controller_apply_config(struct controller *controller)
+{
+    const struct configuration *configuration = &controller->config.current;
+    controller->limits.limit_ma = configuration->limit_ma;
+    controller->limits.quiescent_ua = configuration->quiescent_ua;
+    controller->limits.channel_ua = configuration->channel_ua;
+    controller->limits.policy = configuration->policy;
+}
+
+void controller_start(struct controller *controller, const struct port *port)
+{
+    bytes_fill(controller, 0, sizeof *controller);
+    controller->port = port;
+    controller->sync.divider = 1;
+    controller->trigger.divider = 1;
+    controller->shown = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
+    config_load(&controller->config, port);
+    controller_apply_config(controller);
+    controller_go_dark(controller, DARK_BOOT);
+    controller_poll(controller);
+}
+
+void controller_poll(struct controller *controller)
+{
+    finish_light(controller);
+    watch_host(controller);
+    watch_trigger(controller);
+    if (!controller->slot.busy && controller->still_wanted)
+        plan_still(controller);
+    else if (!controller->slot.busy && controller->sequencer.running)
+        plan_sequence(controller);
+    report_telemetry(controller);
+    watch_restart(controller);
+}
+
+void controller_link(struct controller *controller, bool open, enum dark reason)
+{
+    packet_reset(&controller->receiver);
+    controller->request_kept = false;
+    controller->telemetry_ms = 0;
+    controller->open = open;
+    controller->packet_us = now_us(controller);
+    if (!open) {
+        controller_go_dark(controller, reason);
+        controller->counters.dark_faults++;
+    }
+}
+
+void controller_restart(struct controller *controller, bool bootloader)
+{
+    controller_go_dark(controller, DARK_COMMAND);
+    controller->restart_us = now_us(controller);
+    controller->restart_bootloader = bootloader;
+}
+
+static bool repeats(const struct controller *controller, const struct packet *request)
+{
+    const struct packet *kept = &controller->request;
+    return controller->request_kept && request->type != COMMAND_HELLO && request->type == kept->type &&
+           request->sequence == kept->sequence && request->count == kept->count &&
+           bytes_equal(request->payload, kept->payload, kept->count);
+}
+
+static void answer(struct controller *controller, const struct packet *request)
+{
+    const struct port *port = controller->port;
+    struct packet reply;
+    controller->packet_us = now_us(controller);
+    controller->silent = false;
+    controller->counters.packets++;
+    if (repeats(controller, request)) {
+        controller->counters.repeated++;
+    } else {
+        controller_execute(controller, request, &reply);
+        controller->reply_count = packet_encode(&reply, controller->reply);
+        controller->request = *request;
+        controller->request_kept = true;
+    }
+    if (!port->send(port->context, controller->reply, controller->reply_count))
+        controller->counters.replies_dropped++;
+}
+
+void controller_receive(struct controller *controller, uint8_t byte)
+{
+    struct packet request;
+    switch (packet_receive(&controller->receiver, byte, &request)) {
+    case PACKET_NONE:
+        break;
+    case PACKET_COMPLETE:
+        answer(controller, &request);
+        break;
+    case PACKET_BAD_FRAMING:
+        controller->counters.bad_framing++;
+        break;
+    case PACKET_BAD_CRC:
+        controller->counters.bad_crc++;
+        break;
+    case PACKET_OVERSIZE:
+        controller->counters.oversize++;
+        break;
+    }
+}

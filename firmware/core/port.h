@@ -1,0 +1,71 @@
+/*
+ * The only road from the core to the hardware. A board fills in this struct; the core calls nothing else.
+ *
+ * Times are microseconds since the start of the board. All functions are called from one context (the main loop);
+ * the board may transfer a light from its interrupts.
+ */
+#ifndef GELLIGHT_PORT_H
+#define GELLIGHT_PORT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* start_us of a light that waits for the trigger instead of a time */
+#define PORT_ON_TRIGGER UINT64_MAX
+
+/* flash of the configuration: two sectors that erase to 0xff, written in pages */
+#define PORT_SECTORS 2u
+#define PORT_SECTOR_BYTES 4096u
+#define PORT_PAGE_BYTES 256u
+
+enum port_light {
+    PORT_LIGHT_NONE,      /* no transfer since the last result was read */
+    PORT_LIGHT_WAITING,   /* its time or its trigger has not come, or its latch time is not over */
+    PORT_LIGHT_LATCHED,   /* the LEDs show it; reported once */
+    PORT_LIGHT_DISTURBED, /* the transfer broke off and the LEDs may show anything; reported once */
+};
+
+struct port_identity {
+    uint8_t board;        /* enum board_kind */
+    uint8_t reset_reason; /* enum reset_reason */
+    uint8_t unique_id[8];
+    uint32_t capabilities; /* bits of enum capability */
+    uint32_t image_crc;
+};
+
+struct port {
+    void *context;
+
+    uint64_t (*micros)(void *context);
+
+    /* Queue bytes for the host; false, and nothing queued, if they do not all fit. */
+    bool (*send)(void *context, const uint8_t *bytes, size_t count);
+
+    /* Transfer the bytes to the LEDs at start_us (in the past: at once). Only called while none is waiting. */
+    void (*light)(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);
+    /* Take a waiting light back; false if its transfer has begun, which is never torn. */
+    bool (*light_cancel)(void *context);
+    enum port_light (*light_result)(void *context, uint64_t *first_bit_us, uint64_t *latched_us);
+
+    /* Which edge of the trigger pin the board passes to trigger_edge(); listen only if enabled. */
+    void (*trigger)(void *context, bool enabled, bool falling);
+
+    /* Last USB start of frame: its number, and when in *at_us (0: never). */
+    uint16_t (*start_of_frame)(void *context, uint64_t *at_us);
+    /* Raw 12-bit reading of the temperature sensor, 0xffff without one. */
+    uint16_t (*temperature)(void *context);
+
+    void (*flash_read)(void *context, uint32_t offset, void *to, size_t count);
+    bool (*flash_erase)(void *context, uint32_t sector);
+    bool (*flash_program)(void *context, uint32_t offset, const uint8_t page[PORT_PAGE_BYTES]);
+
+    /* Self-test of what the core cannot see: bits of enum check. */
+    uint16_t (*selftest)(void *context, uint16_t *tested, uint32_t *stack_free);
+    /* Start anew, or start the boot loader; called once the reply is on its way. */
+    void (*restart)(void *context, bool bootloader);
+
+    struct port_identity identity;
+};
+
+#endif

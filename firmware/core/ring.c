@@ -1,0 +1,63 @@
+#include "ring.h"
+
+static uint32_t sum(const uint8_t colours[COLOUR_BYTES])
+{
+    uint32_t total = 0;
+    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+        total += colours[i];
+    return total;
+}
+
+/* At most 36 * 255 * 65535 = 601,611,300: fits 32 bits. Rounded up, so that the model never says too little. */
+static uint32_t channels_ua(const struct ring_limits *limits, uint32_t values)
+{
+    return (values * limits->channel_ua + 254u) / 255u;
+}
+
+static uint32_t quiescent_ua(const struct ring_limits *limits)
+{
+    return (uint32_t)LED_COUNT * limits->quiescent_ua;
+}
+
+uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
+{
+    return quiescent_ua(limits) + channels_ua(limits, sum(colours));
+}
+
+uint16_t ring_current_ma(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
+{
+    return (uint16_t)((ring_current_ua(limits, colours) + 999u) / 1000u);
+}
+
+/* The factor that brings a sum of values to what the limit leaves for them, in 1 / FULL_SCALE. */
+static uint16_t scale_for(const struct ring_limits *limits, uint32_t values)
+{
+    uint32_t limit_ua = limits->limit_ma * 1000u;
+    if (limit_ua <= quiescent_ua(limits))
+        return 0;
+    uint32_t left_ua = limit_ua - quiescent_ua(limits);
+    uint32_t allowed = left_ua / limits->channel_ua * 255u + left_ua % limits->channel_ua * 255u / limits->channel_ua;
+    return (uint16_t)(allowed < values ? allowed * FULL_SCALE / values : FULL_SCALE);
+}
+
+bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale)
+{
+    *scale = FULL_SCALE;
+    if (ring_current_ua(limits, colours) <= limits->limit_ma * 1000u)
+        return true;
+    if (limits->policy == POLICY_REJECT)
+        return false;
+    *scale = scale_for(limits, sum(colours));
+    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+        colours[i] = (uint8_t)(colours[i] * (uint32_t)*scale / FULL_SCALE);
+    return true;
+}
+
+void ring_wire_order(const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES])
+{
+    for (uint32_t i = 0; i < COLOUR_BYTES; i += 3) {
+        wire[i] = colours[i + 1];
+        wire[i + 1] = colours[i];
+        wire[i + 2] = colours[i + 2];
+    }
+}

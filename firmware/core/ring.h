@@ -1,0 +1,30 @@
+/* Colours of the 12 LEDs: their current, the limit, and the order of the wire. */
+#ifndef GELLIGHT_RING_H
+#define GELLIGHT_RING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "protocol.h"
+
+/* The current model: each LED draws quiescent_ua, and channel_ua * value / 255 for each of its colours. */
+struct ring_limits {
+    uint16_t limit_ma;
+    uint16_t quiescent_ua;
+    uint16_t channel_ua;
+    uint8_t policy; /* enum policy */
+};
+
+uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
+uint16_t ring_current_ma(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
+
+/*
+ * Bring colours under the limit: false if they are above it and the policy is to reject.
+ * *scale tells what they were multiplied by, FULL_SCALE where they were left alone.
+ */
+bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale);
+
+/* WS2812B takes green, red, blue (data sheet, "Composition of 24 bit data"). */
+void ring_wire_order(const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES]);
+
+#endif

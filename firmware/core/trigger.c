@@ -1,0 +1,24 @@
+#include "trigger.h"
+
+bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us)
+{
+    trigger->last_us = (uint32_t)now_us;
+    if (++trigger->edges < trigger->divider)
+        return false;
+    trigger->edges = 0;
+    trigger->count++;
+    if (!trigger->armed) {
+        trigger->missed++;
+        return false;
+    }
+    trigger->armed = false;
+    *start_us = now_us + trigger->delay_us;
+    return true;
+}
+
+void trigger_restart(struct trigger *trigger, uint64_t now_us)
+{
+    trigger->edges = 0;
+    trigger->armed = false;
+    trigger->last_us = (uint32_t)now_us;
+}

@@ -1,0 +1,26 @@
+/*
+ * The trigger pin of EXT mode. trigger_edge() runs in the interrupt of the pin; everything else in the main loop.
+ * A step is armed by the main loop and released by the edge that counts.
+ */
+#ifndef GELLIGHT_TRIGGER_H
+#define GELLIGHT_TRIGGER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct trigger {
+    uint32_t delay_us;
+    uint16_t divider;
+    volatile uint16_t edges; /* since the last one that counted */
+    volatile uint32_t count; /* edges that counted */
+    volatile uint32_t missed;
+    volatile uint32_t last_us; /* low half of the time of the last edge */
+    volatile bool armed;
+};
+
+/* Note an edge; true if the armed light is to start at *start_us. */
+bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us);
+
+void trigger_restart(struct trigger *trigger, uint64_t now_us);
+
+#endif

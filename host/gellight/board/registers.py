@@ -1,0 +1,213 @@
+"""Register windows in front of the emulator's: what it does not model, and accesses that real silicon would ignore."""
+
+from collections.abc import Callable
+from typing import Any
+
+CRYSTAL_HZ = 12e6
+RING_OSCILLATOR_HZ = 6.5e6
+IO_QSPI, PADS_QSPI, SYSCFG, SYSINFO = 6, 9, 18, 19
+ALL_RESETS = 0x1FFFFFF
+RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x4002C: 13, 0x40054: 21, 0x40034: 22,
+              0x50110: 24, 0x4004C: 0}  # fmt: skip
+"""window (address >> 12) -> bit of RESETS"""
+
+
+class Window:
+    """A block of registers that behave as memory, with the aliases that set, clear and toggle bits."""
+
+    def __init__(self, initial: dict[int, int] | None = None) -> None:
+        """Hold these values after a reset, 0 elsewhere."""
+        self.values = dict(initial or {})
+
+    def read_uint32(self, offset: int) -> int:
+        """Return a register."""
+        return self.values.get(offset, 0)
+
+    def write_uint32(self, offset: int, value: int) -> None:
+        """Set a register."""
+        self.values[offset] = value & 0xFFFFFFFF
+
+    def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
+        """Write, toggle, set or clear bits (data sheet 2.1.2)."""
+        before = self.read_uint32(offset)
+        self.write_uint32(offset, (value, before ^ value, before | value, before & ~value)[alias])
+
+    def reset(self) -> None:
+        """Nothing: a reset makes a new chip."""
+
+
+class Resets(Window):
+    """Which blocks are held in reset; those that the boot ROM releases are free from the start."""
+
+    def __init__(self) -> None:
+        """Hold everything but what the boot ROM needs."""
+        super().__init__()
+        self.held = ALL_RESETS & ~(1 << IO_QSPI | 1 << PADS_QSPI | 1 << SYSCFG | 1 << SYSINFO)
+
+    def read_uint32(self, offset: int) -> int:
+        """RESET, and RESET_DONE as its complement."""
+        return {0: self.held, 8: ~self.held & ALL_RESETS}.get(offset, self.values.get(offset, 0))
+
+    def write_uint32(self, offset: int, value: int) -> None:
+        """Hold or release."""
+        if offset == 0:
+            self.held = value & ALL_RESETS
+        else:
+            super().write_uint32(offset, value)
+
+
+class Pll(Window):
+    """PLL_USB: locks when it has power and a feedback divider."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Tell when the frequency may have changed."""
+        super().__init__({0x0: 1, 0x4: 0x2D, 0xC: 0x77000})
+        self._changed = changed
+
+    def read_uint32(self, offset: int) -> int:
+        """CS carries the lock bit."""
+        locked = offset == 0 and not self.values[4] & 0x21 and self.values.get(8)
+        return super().read_uint32(offset) | (1 << 31 if locked else 0)
+
+    def write_uint32(self, offset: int, value: int) -> None:
+        """Set a register and recompute."""
+        super().write_uint32(offset, value)
+        self._changed()
+
+    @property
+    def hz(self) -> float:
+        """Output frequency, 0 while it is off."""
+        if self.values[4] & 0x29 or not self.values.get(8):
+            return 0.0
+        post = (self.values[0xC] >> 16 & 7) * (self.values[0xC] >> 12 & 7)
+        return CRYSTAL_HZ / (self.values[0] & 63) * self.values[8] / post if post else 0.0
+
+
+class Clocks(Window):
+    """Clock generators: every switch succeeds at once."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Tell when clk_sys may have changed."""
+        super().__init__()
+        self._changed = changed
+
+    def read_uint32(self, offset: int) -> int:
+        """SELECTED shows the source that was chosen."""
+        if offset == 0x38:
+            return int(1 << (self.values.get(0x30, 0) & 3))
+        if offset == 0x44:
+            return int(1 << (self.values.get(0x3C, 0) & 1))
+        return super().read_uint32(offset)
+
+    def write_uint32(self, offset: int, value: int) -> None:
+        """Set a register and recompute."""
+        super().write_uint32(offset, value)
+        self._changed()
+
+    def system_hz(self, pll: Pll) -> float:
+        """Frequency of clk_sys; a stopped source leaves the ring oscillator, as the data sheet's resuscitation."""
+        control = self.values.get(0x3C, 0)
+        if control & 1:
+            return (pll.hz if control >> 5 & 7 == 1 else 0.0) or RING_OSCILLATOR_HZ
+        return CRYSTAL_HZ if self.values.get(0x30, 0) & 3 == 2 else RING_OSCILLATOR_HZ
+
+    @property
+    def usb_enabled(self) -> bool:
+        """clk_usb runs."""
+        return bool(self.values.get(0x54, 0) >> 11 & 1)
+
+
+class Guard:
+    """The emulator's own block, behind a check that it is not held in reset."""
+
+    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None]) -> None:
+        """Pass accesses on unless `held`."""
+        self.inner, self._held, self._report = inner, held, report
+
+    def read_uint32(self, offset: int) -> int:
+        """Read through."""
+        if self._held():
+            self._report(f"read of register 0x{offset:x} of a block that is held in reset")
+        return int(self.inner.read_uint32(offset))
+
+    def write_uint32(self, offset: int, value: int) -> None:
+        """Write through."""
+        self.write_uint32_atomic(offset, value, 0)
+
+    def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
+        """Write through."""
+        if self._held():
+            self._report(f"write of register 0x{offset:x} of a block that is held in reset")
+        self.inner.write_uint32_atomic(offset, value, alias)
+
+    def reset(self) -> None:
+        """Reset the block."""
+        self.inner.reset()
+
+
+class UsbGuard(Guard):
+    """The USB controller with what the emulator leaves out: start of frame, suspend, and no life without clk_usb."""
+
+    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None], frame: Callable[[], int],
+                 interrupt: Callable[[bool], None]) -> None:  # fmt: skip
+        """Number frames by `frame`, raise the interrupt line by `interrupt`."""
+        super().__init__(inner, held, report)
+        self._frame, self._interrupt = frame, interrupt
+        self._suspended = False
+
+    def suspend(self) -> None:
+        """The host has been silent for 3 ms."""
+        self._suspended = True
+        self._interrupt(True)
+
+    def read_uint32(self, offset: int) -> int:
+        """SOF_RD and the suspend bit of INTS are ours."""
+        if offset == 0x48:
+            return self._frame()
+        value = super().read_uint32(offset)
+        return value | 1 << 14 if offset == 0x98 and self._suspended else value
+
+    def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
+        """Writing SUSPENDED to SIE_STATUS ends the interrupt."""
+        if offset == 0x50 and value & 1 << 4 and self._suspended:
+            self._suspended = False
+            self._interrupt(False)
+            value &= ~(1 << 4)
+        super().write_uint32_atomic(offset, value, alias)
+
+
+class FlashBus(Window):
+    """The serial interface to the flash as far as the firmware drives it by itself: command 4Bh, the unique number."""
+
+    def __init__(self, unique_id: bytes) -> None:
+        """Answer 4Bh with this number."""
+        super().__init__()
+        self._unique_id = unique_id
+        self._sent = 0
+        self._command = 0
+        self._answers: list[int] = []
+
+    def select(self, selected: bool) -> None:
+        """Chip select: a command begins."""
+        self._sent = 0
+        self._answers.clear()
+
+    def read_uint32(self, offset: int) -> int:
+        """DR0 gives what came back, SR tells what there is."""
+        if offset == 0x28:
+            return 0x6 | (0x8 if self._answers else 0)
+        if offset == 0x60:
+            return self._answers.pop(0) if self._answers else 0
+        return super().read_uint32(offset)
+
+    def write_uint32(self, offset: int, value: int) -> None:
+        """DR0 sends a byte, and one comes back."""
+        super().write_uint32(offset, value)
+        if offset != 0x60:
+            return
+        if self._sent == 0:
+            self._command = value & 0xFF
+        position = self._sent - 5  # after the command and four dummy bytes
+        known = self._command == 0x4B and 0 <= position < 8
+        self._answers.append(self._unique_id[position] if known else 0xFF)
+        self._sent += 1

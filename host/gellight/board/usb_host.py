@@ -1,0 +1,217 @@
+"""The host's end of the USB cable: enumerates like Linux, speaks to the CDC-ACM interface, checks every data toggle."""
+
+import struct
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+GET_DESCRIPTOR, SET_ADDRESS, SET_CONFIGURATION = 6, 5, 9
+SET_LINE_CODING, SET_CONTROL_LINE_STATE = 0x20, 0x22
+DEVICE, CONFIGURATION, STRING = 1, 2, 3
+BULK, ENDPOINT_DESCRIPTOR = 2, 5
+AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
+ENDPOINT0_BYTES = 64
+SIE_CTRL, PULL_UP = 0x4C, 1 << 16
+ADDRESS = 7
+
+
+@dataclass
+class Transfer:
+    """A control transfer; `done` gets what came back, or None if the device stalled."""
+
+    setup: bytes
+    data: bytes
+    done: Callable[[bytes | None], None]
+    stage: str = ""
+    received: bytearray = field(default_factory=bytearray)
+
+    @property
+    def reads(self) -> bool:
+        """Data goes from the device to the host."""
+        return bool(self.setup[0] & 0x80)
+
+    @property
+    def length(self) -> int:
+        """Bytes that the host asks for or sends."""
+        return int.from_bytes(self.setup[6:8], "little")
+
+
+class UsbHost:
+    """Drives the emulated controller by its callbacks; nothing happens unless virtual time passes."""
+
+    def __init__(self, controller: Any, report: Callable[[str], None], clocked: Callable[[], bool]) -> None:
+        """Wait for the device's pull-up, then enumerate."""
+        self._usb, self._report, self._clocked = controller, report, clocked
+        self._queue: deque[Transfer] = deque()
+        self._current: Transfer | None = None
+        self._toggles: dict[int, int] = {}
+        self._status_armed = False
+        self._out_room = 0
+        self.in_endpoint = self.out_endpoint = -1
+        self.configured = False
+        self.opened = False
+        self.received = bytearray()
+        self._pending = bytearray()
+        self.descriptors: dict[str, bytes] = {}
+        self._connect_callbacks()
+
+    def _connect_callbacks(self) -> None:
+        usb = self._usb
+        original = usb.dpram_updated
+
+        def updated(offset: int, value: int) -> None:
+            self._buffer_control(offset, value)
+            original(offset, value)
+
+        usb.dpram_updated = updated
+        usb.on_usb_enabled = usb.reset_device
+        usb.on_reset_received = self._enumerate
+        usb.on_endpoint_write = self._device_sent
+        usb.on_endpoint_read = self._device_ready
+        usb.on_reset = None
+
+    # ---- what a program on the host does ----
+
+    def send(self, data: bytes) -> None:
+        """Queue bytes for the bulk OUT endpoint."""
+        self._pending += data
+        self._pump()
+
+    @property
+    def unsent(self) -> int:
+        """Bytes that the device has not taken yet."""
+        return len(self._pending)
+
+    def control(self, request_type: int, request: int, value: int, index: int, length: int,
+                done: Callable[[bytes | None], None], data: bytes = b"") -> None:  # fmt: skip
+        """Queue a control transfer."""
+        setup = struct.pack("<BBHHH", request_type, request, value, index, length)
+        self._queue.append(Transfer(setup, data, done))
+        if self._current is None:
+            self._next()
+
+    def open(self, baud: int = 115200) -> None:
+        """Do what opening the serial port does: line coding, then DTR and RTS."""
+        self.control(0x21, SET_LINE_CODING, 0, 0, 7, lambda _: None, struct.pack("<IBBB", baud, 0, 0, 8))
+        self.control(0x21, SET_CONTROL_LINE_STATE, 3, 0, 0, lambda _: self._set_opened(True))
+
+    def close(self) -> None:
+        """Do what closing the port does: DTR and RTS fall."""
+        self.control(0x21, SET_CONTROL_LINE_STATE, 0, 0, 0, lambda _: self._set_opened(False))
+
+    def _set_opened(self, opened: bool) -> None:
+        self.opened = opened
+        if opened:
+            self.received.clear()
+
+    # ---- enumeration, in the order of Linux ----
+
+    def _enumerate(self) -> None:
+        if not self._clocked():
+            self._report("USB: clk_usb is off, a real controller would not answer")
+        self.configured = self.opened = False
+        self._toggles = {2: 0}
+        self._descriptor("first", DEVICE, 0, 64)
+        self.control(0, SET_ADDRESS, ADDRESS, 0, 0, lambda _: None)
+        self._descriptor("device", DEVICE, 0, 18)
+        self._descriptor("head", CONFIGURATION, 0, 9)
+        self._descriptor("configuration", CONFIGURATION, 0, 255)
+        for index, name in enumerate(("languages", "manufacturer", "product", "serial")):
+            self._descriptor(name, STRING, index, 255)
+        self.control(0, SET_CONFIGURATION, 1, 0, 0, self._configured)
+
+    def _descriptor(self, name: str, kind: int, index: int, length: int) -> None:
+        language = 0x409 if kind == STRING and index else 0
+
+        def keep(data: bytes | None) -> None:
+            self.descriptors[name] = data or b""
+
+        self.control(0x80, GET_DESCRIPTOR, kind << 8 | index, language, length, keep)
+
+    def _configured(self, _: bytes | None) -> None:
+        self.configured = True
+        if not self._usb.read_uint32(SIE_CTRL) & PULL_UP:
+            self._report("USB: the pull-up is off, a real host would not see the device")
+        rest = self.descriptors["configuration"]
+        while rest:
+            if rest[1] == ENDPOINT_DESCRIPTOR and rest[3] & 3 == BULK:
+                if rest[2] & 0x80:
+                    self.in_endpoint = rest[2] & 15
+                else:
+                    self.out_endpoint = rest[2]
+            rest = rest[rest[0] :] if rest[0] else b""
+
+    def text(self, name: str) -> str:
+        """Return a string descriptor."""
+        return self.descriptors.get(name, b"")[2:].decode("utf-16le")
+
+    # ---- the bus ----
+
+    def _buffer_control(self, offset: int, value: int) -> None:
+        if not 0x80 <= offset < 0x100:
+            return
+        endpoint, device_sends = (offset - 0x80) >> 3, not offset & 4
+        if value & AVAILABLE and device_sends and endpoint in self._toggles:
+            if bool(value & DATA1) != bool(self._toggles[endpoint]):
+                self._report(f"USB: wrong data toggle on endpoint {endpoint} IN")
+            self._toggles[endpoint] ^= 1
+        if value & STALL and offset == 0x80 and self._current:
+            self._finish(None)
+
+    def _next(self) -> None:
+        self._current = self._queue.popleft() if self._queue else None
+        if self._current is None:
+            return
+        self._toggles[0] = 1
+        self._status_armed = False
+        self._current.stage = "in" if self._current.reads else ("out" if self._current.data else "status in")
+        self._usb.send_setup_packet(self._current.setup)
+
+    def _finish(self, result: bytes | None) -> None:
+        transfer, self._current = self._current, None
+        if transfer:
+            transfer.done(result)
+        if self._current is None:
+            self._next()
+
+    def _device_sent(self, endpoint: int, buffer: bytes) -> None:
+        if endpoint == self.in_endpoint:
+            self.received += bytes(buffer)
+            return
+        transfer = self._current
+        if endpoint or not transfer:
+            return
+        if transfer.stage == "in":
+            transfer.received += bytes(buffer)
+            if len(buffer) < ENDPOINT0_BYTES or len(transfer.received) >= transfer.length:
+                transfer.stage = "status out"
+                self._status_out()
+        elif transfer.stage == "status in":
+            self._finish(b"")
+
+    def _status_out(self) -> None:
+        transfer = self._current
+        if self._status_armed and transfer and transfer.stage == "status out":
+            self._status_armed = False
+            self._usb.endpoint_read_done(0, b"")
+            self._finish(bytes(transfer.received))
+
+    def _device_ready(self, endpoint: int, room: int) -> None:
+        if endpoint:
+            self._out_room = room
+            self._pump()
+        elif self._current and self._current.stage == "out":
+            self._usb.endpoint_read_done(0, self._current.data)
+            self._current.stage = "status in"
+        else:
+            self._status_armed = True
+            self._status_out()
+
+    def _pump(self) -> None:
+        if self.configured and self._out_room and self._pending:
+            count = min(self._out_room, len(self._pending))
+            packet = bytes(self._pending[:count])
+            del self._pending[:count]
+            self._out_room = 0
+            self._usb.endpoint_read_done(self.out_endpoint, packet)

@@ -1,0 +1,140 @@
+"""From the level of the LED pin to light: WS2812B bits, their timing, frames and when the LEDs latch them.
+
+Timing windows in ns that hold for WS2812B (V1), WS2812B-V5 and WS2812B-2020 together; a low time of 280 us or more
+makes the LEDs latch (data sheet of the V5: "Treset above 280 us"; older ones take 50 us).
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+LED_COUNT = 12
+BITS = 24 * LED_COUNT
+LATCH_NS = 280_000.0
+WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.0), "T1L": (580.0, 600.0)}
+ONE_NS = 500.0
+"""a longer pulse is a 1"""
+DARK = np.zeros((LED_COUNT, 3), np.uint8)
+
+
+class Light(NamedTuple):
+    """What the LEDs show from a time on."""
+
+    time_us: float
+    """when they latched it"""
+    colours: NDArray[np.uint8]
+    """(12, 3) RGB"""
+
+
+class Bit(NamedTuple):
+    """One pulse on the wire; the low time of the last bit of a frame is unknown."""
+
+    high_ns: float
+    low_ns: float | None
+
+
+class LightTimeline:
+    """Which light the LEDs showed when; dark before the first entry."""
+
+    def __init__(self) -> None:
+        """Begin in the dark."""
+        self._times: list[float] = []
+        self._colours: list[NDArray[np.uint8]] = []
+
+    def append(self, light: Light) -> None:
+        """Add a light; times only grow."""
+        if self._times and light.time_us < self._times[-1]:
+            raise ValueError(f"the light of {light.time_us} us comes before that of {self._times[-1]} us")
+        self._times.append(light.time_us)
+        self._colours.append(light.colours)
+
+    def __len__(self) -> int:
+        """Return how many lights were latched."""
+        return len(self._times)
+
+    def __getitem__(self, index: int) -> Light:
+        """Return the light by its number."""
+        return Light(self._times[index], self._colours[index])
+
+    def at(self, time_us: float) -> NDArray[np.uint8]:
+        """Return the (12, 3) colours that are latched at a time."""
+        index = bisect_right(self._times, time_us) - 1
+        return DARK if index < 0 else self._colours[index]
+
+    def interval(self, start_us: float, end_us: float) -> list[Light]:
+        """Return what was latched from start to end: the light at the start, then every change before the end."""
+        if end_us < start_us:
+            raise ValueError(f"the interval ends ({end_us} us) before it starts ({start_us} us)")
+        first, last = bisect_right(self._times, start_us), bisect_right(self._times, end_us)
+        changes = [Light(self._times[i], self._colours[i]) for i in range(first, last) if self._times[i] < end_us]
+        return [Light(start_us, self.at(start_us)), *changes]
+
+
+class WaveformDecoder:
+    """Read the pin edge by edge; every bit out of its window and every torn frame is reported."""
+
+    def __init__(self, timeline: LightTimeline, report: Callable[[str], None]) -> None:
+        """Fill the timeline, and report what LEDs might misread."""
+        self.timeline = timeline
+        self.bits: list[Bit] = []
+        """of the last frame that was latched"""
+        self.frame_starts_us: list[float] = []
+        self.wire_end_us = 0.0
+        self._report = report
+        self._frame: list[Bit] = []
+        self._rise_ns = self._fall_ns = 0.0
+        self._high = False
+
+    def edge(self, time_ns: float, high: bool) -> None:
+        """Note a change of the level."""
+        if high == self._high:
+            return
+        self._high = high
+        if high:
+            self._rise(time_ns)
+        else:
+            self._fall_ns = time_ns
+            self._frame.append(Bit(time_ns - self._rise_ns, None))
+
+    def settle(self, now_ns: float) -> None:
+        """Let the LEDs latch if the line has been low for long enough."""
+        if self._frame and not self._high and now_ns - self._fall_ns >= LATCH_NS:
+            self._latch()
+
+    def lose_power(self, now_ns: float) -> None:
+        """Go dark at once, whatever was on its way."""
+        self.settle(now_ns)
+        self._frame, self._high = [], False
+        self.timeline.append(Light(max(now_ns / 1e3, self.timeline[-1].time_us if len(self.timeline) else 0), DARK))
+
+    def _rise(self, time_ns: float) -> None:
+        self.settle(time_ns)
+        if self._frame:
+            self._frame[-1] = Bit(self._frame[-1].high_ns, time_ns - self._fall_ns)
+            self._check(self._frame[-1])
+        else:
+            self.frame_starts_us.append(time_ns / 1e3)
+        self._rise_ns = time_ns
+
+    def _check(self, bit: Bit) -> None:
+        name = "T1" if bit.high_ns > ONE_NS else "T0"
+        for part, value in (("H", bit.high_ns), ("L", bit.low_ns)):
+            low, high = WINDOWS_NS[name + part]
+            if value is not None and not low <= value <= high:
+                self._report(f"WS2812B: {name}{part} of {value:.0f} ns is not within {low:.0f} to {high:.0f} ns")
+
+    def _latch(self) -> None:
+        bits, self._frame = self._frame, []
+        self._check(bits[-1])
+        if len(bits) != BITS:
+            self._report(f"WS2812B: a frame of {len(bits)} bits, not {BITS}: torn")
+        self.bits = bits
+        self.wire_end_us = self._fall_ns / 1e3
+        octets = np.packbits(np.array([bit.high_ns > ONE_NS for bit in bits[:BITS]], np.uint8))
+        wire = np.zeros(3 * LED_COUNT, np.uint8)
+        wire[: len(octets)] = octets
+        colours = wire.reshape(LED_COUNT, 3)[:, [1, 0, 2]]  # the wire carries green, red, blue
+        self.timeline.append(Light((self._fall_ns + LATCH_NS) / 1e3, colours))

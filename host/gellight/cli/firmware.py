@@ -1,0 +1,72 @@
+"""`gellight firmware`: the image of the light ring's board."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(name="firmware", help="The firmware of the light ring: what it is, build it, flash it.",
+                  no_args_is_help=True)  # fmt: skip
+Checkout = Annotated[Path | None, typer.Option(help="sources; default: the checkout this package runs from")]
+
+
+@app.command("info")
+def information() -> None:
+    """Tell about the image that comes with this package."""
+    import hashlib
+
+    from gellight.firmware.build import IMAGE, committed_image
+    from gellight.firmware.image import image_crc
+    from gellight.protocol import VERSION, schema_crc
+
+    image = committed_image()
+    print(f"image     {IMAGE}")
+    print(f"size      {len(image)} bytes of flash, CRC-32 {image_crc(image):08x}")
+    print(f"SHA-256   {hashlib.sha256(IMAGE.read_bytes()).hexdigest()}")
+    print(f"protocol  {VERSION[0]}.{VERSION[1]}, schema {schema_crc():08x}")
+
+
+@app.command("generate")
+def generate(checkout: Checkout = None) -> None:
+    """Write the C header and the document of the protocol from its definition."""
+    from gellight.firmware.build import CHECKOUT
+    from gellight.firmware.generate import generate
+
+    for path in generate(checkout or CHECKOUT):
+        print(f"wrote {path}")
+
+
+@app.command("build")
+def build(
+    checkout: Checkout = None,
+    compiler: Annotated[str, typer.Option(help="zig (pip install gellight[firmware]) or gcc")] = "zig",
+    out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
+) -> None:
+    """Compile the image."""
+    from gellight.firmware.build import CHECKOUT, IMAGE, write_image
+    from gellight.firmware.build import build as compile_image
+
+    image = compile_image(checkout or CHECKOUT, compiler_name=compiler)
+    digest = write_image(image, out or IMAGE)
+    print(f"{out or IMAGE}: {len(image)} bytes, SHA-256 {digest}")
+
+
+@app.command("flash")
+def flash(
+    port: Annotated[str | None, typer.Option(help="serial port of a running board, /dev/ttyACM0 or serial://")] = None,
+    image: Annotated[Path | None, typer.Option(help="UF2 file instead of the one that comes with this package")] = None,
+    drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
+) -> None:
+    """Flash a board: the one at a port, or the one that waits in its boot loader."""
+    from gellight.firmware import uf2
+    from gellight.firmware.build import committed_image
+    from gellight.firmware.flash import copy_uf2, flash_board
+    from gellight.transport import find_port
+
+    content = uf2.unpack(image.read_bytes()) if image else committed_image()
+    if drive:
+        copy_uf2(content, drive)
+        print(f"copied to {drive}")
+        return
+    name = find_port(port.removeprefix("serial://")) if port and port.startswith("serial://") else port
+    print(flash_board(content, port=name))

@@ -1,0 +1,142 @@
+"""`gellight ring`: the light ring by hand."""
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(name="ring", help="The light ring by hand.", no_args_is_help=True)
+Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
+Seconds = Annotated[float, typer.Option(help="how long it stays lit; 0: until Ctrl-C")]
+
+
+def _wait(seconds: float) -> None:
+    import time
+
+    try:
+        time.sleep(seconds) if seconds else time.sleep(1e9)
+    except KeyboardInterrupt:
+        print()
+
+
+@app.command("info")
+def information(url: Url = "serial://") -> None:
+    """Tell who the board is, what it is doing and what went wrong."""
+    from dataclasses import asdict
+
+    from gellight.enumerations import Dark, ResetReason, SyncMode
+    from gellight.ring import connect
+
+    with connect(url) as ring:
+        hello, status, counters = ring.hello, ring.status(), ring.counters()
+        version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
+        print(f"board     {hello.unique_id.hex().upper()}, firmware {version}, image {hello.image_crc:08x}")
+        print(f"protocol  {hello.protocol_major}.{hello.protocol_minor}, schema {hello.schema_crc:08x}")
+        print(f"started   by {ResetReason(hello.reset_reason).name}, {status.time_us / 1e6:.1f} s ago")
+        print(f"light     {status.current_ma} of {status.limit_ma} mA, {Dark(status.dark).name}")
+        print(f"mode      {SyncMode(status.mode).name}, {'running' if status.state else 'still'}")
+        wrong = {k: v for k, v in asdict(counters).items() if v and k not in ("packets", "lights", "triggers")}
+        print(f"counters  {counters.packets} packets, {counters.lights} lights, {wrong or 'nothing wrong'}")
+
+
+@app.command("set")
+def set_colour(
+    colour: Annotated[str, typer.Argument(help="RRGGBB in hexadecimal, or 12 of them separated by commas")],
+    url: Url = "serial://",
+    seconds: Seconds = 0,
+) -> None:
+    """Light all LEDs in one colour, or each in its own."""
+    import numpy as np
+
+    from gellight.ring import connect
+
+    with connect(url) as ring:
+        reply = ring.set_leds(np.array(_colours(colour), np.uint8))
+        ring.wait_for_light(reply.light_id)
+        print(
+            f"lit, {reply.current_ma} mA" + ("" if reply.scale == 0xFFFF else f", scaled by {reply.scale / 65535:.3f}")
+        )
+        _wait(seconds)
+
+
+def _colours(text: str) -> list[list[int]]:
+    from gellight.errors import InputError
+    from gellight.wire import LED_COUNT
+
+    words = text.split(",")
+    try:
+        colours = [bytes.fromhex(word.strip().removeprefix("#")) for word in words]
+    except ValueError:
+        colours = []
+    if len(colours) not in (1, LED_COUNT) or any(len(colour) != 3 for colour in colours):
+        raise InputError(f"{text!r} is no colour: give RRGGBB, for example ff0000, or {LED_COUNT} of them")
+    return [list(colour) for colour in colours] * (LED_COUNT if len(colours) == 1 else 1)
+
+
+@app.command("group")
+def group(
+    leds: Annotated[str, typer.Argument(help="LED numbers, for example 0-3,8")],
+    colour: Annotated[str, typer.Option(help="RRGGBB in hexadecimal")] = "808080",
+    url: Url = "serial://",
+    seconds: Seconds = 0,
+) -> None:
+    """Light some LEDs in one colour, the others stay dark."""
+    import numpy as np
+
+    from gellight.ring import connect
+
+    chosen = _numbers(leds)
+    colours = np.zeros((12, 3), np.uint8)
+    colours[chosen] = np.array(_colours(colour)[0], np.uint8)
+    with connect(url) as ring:
+        print(f"LEDs {chosen}, {ring.set_leds(colours).current_ma} mA")
+        _wait(seconds)
+
+
+def _numbers(text: str) -> list[int]:
+    from gellight.errors import InputError
+    from gellight.wire import LED_COUNT
+
+    found: list[int] = []
+    try:
+        for part in text.split(","):
+            first, _, last = part.partition("-")
+            found += range(int(first), int(last or first) + 1)
+    except ValueError:
+        found = []
+    if not found or min(found) < 0 or max(found) >= LED_COUNT:
+        raise InputError(f"{text!r} names no LEDs: give numbers from 0 to {LED_COUNT - 1}, for example 0-3,8")
+    return found
+
+
+@app.command("sequence")
+def sequence(
+    dwell_ms: Annotated[float, typer.Option(help="how long each light group is lit")] = 100.0,
+    value: Annotated[int, typer.Option(min=1, max=255, help="brightness")] = 60,
+    url: Url = "serial://",
+    seconds: Seconds = 0,
+) -> None:
+    """Light the red, the green and the blue third of the ring in turn, timed by the board."""
+    import numpy as np
+
+    from gellight.enumerations import SyncMode
+    from gellight.ring import Step, connect
+
+    groups = np.zeros((3, 12, 3), np.uint8)
+    for number in range(3):
+        groups[number, 4 * number : 4 * number + 4, number] = value
+    with connect(url) as ring:
+        ring.load_sequence(list(groups), [Step(group=k, dwell_us=round(dwell_ms * 1e3)) for k in range(3)])
+        ring.set_sync(SyncMode.FREE)
+        ring.start()
+        _wait(seconds)
+        print(f"{ring.counters().lights} lights, {ring.counters().late_steps} of them late")
+
+
+@app.command("off")
+def off(url: Url = "serial://") -> None:
+    """Make the LEDs dark."""
+    from gellight.ring import connect
+
+    with connect(url) as ring:
+        ring.blank()
+        print("dark")

@@ -1,0 +1,229 @@
+"""Make GelNet for the simulated sensor: `python -m gelnet.synthetic --out DIR`.
+
+Presses balls into the simulated gel all over the view, photographs them with a simulated camera, trains on the true
+slopes, and writes DIR/network.onnx, training.json, reference.npy and provenance.json, all or none. The host makes the
+bundle of it: `gellight calibrate synthetic`.
+"""
+
+import argparse
+import hashlib
+import json
+import platform
+import sys
+import tempfile
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import scipy
+import torch
+from numpy.typing import NDArray
+
+from gelnet.export import ExportError
+from gelnet.network import GelNet
+from gelnet.table import Table, TableError, checked
+from gelnet.train import RECIPES, normal_error_deg, print_progress, record_of, train, write
+from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
+from sim_reference.geometry import SensorGeometry
+from sim_reference.imaging import ring_irradiance, ring_light
+from sim_reference.objects import ObjectParameters
+from sim_reference.surface import press_object, sample, untouched
+
+Floats = NDArray[np.float32]
+
+BRIGHTEST_GREY = 200.0
+"""of the untouched gel, as the simulated sensor of the host exposes it"""
+REFERENCE_FRAMES = 100
+SEEDS = {"training": 1, "validation": 2}
+"""Test presses have their own seed, in the host."""
+_TOUCHED_SLOPE = 2e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What is pressed and how much of it is learnt; chosen on the validation presses, see the model card."""
+
+    presses: int = 400
+    rows_per_press: int = 1250
+    flat_share: float = 0.05
+    """of a press's rows, from pixels where the gel is flat"""
+    contact_share: float = 0.5
+    """of a press's rows, from pixels in contact; the rest is from the gel that sinks around it"""
+    training_noise_grey: float = 0.3
+    """much quieter than the camera: learnt from noisy colours the network answers the most probable slope, which
+    flattens gentle slopes and with them the depth; the host averages noise over neighbouring slopes instead"""
+    main_radius_mm: float = 4.0
+    other_share: float = 0.5
+    """of the presses, with balls of other radii"""
+    other_radii_mm: tuple[float, float] = (1.0, 12.0)
+    """log-uniform"""
+    deepest_mm: float = 2.0
+    epochs: int = 30
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The simulated sensor, exposed."""
+
+    geometry: SensorGeometry
+    response: CameraResponse
+    light: NDArray[np.float64]
+    """(12, 3)"""
+    reference: Floats
+    """(H, W, 3) mean of REFERENCE_FRAMES frames of the untouched gel, grey levels"""
+
+
+def simulated_sensor(geometry: SensorGeometry, *, seed: int) -> Sensor:
+    """Expose the untouched gel and take its reference image."""
+    light = ring_light(geometry)
+    irradiance = ring_irradiance(untouched(geometry), geometry, light)
+    response = CameraResponse()
+    response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
+    grey = linear_grey(irradiance, response).astype(np.float32)
+    random = np.random.default_rng([seed, 0])
+    total = np.zeros(grey.shape, np.float64)
+    for _ in range(REFERENCE_FRAMES):
+        total += digitise(grey, response.noise_grey, random)
+    return Sensor(geometry, response, light, (total / REFERENCE_FRAMES).astype(np.float32))
+
+
+def table_of_presses(sensor: Sensor, options: Options, *, count: int, noise_grey: float, seed: int) -> Table:
+    """Press `count` balls at random and return their labelled pixels, photographed with this noise."""
+    random = np.random.default_rng(seed)
+    parts = [_rows_of_press(sensor, options, noise_grey, random) for _ in range(count)]
+    height, width = sensor.geometry.image_shape
+    return checked(
+        np.concatenate(parts),
+        np.repeat(np.arange(count, dtype=np.int32), [len(part) for part in parts]),
+        np.array([width, height]),
+        name="the simulated presses",
+    )
+
+
+def _rows_of_press(sensor: Sensor, options: Options, noise_grey: float, random: np.random.Generator) -> Floats:
+    """Press one ball at a random place, photograph it, and return some of its pixels as (n, 7) rows."""
+    geometry = sensor.geometry
+    height, width = geometry.image_shape
+    radius = options.main_radius_mm
+    if random.random() < options.other_share:
+        radius = float(np.exp(random.uniform(*np.log(options.other_radii_mm))))
+    depth = random.uniform(0.05, min(options.deepest_mm, radius))
+    place = random.uniform(-0.5, 0.5, 2) * np.array([width, height]) * geometry.pixel_size_mm
+    parameters = ObjectParameters(calibration_ball_radius_mm=radius)
+    deformation = press_object("BALL", depth, geometry, parameters=parameters)
+    surface = sample(deformation, geometry, float(place[0]), float(place[1]))
+    grey = linear_grey(ring_irradiance(surface, geometry, sensor.light), sensor.response).astype(np.float32)
+    image = digitise(grey, noise_grey, random)
+    chosen = _chosen_pixels(surface.gradient_map, surface.contact, options, random)
+    rows = np.empty((len(chosen), 7), np.float32)
+    rows[:, :3] = image.reshape(-1, 3)[chosen] - sensor.reference.reshape(-1, 3)[chosen]
+    rows[:, 3], rows[:, 4] = chosen % width, chosen // width
+    rows[:, 5:] = surface.gradient_map.reshape(-1, 2)[chosen]
+    return rows
+
+
+def _chosen_pixels(
+    gradient_map: NDArray[np.float64], contact: NDArray[np.bool_], options: Options, random: np.random.Generator
+) -> NDArray[np.intp]:
+    """Draw pixels in contact, beside it and far from it, in the shares of the options."""
+    sloped = np.abs(gradient_map).max(axis=2) > _TOUCHED_SLOPE
+    n = options.rows_per_press
+    wanted = (
+        (contact, options.contact_share),
+        (sloped & ~contact, 1 - options.contact_share - options.flat_share),
+        (~sloped & ~contact, options.flat_share),
+    )
+    drawn = []
+    for mask, share in wanted:
+        pixels = np.flatnonzero(mask)
+        drawn.append(random.choice(pixels, min(len(pixels), round(n * share)), replace=False))
+    return np.concatenate(drawn)
+
+
+def geometry_hash(geometry: SensorGeometry, response: CameraResponse) -> str:
+    """Return the SHA-256 of every number that describes the simulated sensor; the exposure follows from them."""
+    numbers = {"geometry": asdict(geometry), "camera": asdict(response) | {"exposure": None}, "grey": BRIGHTEST_GREY}
+    text = json.dumps(numbers, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def make(options: Options, *, width: int, seed: int, out: Path) -> dict[str, Any]:
+    """Press, train, measure on validation presses and write the files; returns the provenance."""
+    sensor = simulated_sensor(SensorGeometry(), seed=seed)
+    training, validation = (
+        table_of_presses(sensor, options, count=count, noise_grey=noise, seed=SEEDS[name] + 1000 * seed)
+        for name, count, noise in (
+            ("training", options.presses, options.training_noise_grey),
+            ("validation", max(2, options.presses // 10), sensor.response.noise_grey),
+        )
+    )
+    recipe = replace(RECIPES["fast"], epochs=options.epochs, least_visits=0, place_jitter=0.0)
+    trained = train(training, recipe, width=width, seed=seed, progress=print_progress)
+    record = record_of("fast", recipe, width, seed, trained, training, validation)
+    provenance = _provenance(options, sensor, trained.network, validation, width=width, seed=seed)
+    with tempfile.TemporaryDirectory(prefix=".synthetic-", dir=_made(out)) as place:
+        partial = Path(place)
+        np.save(partial / "reference.npy", sensor.reference)
+        (partial / "provenance.json").write_text(json.dumps(provenance, indent=2) + "\n")
+        write(trained.network, record, training, partial)
+        for file in sorted(partial.iterdir()):
+            file.replace(out / file.name)
+    return provenance
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _provenance(
+    options: Options, sensor: Sensor, network: GelNet, validation: Table, *, width: int, seed: int
+) -> dict[str, Any]:
+    return {
+        "command": f"python -m gelnet.synthetic --width {width} --seed {seed}",
+        "options": asdict(options),
+        "sensor_sha256": geometry_hash(sensor.geometry, sensor.response),
+        "geometry": asdict(sensor.geometry),
+        "camera": asdict(sensor.response),
+        "light": sensor.light.tolist(),
+        "reference_frames": REFERENCE_FRAMES,
+        "validation_normal_error_deg": normal_error_deg(network, validation),
+        "versions": {
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "torch": torch.__version__,
+            "onnx": onnx.__version__,
+        },
+    }
+
+
+def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m gelnet.synthetic", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
+    parser.add_argument("--width", type=int, default=32, help="units in each hidden layer")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of torch")
+    for name in ("presses", "rows_per_press", "epochs"):
+        parser.add_argument(f"--{name.replace('_', '-')}", type=int, default=getattr(Options, name))
+    return parser.parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    chosen = _arguments(arguments)
+    torch.set_num_threads(chosen.threads)
+    torch.use_deterministic_algorithms(True)
+    options = Options(presses=chosen.presses, rows_per_press=chosen.rows_per_press, epochs=chosen.epochs)
+    try:
+        make(options, width=chosen.width, seed=chosen.seed, out=chosen.out)
+    except (TableError, ExportError, ValueError, OSError) as error:
+        print(f"gelnet.synthetic: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

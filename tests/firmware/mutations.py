@@ -1,0 +1,74 @@
+"""Firmware faults, one at a time: what to change in which file. Each has to be caught by a test."""
+
+# ruff: noqa: E501 (a line of C stays one line)
+
+from typing import NamedTuple
+
+
+class Mutation(NamedTuple):
+    """A fault of the firmware: in `file`, `old` becomes `new`."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+
+
+BOARD, CORE = "firmware/boards/rp2040", "firmware/core"
+
+IMAGE = (
+    Mutation("PIO left in reset", f"{BOARD}/clock.c", "RESET_PADS_BANK0 | RESET_PIO0", "RESET_PADS_BANK0"),
+    Mutation("wrong divider", f"{BOARD}/light.c", "#define CLOCK_DIVIDER 4u", "#define CLOCK_DIVIDER 5u"),
+    Mutation("pin not given to the PIO", f"{BOARD}/light.c", "(LED_PIN)) = 6;", "(LED_PIN)) = 5;"),
+    Mutation("pin is no output", f"{BOARD}/light.c", "REGISTER(PIO0_SM0_INSTR) = 0xe081;", ""),
+    Mutation("wrong autopull", f"{BOARD}/light.c", "24u << 25", "0u << 25"),
+    Mutation("shift register not emptied", f"{BOARD}/light.c", "REGISTER(PIO0_CTRL) = 1u << 4 | 1u << 8;", ""),
+    Mutation("one LED too few", f"{BOARD}/light.c", "REGISTER(DMA_TRANS_COUNT) = ALL_LEDS;",
+             "REGISTER(DMA_TRANS_COUNT) = ALL_LEDS - 1u;"),
+    Mutation("latch time cut short", f"{BOARD}/light.c", "shown_us = WIRE_US + latch_us + 1u;",
+             "shown_us = latch_us - 100u;"),
+    Mutation("RGB on the wire", f"{CORE}/ring.c", "wire[i] = colours[i + 1];\n        wire[i + 1] = colours[i];",
+             "wire[i] = colours[i];\n        wire[i + 1] = colours[i + 1];"),
+    Mutation("stuck data toggle", f"{BOARD}/usb.c", "in_data1 = !in_data1;", ""),
+    Mutation("no pull-up", f"{BOARD}/usb.c", "SET_BITS(USB_SIE_CTRL) = 1u << 16;", ""),
+    Mutation("clk_usb off", f"{BOARD}/clock.c", "REGISTER(CLK_USB_CTRL) = 1u << 11;", ""),
+    Mutation("PLL at 50.4 MHz", f"{BOARD}/clock.c", "REGISTER(PLL_USB_FBDIV) = 40;", "REGISTER(PLL_USB_FBDIV) = 42;"),
+    Mutation("alarm not acknowledged", f"{BOARD}/light.c", "    REGISTER(TIMER_INTR) = 1u << 0;\n    if (phase == PHASE_TIME)",
+             "    if (phase == PHASE_TIME)"),
+    Mutation("light of lower priority than USB", f"{BOARD}/clock.c", "0xc0c0c000u;", "0xc0c0c0c0u;"),
+    Mutation("watchdog never started", f"{BOARD}/main.c", "    watchdog_start();\n", ""),
+    Mutation("watchdog fed without progress", f"{BOARD}/watchdog.c", "#define TIMEOUT_US 100000u", "#define TIMEOUT_US 8000000u"),
+    Mutation("fault handler leaves the light", f"{BOARD}/watchdog.c", "    light_force_dark();\n    watchdog_restart(RESET_REASON_FAULT);",
+             "    watchdog_restart(RESET_REASON_FAULT);"),
+    Mutation("suspend ignored", f"{BOARD}/usb.c", "close_port(USB_SUSPENDED);", ""),
+    Mutation("closed port ignored", f"{BOARD}/usb.c", "baud == BAUD_TOUCH ? USB_BOOTLOADER : USB_CLOSED",
+             "baud == BAUD_TOUCH ? USB_BOOTLOADER : USB_NOTHING"),
+    Mutation("trigger delay forgotten", f"{CORE}/trigger.c", "now_us + trigger->delay_us", "now_us"),
+    Mutation("flash changed with interrupts on", f"{BOARD}/flash.c", "access.interrupts = interrupts_off();",
+             "access.interrupts = 0;"),
+    Mutation("configuration in another place", f"{BOARD}/flash.c", "run(CONFIG_OFFSET + offset, page", "run(offset, page"),
+    Mutation("wrong unique number", f"{BOARD}/flash.c", "dummy < 4", "dummy < 3"),
+    Mutation("packets taken without room", f"{BOARD}/usb.c", "RING_BYTES - ring_count(&incoming) >= PACKET", "true"),
+)  # fmt: skip
+
+LOGIC = (
+    Mutation("no blank on timeout", f"{CORE}/controller.c", "    darken(controller, DARK_HOST_SILENT);", ""),
+    Mutation("limit off", f"{CORE}/ring.c", "<= limits->limit_ma * 1000u)", "<= 4000000u)"),
+    Mutation("scale too generous", f"{CORE}/ring.c", "left_ua / limits->channel_ua * 255u", "left_ua / limits->channel_ua * 256u"),
+    Mutation("repeats executed", f"{CORE}/controller.c", "request->sequence == kept->sequence", "false"),
+    Mutation("hello from the cache", f"{CORE}/controller.c", "request->type != COMMAND_HELLO && ", ""),
+    Mutation("checksum not compared", f"{CORE}/packet.c", "return PACKET_BAD_CRC;", ""),
+    Mutation("schedule drifts", f"{CORE}/sequencer.c", "sequencer->fraction = (uint32_t)sum;", "sequencer->fraction = 0;"),
+    Mutation("blank not waited for", f"{CORE}/sequencer.c", "advance(sequencer, step->blank_us);", ""),
+    Mutation("one repetition too few", f"{CORE}/sequencer.c", "++next->repetition < ", "++next->repetition + 1 < "),
+    Mutation("newest record not the one that counts", f"{CORE}/config.c", "record.saves <= config->saves",
+             "(config->saves && record.saves >= config->saves)"),
+    Mutation("newest sector erased", f"{CORE}/config.c", "page % SECTOR_PAGES == 0)\n        return port", "true)\n        return port"),
+    Mutation("disturbed light forgotten", f"{CORE}/controller.c", "        hand_over(controller);\n    }\n    if (result", "    }\n    if (result"),
+    Mutation("group number unchecked", f"{CORE}/light_commands.c", "outside(call, request->group, 0, GROUP_COUNT - 1))\n        return",
+             "outside(call, request->group, 0, 255))\n        return"),
+    Mutation("trigger timeout forgotten", f"{CORE}/controller.c", "if (!controller->sync.timeout_us || ", "if (1 || "),
+    Mutation("every edge counts", f"{CORE}/trigger.c", "if (++trigger->edges < trigger->divider)", "if (++trigger->edges < 1)"),
+    Mutation("commit at once", f"{CORE}/sequencer.c", "    if (sequencer->running)\n        sequencer->swap = true;\n    else\n        take_over",
+             "    take_over"),
+)  # fmt: skip

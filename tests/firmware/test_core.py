@@ -1,0 +1,377 @@
+"""The portable core on a virtual clock: commands, sequences, safety, configuration, faults."""
+
+import zlib
+
+import pytest
+from virtual_board import VirtualBoard
+
+from gellight import protocol as p
+from gellight.enumerations import Dark, Edge, Policy, Status, SyncMode
+from gellight.wire import Packet, encode
+
+RED = bytes([200, 0, 0] + [0] * 33)
+GREEN = bytes([0, 200, 0] + [0] * 33)
+BLACK = bytes(36)
+WHITE = bytes([255] * 36)
+WIRE_US, LATCH_US = 360, 300
+
+
+def load(core: VirtualBoard, groups: list[bytes], steps: list[p.SetStep], loops: int = 0) -> None:
+    table = groups + [BLACK] * (16 - len(groups))
+    for index, colours in enumerate(table):
+        core.ok("SET_GROUP", p.SetGroup(index, colours))
+    for step in steps:
+        core.ok("SET_STEP", step)
+    crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
+    core.ok("COMMIT", p.Commit(crc, loops, len(steps)))
+
+
+def sync(core: VirtualBoard, mode: SyncMode, *, divider: int = 1, delay_us: int = 0, timeout_us: int = 0,
+         edge: Edge = Edge.RISING) -> None:  # fmt: skip
+    core.ok("SET_SYNC", p.SetSync(mode, edge, divider, delay_us, timeout_us))
+
+
+def keep_alive(core: VirtualBoard, duration_us: int) -> None:
+    while duration_us > 0:
+        core.advance(min(duration_us, 500_000))
+        core.ok("CLOCK", p.ClockRequest(0))
+        duration_us -= 500_000
+
+
+def counters(core: VirtualBoard) -> p.CountersReply:
+    reply = core.ok("COUNTERS")
+    assert isinstance(reply, p.CountersReply)
+    return reply
+
+
+def status(core: VirtualBoard) -> p.StatusReply:
+    reply = core.ok("STATUS")
+    assert isinstance(reply, p.StatusReply)
+    return reply
+
+
+# ---- life ----
+
+
+def test_the_first_light_is_darkness(core: VirtualBoard) -> None:
+    assert core.lights()[0] == (0, WIRE_US + LATCH_US, BLACK)
+
+
+def test_hello_names_the_schema(core: VirtualBoard) -> None:
+    hello = core.ok("HELLO")
+    assert isinstance(hello, p.HelloReply)
+    assert hello.schema_crc == p.schema_crc()
+    assert (hello.led_count, hello.group_count, hello.step_count) == (12, 16, 32)
+
+
+def test_the_clock_answers_with_both_times(core: VirtualBoard) -> None:
+    core.advance(1234)
+    reply = core.ok("CLOCK", p.ClockRequest(2**64 - 1))
+    assert isinstance(reply, p.ClockReply)
+    assert reply.host_us == 2**64 - 1
+    assert reply.received_us == reply.sent_us == core.now_us
+
+
+def test_colours_reach_the_leds_and_an_event_says_when(core: VirtualBoard) -> None:
+    reply = core.ok("SET_LEDS", p.SetLeds(bytes(range(36))))
+    start = core.now_us
+    core.advance(1000)
+    assert core.lights()[-1] == (start, start + WIRE_US + LATCH_US, bytes(range(36)))
+    events = [p.LightEvent.unpack(packet.payload) for packet in core.collect() if packet.type == 0x40]
+    assert [(e.light_id, e.first_bit_us) for e in events] == [(reply.light_id, start)]
+
+
+# ---- requests ----
+
+
+def test_a_repeated_request_is_answered_but_not_executed_again(core: VirtualBoard) -> None:
+    first = core.ask("SET_LEDS", p.SetLeds(RED), sequence=9)
+    assert core.ask("SET_LEDS", p.SetLeds(RED), sequence=9) == first
+    assert counters(core).repeated == 1
+    assert core.ask("SET_LEDS", p.SetLeds(RED), sequence=10) != first
+
+
+def test_hello_never_comes_from_the_cache(core: VirtualBoard) -> None:
+    core.ask("HELLO", sequence=1)
+    core.ask("HELLO", sequence=1)
+    assert counters(core).repeated == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "record", "expected", "value"),
+    [
+        ("SET_GROUP", p.SetGroup(16, BLACK), Status.OUT_OF_RANGE, 16),
+        ("SET_STEP", p.SetStep(32, 0, 1, 0, 0), Status.OUT_OF_RANGE, 32),
+        ("SET_STEP", p.SetStep(0, 16, 1, 0, 0), Status.OUT_OF_RANGE, 16),
+        ("SET_STEP", p.SetStep(0, 0, 0, 0, 0), Status.OUT_OF_RANGE, 0),
+        ("SET_STEP", p.SetStep(0, 0, 1, 999, 0), Status.OUT_OF_RANGE, 999),
+        ("SET_STEP", p.SetStep(0, 0, 1, 0, 60_000_001), Status.OUT_OF_RANGE, 60_000_001),
+        ("SET_SYNC", p.SetSync(3, 0, 1, 0, 0), Status.OUT_OF_RANGE, 3),
+        ("SET_SYNC", p.SetSync(0, 0, 0, 0, 0), Status.OUT_OF_RANGE, 0),
+        ("SET_LIMITS", p.SetLimits(451, 0), Status.OUT_OF_RANGE, 451),
+        ("SET_LIMITS", p.SetLimits(99, 0), Status.OUT_OF_RANGE, 99),
+        ("COMMIT", p.Commit(0, 0, 0), Status.OUT_OF_RANGE, 0),
+        ("COMMIT", p.Commit(0, 0, 33), Status.OUT_OF_RANGE, 33),
+        ("RESET", p.Magic(1), Status.BAD_MAGIC, 1),
+        ("BOOTLOADER", p.Magic(0), Status.BAD_MAGIC, 0),
+        ("STEP", None, Status.NOT_RUNNING, 0),
+        ("STOP", None, Status.NOT_RUNNING, 0),
+        ("START", None, Status.NOT_RUNNING, 0),
+        ("TRIM", p.Trim(0, 0), Status.NOT_RUNNING, 0),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_value(
+    core: VirtualBoard, name: str, record: p.Record | None, expected: Status, value: int
+) -> None:
+    got, said, _ = core.ask(name, record)
+    assert (got, said) == (expected, value)
+    assert counters(core).refused == 1
+
+
+def test_unknown_commands_and_wrong_lengths_are_counted(core: VirtualBoard) -> None:
+    core.receive(encode(Packet(0x3F, 1, b"")))
+    core.receive(encode(Packet(p.COMMANDS["SET_LEDS"].code, 2, b"short")))
+    answers = core.collect()
+    assert [(a.payload[0], a.payload[1]) for a in answers] == [(Status.UNKNOWN_COMMAND, 0x3F), (Status.BAD_LENGTH, 5)]
+    counted = counters(core)
+    assert (counted.unknown_command, counted.bad_length) == (1, 1)
+
+
+def test_a_commit_with_another_table_is_noticed(core: VirtualBoard) -> None:
+    core.ok("SET_STEP", p.SetStep(0, 0, 1, 5000, 0))
+    status_, value, _ = core.ask("COMMIT", p.Commit(12345, 0, 1))
+    assert status_ == Status.CHECKSUM
+    assert value == zlib.crc32(BLACK * 16 + p.SetStep(0, 0, 1, 5000, 0).pack())
+
+
+# ---- current ----
+
+
+def test_full_white_is_rejected_with_its_current(core: VirtualBoard) -> None:
+    assert core.ask("SET_LEDS", p.SetLeds(WHITE))[:2] == (Status.OVER_CURRENT, 732)
+    core.advance(5000)
+    assert [colours for _, _, colours in core.lights()] == [BLACK]
+
+
+def test_scaling_reports_its_factor_and_keeps_the_limit(core: VirtualBoard) -> None:
+    core.ok("SET_LIMITS", p.SetLimits(450, Policy.SCALE))
+    reply = core.ok("SET_LEDS", p.SetLeds(WHITE))
+    core.advance(2000)
+    colours = core.lights()[-1][2]
+    current_ma = 12 * 1.0 + 20.0 * sum(colours) / 255
+    assert current_ma <= 450
+    assert current_ma > 435  # colours are whole numbers: at most 36 * 20 / 255 mA are lost
+    assert colours[0] == 255 * reply.scale // 65535
+    assert reply.current_ma == -(-round(current_ma * 1000) // 1000)
+
+
+def test_scaling_keeps_the_limit_whatever_the_colours(core: VirtualBoard) -> None:
+    for limit_ma in (100, 237, 450):
+        core.ok("SET_LIMITS", p.SetLimits(limit_ma, Policy.SCALE))
+        for bright in range(1, 37):
+            core.ok("SET_LEDS", p.SetLeds(bytes([255] * bright + [0] * (36 - bright))))
+            core.advance(2000)
+            current_ua = 12 * 1000 + sum(core.lights()[-1][2]) * 20000 / 255
+            assert current_ua <= limit_ma * 1000
+
+
+def test_the_paper_ring_fits_the_limit(core: VirtualBoard) -> None:
+    one_colour_each = b"".join(bytes([255 * (i // 4 == c) for c in range(3)]) for i in range(12))
+    reply = core.ok("SET_LEDS", p.SetLeds(one_colour_each))
+    assert reply.current_ma == 252
+
+
+def test_a_lower_limit_darkens_what_is_above_it(core: VirtualBoard) -> None:
+    core.ok("SET_LEDS", p.SetLeds(bytes([60] * 36)))
+    core.advance(2000)
+    core.ok("SET_LIMITS", p.SetLimits(100, Policy.REJECT))
+    core.advance(2000)
+    assert core.lights()[-1][2] == BLACK
+
+
+# ---- sequences ----
+
+
+def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 2, 3000, 1500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
+    sync(core, SyncMode.FREE)
+    core.ok("START")
+    start = core.now_us + 1000
+    core.advance(60_000)
+    pass_ = [(0, RED), (3000, BLACK), (4500, RED), (7500, BLACK), (9000, GREEN)]
+    expected = [(start + at + 14_000 * k, colours) for k in range(2) for at, colours in pass_]
+    expected.append((start + 28_000, BLACK))
+    assert [(at, colours) for at, _, colours in core.lights()[1:]] == expected
+    assert status(core).dark == Dark.SEQUENCE_ENDED
+    assert counters(core).late_steps == 0
+
+
+def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> None:
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    sync(core, SyncMode.FREE)
+    core.ok("START")
+    start = core.now_us + 1000
+    core.ok("TRIM", p.Trim(250, round(3.3e-5 * 2**32)))
+    for _ in range(10):
+        core.advance(200_000)
+        core.ok("CLOCK", p.ClockRequest(0))
+    times = [at for at, _, _ in core.lights()[1:]]
+    assert times[0] in (start, start + 250)  # the first step may have been planned before the trim came
+    for k, at in enumerate(times[1:], start=1):
+        assert abs(at - (start + 250 + k * 10_000.33)) <= 2
+    assert len(times) > 190
+
+
+def test_hold_waits_for_the_host(core: VirtualBoard) -> None:
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 2, 0, 0)], loops=1)
+    core.ok("START")
+    shown = []
+    for _ in range(4):
+        core.ok("STEP")
+        core.advance(200_000)
+        shown.append(core.lights()[-1][2])
+    assert shown == [RED, GREEN, GREEN, BLACK]
+    assert core.ask("STEP")[0] == Status.NOT_RUNNING
+
+
+def test_a_hold_step_may_be_a_pulse(core: VirtualBoard) -> None:
+    load(core, [RED], [p.SetStep(0, 0, 1, 7000, 0)])
+    core.ok("START")
+    core.ok("STEP")
+    core.advance(20_000)
+    (lit, _, first), (dark, _, last) = core.lights()[1:]
+    assert (first, last, dark - lit) == (RED, BLACK, 7000)
+
+
+def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard) -> None:
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 2000, 0), p.SetStep(1, 1, 1, 2000, 0)])
+    sync(core, SyncMode.EXT, divider=2, delay_us=750)
+    core.ok("START")
+    edges = []
+    for number in range(8):
+        core.advance(10_000)
+        core.edge()
+        core.edge(falling=True)  # the other edge does not count
+        if number % 2:
+            edges.append(core.now_us)
+    core.advance(10_000)
+    lit = [(at, colours) for at, _, colours in core.lights()[1:] if colours != BLACK]
+    assert lit == [(edge + 750, (RED, GREEN)[k % 2]) for k, edge in enumerate(edges)]
+    assert counters(core).triggers == 4
+    assert counters(core).triggers_missed == 0
+
+
+def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoard) -> None:
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
+    sync(core, SyncMode.EXT, timeout_us=50_000)
+    core.ok("START")
+    core.edge()
+    core.advance(40_000)
+    assert core.lights()[-1][2] == RED
+    core.advance(40_000)
+    assert core.lights()[-1][2] == BLACK
+    assert counters(core).trigger_timeouts == 1
+    assert status(core).dark == Dark.TRIGGER_MISSED
+    core.edge()
+    core.advance(2000)
+    assert core.lights()[-1][2] == GREEN
+
+
+def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard) -> None:
+    steps = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0), p.SetStep(2, 0, 1, 10_000, 0)]
+    load(core, [RED, GREEN], steps)
+    sync(core, SyncMode.FREE)
+    core.ok("START")
+    core.advance(3000)
+    blue = bytes([0, 0, 200] + [0] * 33)
+    load(core, [blue], [p.SetStep(0, 0, 1, 5000, 0)])
+    core.advance(40_000)
+    assert [colours for _, _, colours in core.lights()[1:6]] == [RED, GREEN, RED, blue, blue]
+
+
+def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:
+    load(core, [RED], [p.SetStep(0, 0, 1, 10_000, 0)])
+    core.ok("START")
+    for name, record in (("SET_LEDS", p.SetLeds(RED)), ("SET_LIMITS", p.SetLimits(300, 0)), ("START", None),
+                         ("SAVE_CONFIG", None), ("SELFTEST", None)):  # fmt: skip
+        assert core.ask(name, record)[0] == Status.BUSY
+
+
+def test_stop_leaves_the_light_and_blank_takes_it(core: VirtualBoard) -> None:
+    load(core, [RED], [p.SetStep(0, 0, 1, 10_000, 0)])
+    sync(core, SyncMode.FREE)
+    core.ok("START")
+    core.advance(5000)
+    core.ok("STOP")
+    core.advance(100_000)
+    assert core.lights()[-1][2] == RED
+    core.ok("BLANK")
+    core.advance(2000)
+    assert core.lights()[-1][2] == BLACK
+
+
+# ---- safety ----
+
+
+def test_a_silent_host_leaves_the_leds_dark_after_a_second(core: VirtualBoard) -> None:
+    core.ok("SET_LEDS", p.SetLeds(RED))
+    heard = core.now_us
+    core.advance(990_000)
+    assert core.lights()[-1][2] == RED
+    core.advance(3_000_000)
+    at, _, colours = core.lights()[-1]
+    assert colours == BLACK
+    assert 1_000_000 < at - heard <= 1_010_000
+    assert counters(core).dark_faults == 1
+    assert any(packet.type == 0x41 for packet in core.packets)
+
+
+def test_a_sequence_dies_with_its_host(core: VirtualBoard) -> None:
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    sync(core, SyncMode.FREE)
+    core.ok("START")
+    keep_alive(core, 3_000_000)
+    assert status(core).state == 1
+    core.advance(1_100_000)
+    count = len(core.lights())
+    core.advance(1_000_000)
+    assert len(core.lights()) == count
+    assert core.lights()[-1][2] == BLACK
+
+
+@pytest.mark.parametrize("reason", [Dark.PORT_CLOSED, Dark.SUSPENDED])
+def test_a_closed_port_darkens_at_once(core: VirtualBoard, reason: Dark) -> None:
+    core.ok("SET_LEDS", p.SetLeds(RED))
+    core.advance(5000)
+    core.link(False, reason)
+    core.advance(700)
+    assert core.lights()[-1][2] == BLACK
+    core.link(True)
+    assert status(core).dark == reason
+
+
+def test_a_disturbed_transfer_is_sent_again(core: VirtualBoard) -> None:
+    core.faults(disturb=2)
+    core.ok("SET_LEDS", p.SetLeds(RED))
+    core.advance(10_000)
+    assert core.lights()[-1][2] == RED
+    assert counters(core).lights_disturbed == 2
+
+
+def test_rubbish_is_counted_and_the_next_packet_is_heard(core: VirtualBoard) -> None:
+    good = encode(Packet(p.COMMANDS["STATUS"].code, 1, b""))
+    core.receive(b"\x05\x01\0" + b"\x01" * 300 + b"\0" + bytes([good[0], good[1] ^ 1]) + good[2:] + good)
+    assert len(core.collect()) == 1
+    counted = counters(core)
+    assert (counted.bad_framing, counted.oversize, counted.bad_crc) == (1, 1, 1)
+
+
+def test_a_deaf_host_costs_replies_but_nothing_hangs(core: VirtualBoard) -> None:
+    core.faults(deaf=True)
+    for sequence in range(100):
+        core.receive(encode(Packet(p.COMMANDS["SET_LEDS"].code, sequence, RED)))
+        core.advance(1000)
+    core.faults(deaf=False)
+    counted = counters(core)
+    assert counted.replies_dropped == 100
+    assert counted.events_dropped >= 90

@@ -1,0 +1,104 @@
+"""The portable core on a virtual clock: the configuration in flash, restarts, telemetry."""
+
+import dataclasses
+
+import pytest
+from virtual_board import FLASH_BYTES, VirtualBoard
+
+from gellight import protocol as p
+from gellight.enumerations import Status
+from gellight.wire import COLOUR_BYTES
+
+RED = bytes([200, 0, 0] + [0] * 33)
+BLACK = bytes(36)
+
+
+def status(core: VirtualBoard) -> p.StatusReply:
+    reply = core.ok("STATUS")
+    assert isinstance(reply, p.StatusReply)
+    return reply
+
+
+def named(name: str) -> p.Configuration:
+    return p.Configuration(1000, 450, 1000, 20000, 300, 0, 0, name.encode().ljust(16, b"\0"))
+
+
+def save(core: VirtualBoard, name: str) -> int:
+    core.ok("SET_CONFIG", named(name))
+    return core.ask("SAVE_CONFIG")[0]
+
+
+def test_the_configuration_survives_many_saves(core: VirtualBoard) -> None:
+    for number in range(100):
+        assert save(core, f"sensor {number}") == Status.OK
+    again = VirtualBoard(core.library, core.flash())
+    assert again.ok("GET_CONFIG") == named("sensor 99")
+    assert status(again).config_saves == 100
+    again.close()
+
+
+def test_saving_the_same_writes_nothing(core: VirtualBoard) -> None:
+    save(core, "same")
+    before = core.flash()
+    save(core, "same")
+    assert core.flash() == before
+
+
+@pytest.mark.parametrize("field", ["host_timeout_ms", "limit_ma", "quiescent_ua", "channel_ua", "latch_us", "policy"])
+def test_a_configuration_out_of_range_is_refused(core: VirtualBoard, field: str) -> None:
+    wrong = dataclasses.replace(named("wrong"), **{field: 255 if field == "policy" else 0xFFFF})
+    assert core.ask("SET_CONFIG", wrong)[0] == Status.OUT_OF_RANGE
+
+
+def test_a_power_cut_at_any_byte_loses_at_most_the_record_being_written(core: VirtualBoard) -> None:
+    """Both cases: appending a record, and erasing a sector first because the other one is full."""
+    for saves, span in ((3, 256), (16, 4096 + 256)):
+        core_before = VirtualBoard(core.library)
+        for number in range(saves):
+            save(core_before, f"old {number}")
+        flash = core_before.flash()
+        core_before.close()
+        for cut in range(0, span + 1, 1 if span == 256 else 17):
+            victim = VirtualBoard(core.library, flash)
+            victim.ok("SET_CONFIG", named("new"))
+            victim.faults(cut_after=cut)
+            victim.ask("SAVE_CONFIG")
+            survivor = VirtualBoard(core.library, victim.flash())
+            expected = "new" if cut >= span else f"old {saves - 1}"
+            found = survivor.ok("GET_CONFIG")
+            assert found in (named(expected), named("new")), cut
+            assert save(survivor, "later") == Status.OK
+            after = VirtualBoard(core.library, survivor.flash())
+            assert after.ok("GET_CONFIG") == named("later")
+            for used in (victim, survivor, after):
+                used.close()
+
+
+def test_an_empty_or_ruined_flash_gives_the_built_in_configuration(core: VirtualBoard) -> None:
+    for flash in (b"\xff" * FLASH_BYTES, bytes(FLASH_BYTES), bytes(i * 7 & 255 for i in range(FLASH_BYTES))):
+        board = VirtualBoard(core.library, flash)
+        assert board.ok("GET_CONFIG") == named("GelLight")
+        assert save(board, "recovered") == Status.OK
+        board.close()
+
+
+def test_restarting_waits_for_the_reply_and_the_dark(core: VirtualBoard) -> None:
+    core.ok("SET_LEDS", p.SetLeds(RED))
+    core.advance(2000)
+    core.ok("BOOTLOADER", p.Magic(p.BOOTLOADER_MAGIC))
+    assert core.flags & 6 == 0
+    core.advance(50_000)
+    assert core.flags & 6 == 6
+    assert core.lights()[-1][2] == BLACK
+
+
+def test_telemetry_comes_by_itself(core: VirtualBoard) -> None:
+    core.ok("TELEMETRY", p.Telemetry(100))
+    core.advance(900_000)
+    reports = [packet for packet in core.collect() if packet.type == 0x42]
+    assert 8 <= len(reports) <= 9
+    assert len(reports[0].payload) == p.StatusReply.codec().size
+
+
+def test_colours_have_the_size_of_the_ring() -> None:
+    assert COLOUR_BYTES == 36

@@ -1,0 +1,156 @@
+"""From sources to a board: UF2, ELF, reproducible builds, and the three ways of flashing."""
+
+import shutil
+import struct
+from pathlib import Path
+
+import pytest
+
+from gellight.board.bootloader import BootRom
+from gellight.board.chip import EmulatedBoard
+from gellight.errors import BoardError, InputError
+from gellight.firmware import build, flash, uf2
+from gellight.firmware.image import HEADER_OFFSET, boot2_crc, flash_image, image_crc
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+def test_uf2_survives_the_round_trip(image: bytes) -> None:
+    assert uf2.unpack(uf2.pack(image)) == image + bytes(-len(image) % 256)
+
+
+def test_the_emulator_loads_the_same_uf2(image: bytes, tmp_path: Path) -> None:
+    """An independent reader of the format agrees."""
+    from rp2040py.device.load_flash import load_uf2
+    from rp2040py.rp2040 import RP2040
+
+    chip = RP2040()
+    (tmp_path / "image.uf2").write_bytes(uf2.pack(image))
+    load_uf2(str(tmp_path / "image.uf2"), chip)
+    assert bytes(chip.flash[: len(image)]) == image
+
+
+@pytest.mark.parametrize("at", [0, 4, 8, 12, 20, 24, 28, 508])
+def test_a_damaged_uf2_is_refused(image: bytes, at: int) -> None:
+    file = bytearray(uf2.pack(image))
+    file[at + (at == 8) * 1] ^= 0xFF if at != 8 else 0x20
+    with pytest.raises(InputError):
+        uf2.unpack(bytes(file))
+    with pytest.raises(InputError, match="blocks"):
+        uf2.unpack(uf2.pack(image)[:-1])
+
+
+def test_the_boot2_checksum_is_that_of_the_boot_rom() -> None:
+    assert boot2_crc(b"123456789") == 0x0376E6E7  # CRC-32/MPEG-2, the check value of its catalogue entry
+
+
+def test_a_damaged_image_is_noticed(image: bytes) -> None:
+    damaged = bytearray(image)
+    damaged[HEADER_OFFSET + 100] ^= 1
+    with pytest.raises(InputError, match="damaged"):
+        image_crc(bytes(damaged))
+    with pytest.raises(InputError, match="too few"):
+        image_crc(b"")
+
+
+def test_other_files_are_no_firmware() -> None:
+    with pytest.raises(InputError, match="ELF"):
+        flash_image(b"\x7fELF\x02\x01" + bytes(100))
+
+
+def test_the_committed_image_is_what_the_sources_give(image: bytes) -> None:
+    assert uf2.pack(build.build(CHECKOUT)) == uf2.pack(image)
+
+
+def test_building_elsewhere_gives_the_same_bytes(tmp_path: Path) -> None:
+    shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
+    assert build.build(tmp_path) == build.build(CHECKOUT)
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs gcc-arm-none-eabi")
+def test_the_other_compiler_builds_a_working_image() -> None:
+    board = EmulatedBoard(build.build(CHECKOUT, compiler_name="gcc"))
+    assert board.run_until(lambda: board.host.configured, 200_000)
+    assert board.faults == []
+
+
+def test_a_compilers_complaint_is_passed_on(tmp_path: Path) -> None:
+    shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
+    (tmp_path / "firmware/core/extra.c").write_text("int broken(void) { return 1L << 40; }\n")
+    with pytest.raises(InputError, match=r"extra\.c"):
+        build.build(tmp_path)
+    with pytest.raises(InputError, match="zig or gcc"):
+        build.compiler("tcc")
+    with pytest.raises(InputError, match="checkout"):
+        build.sources(tmp_path / "nowhere")
+
+
+# ---- onto a board ----
+
+
+def drive(folder: Path, name: str = "RPI-RP2") -> Path:
+    folder.mkdir(parents=True)
+    (folder / "INFO_UF2.TXT").write_text(f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {name}\n")
+    return folder
+
+
+def test_a_copy_goes_to_the_drive_of_a_boot_loader(image: bytes, tmp_path: Path) -> None:
+    mounted = drive(tmp_path / "media/me/RPI-RP2")
+    drive(tmp_path / "media/me/OTHER", "SAMD21")
+    assert flash.drives([f"{tmp_path}/media/*/*"]) == [mounted]
+    how = flash.flash_board(image, patterns=[f"{tmp_path}/media/*/*"])
+    assert str(mounted) in how
+    assert uf2.unpack((mounted / "gellight-rp2040.uf2").read_bytes()) == image
+    with pytest.raises(InputError, match="not the drive"):
+        flash.copy_uf2(image, tmp_path)
+
+
+def test_picoboot_writes_and_starts_the_image(image: bytes) -> None:
+    rom = BootRom(bytes(64 * 1024))  # a flash full of zeros: writing without erasing would fail
+    progress: list[float] = []
+    board = flash.Picoboot(backend=rom)
+    board.flash(image, progress.append)
+    board.reboot()
+    board.close()
+    assert rom.flash[: len(image)] == image
+    assert rom.rebooted
+    assert progress[-1] == 1.0
+    emulated = EmulatedBoard(image, flash=bytes(rom.flash))
+    assert emulated.run_until(lambda: emulated.host.configured, 200_000)
+
+
+def test_flash_that_does_not_take_its_bytes_is_noticed(image: bytes) -> None:
+    class Worn(BootRom):
+        def send(self, endpoint: int, data: bytes, timeout_us: float) -> None:
+            super().send(endpoint, data, timeout_us)
+            self.flash[5000] = 0
+
+    with pytest.raises(BoardError, match="worn out"):
+        flash.Picoboot(backend=Worn()).flash(image)
+
+
+def test_the_simulated_boot_loader_is_strict() -> None:
+    board = flash.Picoboot(backend=BootRom())
+    where = struct.pack("<II", uf2.FLASH_BASE, flash.SECTOR)
+    with pytest.raises(BoardError, match="status 8"):  # no exclusive access yet
+        board._command(flash.ERASE, where)
+    board._command(flash.EXCLUSIVE, b"\1")
+    board._command(flash.EXIT_XIP, b"")
+    with pytest.raises(BoardError, match="status 4"):  # not a whole sector
+        board._command(flash.ERASE, struct.pack("<II", uf2.FLASH_BASE, 100))
+    with pytest.raises(BoardError, match="status 3"):  # beyond the flash
+        board._command(flash.ERASE, struct.pack("<II", 0x20000000, flash.SECTOR))
+    with pytest.raises(BoardError, match="status 1"):
+        board._command(0x77, b"")
+
+
+def test_no_board_is_a_remedy(image: bytes, tmp_path: Path) -> None:
+    with pytest.raises(BoardError, match="hold BOOTSEL"):
+        flash.flash_board(image, patterns=[f"{tmp_path}/*/*"], backend=_NoDevice(), wait_s=0.2)
+    with pytest.raises(BoardError, match="cannot open"):
+        flash.touch(str(tmp_path / "ttyNONE"))
+
+
+class _NoDevice(BootRom):
+    def enumerate_devices(self):  # type: ignore[no-untyped-def]
+        return iter(())

@@ -1,0 +1,397 @@
+"""The committed image on an emulated RP2040: the waveform on the pin, time, USB, safety, flash."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gellight import protocol as p
+from gellight.board.chip import EmulatedBoard
+from gellight.board.waveform import BITS, WINDOWS_NS
+from gellight.enumerations import Dark, Policy, ResetReason, SyncMode
+from gellight.errors import BoardError
+from gellight.firmware.image import image_crc
+from gellight.ring import LightRing, RefusedError, Step
+from gellight.transport import UsbTransport, VirtualTransport
+from gellight.wire import Packet, encode
+
+RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
+PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
+JITTER_US = 1.0
+
+
+def lit(board: EmulatedBoard) -> np.ndarray:
+    return board.timeline.at(board.now_us)
+
+
+def starts(board: EmulatedBoard, since: int) -> np.ndarray:
+    """First bits of the frames on the pin, on the firmware's clock (the chip was not restarted)."""
+    return np.array(board.waveform.frame_starts_us[since:])
+
+
+# ---- the wire ----
+
+
+def test_the_leds_are_dark_before_the_board_is_on_the_bus(image: bytes) -> None:
+    board = EmulatedBoard(image)
+    board.run_until(lambda: board.host.configured, 200_000)
+    assert len(board.timeline) == 1
+    assert not board.timeline[0].colours.any()
+    assert board.waveform.frame_starts_us[0] < 7_000 < board.now_us
+
+
+def test_every_bit_keeps_the_windows_of_the_data_sheets(board: EmulatedBoard, ring: LightRing) -> None:
+    ring.set_leds(PATTERN)
+    board.run(2_000)
+    bits = board.waveform.bits
+    assert len(bits) == BITS
+    for bit in bits:
+        name = "T1" if bit.high_ns > 500 else "T0"
+        assert WINDOWS_NS[name + "H"][0] <= bit.high_ns <= WINDOWS_NS[name + "H"][1]
+        assert bit.low_ns is None or WINDOWS_NS[name + "L"][0] <= bit.low_ns <= WINDOWS_NS[name + "L"][1]
+    highs = {round(bit.high_ns) for bit in bits}
+    periods = {round(bit.high_ns + bit.low_ns) for bit in bits if bit.low_ns}
+    assert highs == {333, 667}
+    assert periods == {1250}
+    np.testing.assert_array_equal(lit(board), PATTERN)
+
+
+def test_an_led_frame_is_never_torn(board: EmulatedBoard, ring: LightRing) -> None:
+    """Lights that follow each other faster than the wire: some are left out, none is mixed."""
+    shades = [np.full((12, 3), value, np.uint8) for value in range(1, 60)]
+    code, before = p.COMMANDS["SET_LEDS"].code, len(board.timeline)
+    for number, shade in enumerate(shades):
+        board.host.send(encode(Packet(code, 100 + number, shade.tobytes())))
+        board.run(137.0)
+    board.run(20_000)
+    shown = [board.timeline[i].colours for i in range(before, len(board.timeline))]
+    assert 5 < len(shown) < len(shades)
+    assert all((colours == colours[0, 0]).all() for colours in shown)
+    np.testing.assert_array_equal(shown[-1], shades[-1])
+
+
+def test_the_event_tells_when_the_first_bit_left_the_pin(board: EmulatedBoard, ring: LightRing) -> None:
+    event = ring.wait_for_light(ring.set_leds(RED).light_id)
+    # the clock counts whole microseconds, and the first bit rises 0.6 us after the transfer has begun
+    assert 0 <= board.waveform.frame_starts_us[-1] - event.first_bit_us < 2
+    latched = board.timeline[-1].time_us
+    assert latched <= event.latched_us <= latched + 25
+
+
+# ---- time ----
+
+
+def free_run(board: EmulatedBoard, ring: LightRing, steps: list[Step], duration_us: float) -> np.ndarray:
+    since = len(board.waveform.frame_starts_us)
+    ring.load_sequence([RED, GREEN, BLUE], steps)
+    ring.set_sync(SyncMode.FREE)
+    ring.start()
+    elapsed = 0.0
+    while elapsed < duration_us:
+        board.run(min(200_000, duration_us - elapsed))
+        ring.clock()
+        elapsed += 200_000
+    return starts(board, since)
+
+
+def test_sequence_steps_fall_on_their_microsecond(board: EmulatedBoard, ring: LightRing) -> None:
+    times = free_run(board, ring, [Step(group=0, dwell_us=4_000), Step(group=1, dwell_us=7_000)], 400_000)
+    planned = times[0] + np.array([11_000 * (k // 2) + 4_000 * (k % 2) for k in range(len(times))])
+    assert len(times) > 60
+    assert np.abs(times - planned).max() <= JITTER_US
+    assert ring.counters().late_steps == 0
+
+
+def test_steps_keep_their_time_while_the_host_talks(board: EmulatedBoard, ring: LightRing) -> None:
+    """Replies, telemetry and rejected packets keep the processor and its USB interrupt busy meanwhile."""
+    since = len(board.waveform.frame_starts_us)
+    ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=1_700), Step(group=1, dwell_us=1_700)])
+    ring.set_sync(SyncMode.FREE)
+    ring.telemetry(10)
+    ring.start()
+    for _ in range(40):
+        ring.status()
+        board.host.send(b"\x07rubbish\0")
+        ring.counters()
+    times = starts(board, since)
+    assert len(times) > 8
+    assert np.abs(times - times[0] - 1_700 * np.arange(len(times))).max() <= JITTER_US
+    assert ring.counters().bad_framing == 40
+
+
+def test_the_trigger_pin_lights_after_its_delay(board: EmulatedBoard, ring: LightRing) -> None:
+    ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_000), Step(group=1, dwell_us=2_000)])
+    ring.set_sync(SyncMode.EXT, delay_us=300, divider=2)
+    ring.start()
+    edges, begun = [], []
+    for number in range(8):
+        board.run(5_000)
+        before = len(board.waveform.frame_starts_us)
+        board.set_trigger(True)
+        edge = board.now_us
+        board.run(1_000)
+        board.set_trigger(False)
+        if number % 2:
+            edges.append(edge)
+            begun.append(board.waveform.frame_starts_us[before])
+    delays = np.array(begun) - np.array(edges)
+    assert np.abs(delays - 300).max() <= 2 * JITTER_US  # the edge itself is stamped to 1 us
+    assert ring.counters().triggers == 4
+
+
+def test_a_second_of_sleep_costs_nothing(board: EmulatedBoard, ring: LightRing) -> None:
+    before = ring.clock().received_us
+    board.run(1_000_000)
+    assert abs(ring.clock().received_us - before - 1_000_000) < 2_000
+
+
+# ---- safety ----
+
+
+def test_a_silent_host_leaves_the_leds_dark(board: EmulatedBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    board.run(900_000)
+    assert lit(board).any()
+    board.run(200_000)
+    assert not lit(board).any()
+    assert ring.status().dark == Dark.HOST_SILENT
+
+
+def test_closing_the_port_darkens(board: EmulatedBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    board.run(3_000)
+    board.host.close()
+    board.run(3_000)
+    assert not lit(board).any()
+
+
+def test_suspending_the_bus_darkens(board: EmulatedBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    board.run(3_000)
+    board.suspend()
+    board.run(3_000)
+    assert not lit(board).any()
+
+
+def test_an_exception_darkens(board: EmulatedBoard) -> None:
+    def fail() -> None:
+        with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+            ring.set_leds(RED)
+            board.run(2_000)
+            assert lit(board).any()
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    board.run(2_000)
+    assert not lit(board).any()
+
+
+def test_full_white_is_refused(board: EmulatedBoard, ring: LightRing) -> None:
+    with pytest.raises(RefusedError, match="OVER_CURRENT"):
+        ring.set_leds(np.full((12, 3), 255, np.uint8))
+    ring.set_limits(450, Policy.SCALE)
+    reply = ring.set_leds(np.full((12, 3), 255, np.uint8))
+    board.run(2_000)
+    assert reply.current_ma <= 450
+    assert 12 + 20 * lit(board).sum() / 255 <= 450
+
+
+def test_a_processor_that_hangs_is_restarted_in_the_dark(board: EmulatedBoard, ring: LightRing) -> None:
+    """Interrupts off for ever: the main loop makes no progress, the watchdog is not fed."""
+    ring.set_leds(RED)
+    board.run(2_000)
+    board.chip.write_uint32(0x20000000 + 0x3FF00, 0xE7FE_E7FE)  # b . ; b .
+    board.chip.core.pc = 0x2003FF00
+    board.chip.core.pm = True
+    board.chip.core.waiting = False
+    board.run_until(lambda: board.resets, 150_000)
+    assert board.resets == 1
+    board.run(8_000)
+    assert not lit(board).any()
+    board.run_until(lambda: board.host.configured, 200_000)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.hello.reset_reason == ResetReason.WATCHDOG
+
+
+def test_a_fault_of_the_processor_darkens_and_restarts(image: bytes) -> None:
+    board = EmulatedBoard(image)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        ring.set_leds(RED)
+        board.run(2_000)
+        vectors = board.chip.read_uint32(0xE000ED08)
+        board.chip.core.pc = board.chip.read_uint32(vectors + 12) & ~1  # what HardFault would enter
+        board.chip.core.waiting = False
+        board.run_until(lambda: board.resets, 150_000)
+        assert not lit(board).any()
+    board.run_until(lambda: board.host.configured, 200_000)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.hello.reset_reason == ResetReason.FAULT
+    assert board.faults == []
+
+
+# ---- the bus ----
+
+
+def test_unplug_and_replug_in_mid_sequence(board: EmulatedBoard) -> None:
+    ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.02, attempts=2)
+    ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
+    ring.set_sync(SyncMode.FREE)
+    ring.start()
+    board.run(20_000)
+    assert lit(board).any()
+    board.power_off()
+    assert not lit(board).any()
+    with pytest.raises(BoardError, match="did not answer"):
+        ring.status()
+    ring.close()
+    board.power_on()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.status().state == 0
+        again.set_leds(GREEN)
+        board.run(2_000)
+        np.testing.assert_array_equal(lit(board), GREEN)
+
+
+def test_a_flood_of_rubbish_is_counted_and_survived(board: EmulatedBoard, ring: LightRing) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        board.host.send(rng.integers(0, 256, 900, dtype=np.uint8).tobytes())
+    assert board.run_until(lambda: not board.host.unsent, 3_000_000)
+    ring.transport.write(b"\0")
+    counted = ring.counters()
+    assert counted.bad_framing + counted.bad_crc + counted.oversize > 50
+    assert board.resets == 0
+
+
+def test_damaged_and_doubled_packets_do_no_harm(board: EmulatedBoard, ring: LightRing) -> None:
+    packet = encode(Packet(p.COMMANDS["SET_LEDS"].code, 77, RED.tobytes()))
+    damaged = bytes([packet[0]]) + bytes([packet[1] ^ 4]) + packet[2:]
+    before = ring.counters()
+    for data in (damaged, packet[:-20] + b"\0", packet, packet, packet):
+        board.host.send(data)
+    board.run(10_000)
+    after = ring.counters()
+    assert after.repeated - before.repeated == 2
+    assert after.lights - before.lights == 1
+    assert after.bad_crc + after.bad_framing - before.bad_crc - before.bad_framing == 2
+
+
+def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: EmulatedBoard) -> None:
+    class Lossy(VirtualTransport):
+        losses = 0
+
+        def read(self, timeout_s: float) -> bytes:
+            data = super().read(timeout_s)
+            if self.losses and data:
+                self.losses -= 1
+                return b""
+            return data
+
+    transport = Lossy(board)
+    with LightRing(transport, keep_alive_s=None, timeout_s=0.02) as ring:
+        ring.load_sequence([RED, GREEN, BLUE], [Step(group=k, dwell_us=0) for k in range(3)])
+        ring.start()
+        transport.losses = 1
+        reply = ring.step()
+        assert ring.retries == 1
+        ring.wait_for_light(reply.light_id)
+        np.testing.assert_array_equal(lit(board), RED)
+        ring.wait_for_light(ring.step().light_id)
+        np.testing.assert_array_equal(lit(board), GREEN)
+
+
+def test_the_descriptors_are_those_of_a_serial_port(board: EmulatedBoard, ring: LightRing) -> None:
+    host = board.host
+    assert host.text("product") == "GelLight light ring"
+    assert host.text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
+    assert len(host.descriptors["configuration"]) == int.from_bytes(host.descriptors["head"][2:4], "little")
+
+
+def test_pyusb_reaches_the_board(board: EmulatedBoard) -> None:
+    from gellight.board.usb_backend import EmulatedBackend
+
+    backend = EmulatedBackend(board)
+    number = board.unique_id.hex().upper()
+    with LightRing(UsbTransport(number, url=f"usb://{number}", backend=backend), keep_alive_s=None) as ring:
+        ring.set_leds(GREEN)
+        board.run(2_000)
+        np.testing.assert_array_equal(lit(board), GREEN)
+    board.run(2_000)
+    assert not lit(board).any()
+
+
+# ---- itself ----
+
+
+def test_the_self_test_passes_and_the_stack_is_bounded(board: EmulatedBoard, ring: LightRing, image: bytes) -> None:
+    board.run(2_000)
+    result = ring.self_test()
+    assert result.failed == 0
+    assert result.tested == p.Check.IMAGE | p.Check.LIGHT_PATH | p.Check.STACK
+    assert result.image_crc == ring.hello.image_crc == image_crc(image)
+    assert result.stack_free > 2048
+
+
+def test_a_damaged_image_fails_its_self_test(image: bytes) -> None:
+    damaged = bytearray(image)
+    damaged[5000] ^= 1
+    board = EmulatedBoard(bytes(damaged))
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        board.run(2_000)
+        assert ring.self_test().failed == p.Check.IMAGE
+
+
+def test_a_boot2_with_a_wrong_checksum_stays_in_the_boot_loader(image: bytes) -> None:
+    damaged = bytearray(image)
+    damaged[10] ^= 1
+    board = EmulatedBoard(bytes(damaged))
+    board.run(100_000)
+    assert board.in_bootloader
+    assert not board.host.configured
+
+
+def test_the_boot_loader_is_entered_by_command_and_by_1200_baud(image: bytes) -> None:
+    board = EmulatedBoard(image)
+    ring = LightRing(VirtualTransport(board), keep_alive_s=None)
+    ring.enter_bootloader()
+    assert board.run_until(lambda: board.in_bootloader, 100_000)
+    board = EmulatedBoard(image)
+    board.run_until(lambda: board.host.configured, 200_000)
+    board.host.open(1200)
+    board.run(5_000)
+    board.host.close()
+    assert board.run_until(lambda: board.in_bootloader, 100_000)
+    assert board.faults == []
+
+
+def test_the_configuration_survives_without_power(board: EmulatedBoard, ring: LightRing) -> None:
+    board.run(2_000)
+    named = dataclasses.replace(ring.configuration(), name=b"left thumb".ljust(16, b"\0"), host_timeout_ms=2000)
+    ring.configure(named, save=True)
+    board.power_off()
+    board.power_on()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.configuration() == named
+        assert again.status().config_saves == 1
+
+
+def test_a_power_cut_while_saving_keeps_the_configuration_before(board: EmulatedBoard, ring: LightRing) -> None:
+    board.run(2_000)
+    ring.timeout_s, ring.attempts = 0.02, 1
+    first = dataclasses.replace(ring.configuration(), name=b"first".ljust(16, b"\0"))
+    ring.configure(first, save=True)
+    for cut in (0, 1, 40, 200, 255):
+        transport = VirtualTransport(board)
+        now = LightRing(transport, keep_alive_s=None, timeout_s=0.02, attempts=1)
+        board.run(2_000)
+        assert now.configuration() == first
+        board.cut_after = cut
+        with pytest.raises(BoardError, match="did not answer"):
+            now.configure(dataclasses.replace(first, name=b"second".ljust(16, b"\0")), save=True)
+        assert not board.powered
+        board.power_on()
+
+
+def test_the_image_is_small(image: bytes) -> None:
+    assert len(image) < 16 * 1024

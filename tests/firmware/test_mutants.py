@@ -1,0 +1,199 @@
+"""The tests are tested: firmware with one fault each, and a short check that has to notice it.
+
+Mutants of the board are built and run in the emulator under `examine`; mutants of the portable core run the tests of
+the core against a library built from the changed sources.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mutations import IMAGE, LOGIC, Mutation
+
+from gellight import protocol as p
+from gellight.board.chip import EmulatedBoard
+from gellight.enumerations import ResetReason, SyncMode
+from gellight.errors import BoardError
+from gellight.firmware.build import build
+from gellight.ring import LightRing, Step
+from gellight.transport import VirtualTransport
+from gellight.wire import Packet, encode
+
+CHECKOUT = Path(__file__).parents[2]
+PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
+TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
+
+
+def mutate(mutation: Mutation, folder: Path) -> Path:
+    shutil.copytree(CHECKOUT / "firmware", folder / "firmware")
+    path = folder / mutation.file
+    source = path.read_text()
+    assert source.count(mutation.old) == 1, f"{mutation.name} does not apply any more"
+    path.write_text(source.replace(mutation.old, mutation.new))
+    return folder
+
+
+def examine(image: bytes) -> list[str]:
+    """Everything that is wrong with an image; a sound one gives an empty list."""
+    board = EmulatedBoard(image)
+    problems: list[str] = []
+    try:
+        _examine(board, problems)
+    except (BoardError, IndexError) as error:  # IndexError: no frame on the pin
+        problems.append(str(error) or "nothing came")
+    return board.faults + problems
+
+
+def _examine(board: EmulatedBoard, problems: list[str]) -> None:
+    ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
+    for check in (_colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault):
+        ring = check(board, ring, problems) or ring
+        if problems or board.faults:
+            return
+
+
+def _dark(board: EmulatedBoard) -> bool:
+    board.run(8_000)
+    return not board.timeline.at(board.now_us).any()
+
+
+def _reopen(board: EmulatedBoard) -> LightRing:
+    board.run_until(lambda: board.host.configured, 200_000)
+    return LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
+
+
+def _colours(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+    if board.host.text("serial") != board.unique_id.hex().upper():
+        problems.append("unique number")
+    ring.set_leds(PATTERN)
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    if not np.array_equal(board.timeline.at(board.now_us), PATTERN):
+        problems.append("colours")
+
+
+def _sequence(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=1_300)])
+    ring.set_sync(SyncMode.FREE)
+    since = len(board.waveform.frame_starts_us)
+    ring.start()
+    for _ in range(25):
+        ring.counters()
+    times = np.array(board.waveform.frame_starts_us[since:])
+    ring.blank()
+    board.run(3_000)
+    planned = times[:1] + 1_300 * np.arange(len(times))
+    if len(times) < 4 or np.abs(times - planned).max() > 1:
+        problems.append("steps are not on time")
+
+
+def _trigger(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+    ring.set_sync(SyncMode.EXT, delay_us=round(TRIGGER_DELAY_US))
+    ring.start()
+    board.run(3_000)
+    since = len(board.waveform.frame_starts_us)
+    board.set_trigger(True)
+    edge = board.now_us
+    board.run(3_000)
+    board.set_trigger(False)
+    ring.blank()
+    late = board.waveform.frame_starts_us[since] - edge - TRIGGER_DELAY_US
+    if abs(late) > EDGE_TOLERANCE_US:
+        problems.append(f"trigger off by {late} us")
+
+
+def _configuration(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+    board.run(3_000)
+    before = bytes(board.chip.flash[: 1 << 20])
+    ring.configure(p.Configuration(900, 400, 1000, 20000, 300, 0, 0, b"mutant".ljust(16, b"\0")), save=True)
+    if bytes(board.chip.flash[: 1 << 20]) != before:
+        problems.append("the image in flash was changed")
+    board.power_off()
+    board.power_on()
+    again = _reopen(board)
+    if again.configuration().name.rstrip(b"\0") != b"mutant":
+        problems.append("configuration lost")
+    return again
+
+
+def _flood(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+    before = ring.counters()
+    code = p.COMMANDS["SELFTEST"].code  # 60 ms of work, while bytes pile up
+    board.run(3_000)
+    board.host.send(encode(Packet(code, 200, b"")))
+    for number in range(150):
+        board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, number, bytes(8))))
+    board.run_until(lambda: not board.host.unsent, 400_000)
+    board.run(40_000)
+    after = ring.counters()
+    damaged = after.bad_framing + after.bad_crc - before.bad_framing - before.bad_crc
+    if after.packets - before.packets != 152 or damaged:
+        problems.append("packets lost")
+
+
+def _suspend(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    board.suspend()
+    if not _dark(board):
+        problems.append("lit while suspended")
+    return _reopen(board)
+
+
+def _close(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    board.host.close()
+    if not _dark(board):
+        problems.append("lit after closing")
+    return _reopen(board)
+
+
+def _watchdog(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+    board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
+    core = board.chip.core
+    core.pc, core.pm, core.waiting = 0x2003FF00, True, False
+    if not board.run_until(lambda: board.resets, 150_000):
+        problems.append("the watchdog does not bite")
+    return _reopen(board)
+
+
+def _fault(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    resets, vectors = board.resets, board.chip.read_uint32(0xE000ED08)
+    board.chip.core.pc = board.chip.read_uint32(vectors + 12) & ~1
+    board.chip.core.waiting = False
+    board.run_until(lambda: board.resets > resets, 150_000)
+    if board.timeline.at(board.now_us).any():
+        problems.append("lit after a fault")
+    if _reopen(board).hello.reset_reason != ResetReason.FAULT:
+        problems.append("the fault is not told")
+
+
+def test_the_committed_image_passes_the_examination(image: bytes) -> None:
+    assert examine(image) == []
+
+
+@pytest.mark.parametrize("mutation", IMAGE, ids=lambda m: m.name)
+def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> None:
+    assert examine(build(mutate(mutation, tmp_path))) != []
+
+
+@pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
+def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
+    from virtual_board import compile_library
+
+    library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
+    tests = [CHECKOUT / "tests/firmware" / name for name in ("test_core.py", "test_core_config.py")]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, tests)],
+        cwd=CHECKOUT, env=os.environ | {"GELLIGHT_CORE_LIBRARY": str(library)}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode != 0, "survived"
+    assert "error" not in done.stdout.lower().split("short test summary")[-1].split("failed")[0], done.stdout[-2000:]

@@ -1,0 +1,127 @@
+"""The network of the simulated sensor: labels that are true, a recipe that can be run again, a bundle that fits."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+from gellight import simulated
+from gellight.calibration import load_calibration
+from gellight.simulated import Press, Scene
+from gellight.synthetic import evaluate_simulated, pixel_floor_deg
+from gelnet import synthetic
+from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+
+SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
+FEW = Options(presses=6, rows_per_press=300, epochs=2)
+
+
+@pytest.fixture(scope="module")
+def sensor() -> synthetic.Sensor:
+    return simulated_sensor(SMALL, seed=0)
+
+
+def test_it_learns_from_the_sensor_that_the_host_simulates(sensor: synthetic.Sensor) -> None:
+    scene = Scene(SMALL, CameraResponse())
+    assert synthetic.BRIGHTEST_GREY == simulated.BRIGHTEST_GREY
+    assert sensor.response.exposure == pytest.approx(scene.response.exposure, rel=1e-5)
+    assert geometry_hash(SMALL, sensor.response) == geometry_hash(SMALL, scene.response)
+    assert geometry_hash(SMALL, sensor.response) != geometry_hash(replace(SMALL, gel_thickness_mm=4), sensor.response)
+    np.testing.assert_array_equal(sensor.light, scene.light)
+    untouched, _ = scene.show(None)
+    # The mean of 100 frames of noise 1: a standard error of 0.1 grey levels.
+    assert np.abs(sensor.reference - untouched).max() < 0.6
+    assert np.abs(sensor.reference - untouched).mean() == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.1)
+
+
+def test_the_rows_are_the_truth_of_the_pixels_they_name(sensor: synthetic.Sensor) -> None:
+    options = replace(FEW, other_share=0.0)
+    table = table_of_presses(sensor, options, count=4, noise_grey=0.3, seed=9)
+    assert table.image_size == (160, 120)
+    assert set(table.image) == {0, 1, 2, 3}
+    slope = np.abs(table.rows[:, 5:]).max(axis=1)
+    # A share in contact, the rest on the skirt and on flat gel; no ball of 4 mm at 2 mm is steeper than 50 degrees.
+    assert 0.2 < (slope > 0.1).mean() < 0.9
+    assert (slope < 2e-3).any()
+    assert slope.max() < 1.2
+    # Gel that faces left, away from the right, is brighter where the light comes from: colours follow the slopes.
+    steep = slope > 0.1
+    assert np.abs(table.rows[steep, :3]).max(axis=1).mean() > 10 * np.abs(table.rows[~steep, :3]).mean()
+
+
+def test_training_validation_and_test_presses_differ() -> None:
+    from gellight.synthetic import TEST_SEED, VALIDATION_SEED
+
+    seeds = [*synthetic.SEEDS.values(), TEST_SEED, VALIDATION_SEED]
+    assert len(set(seeds)) == len(seeds) == 4
+
+
+def test_the_command_writes_everything_the_bundle_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "made"
+    arguments = ["--presses", "4", "--rows-per-press", "200", "--epochs", "2", "--width", "8"]
+    assert main(["--out", str(out), *arguments]) == 0
+    assert sorted(path.name for path in out.iterdir()) == [
+        "network.onnx",
+        "provenance.json",
+        "reference.npy",
+        "training.json",
+    ]
+    assert [json.loads(line)["epoch"] for line in capsys.readouterr().out.splitlines()] == [1, 2]
+    provenance = json.loads((out / "provenance.json").read_text())
+    assert provenance["options"]["presses"] == 4
+    assert provenance["validation_normal_error_deg"]["mean"] > 0
+    assert len(provenance["light"]) == 12
+    assert np.load(out / "reference.npy").shape == (480, 640, 3)
+
+
+def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    assert main(["--out", str(tmp_path / "made"), "--presses", "1", "--rows-per-press", "50", "--epochs", "1"]) == 2
+    assert not (tmp_path / "made").exists()
+
+
+def test_the_shipped_bundle_was_made_for_this_simulator() -> None:
+    calibration = load_calibration("synthetic")
+    provenance = json.loads(calibration.files["provenance.json"])
+    now = Scene(SensorGeometry(), CameraResponse())
+    remedy = "the simulated sensor has changed: gellight calibrate synthetic --overwrite --out models/gelnet/synthetic"
+    assert provenance["sensor_sha256"] == geometry_hash(now.geometry, now.response), remedy
+    assert np.abs(calibration.reference - now.show(None)[0]).mean() < 0.1, remedy
+    assert calibration.pixel_size_mm == (0.0588, 0.0588)
+    assert "".join(led.colour for led in calibration.manifest.led) == "RRRRGGGGBBBB"
+    session = onnxruntime.InferenceSession(calibration.network, providers=["CPUExecutionProvider"])
+    assert int(session.get_modelmeta().custom_metadata_map["width"]) == calibration.metrics["training"]["width"]
+
+
+def test_the_shipped_network_keeps_what_the_model_card_promises() -> None:
+    error = evaluate_simulated(load_calibration("synthetic"), presses=5)
+    assert error.whole_map_normal_mae_deg <= 0.28
+    assert error.contact_depth_mae_mm <= 0.010
+    assert error.contact_normal_mae_deg < error.pixel_floor_deg
+
+
+def test_the_floor_of_one_pixel_grows_with_the_noise_and_is_the_spread_of_a_linear_estimator() -> None:
+    quiet, loud = (Scene(SMALL, CameraResponse(noise_grey=noise)) for noise in (1.0, 3.0))
+    _, surface = quiet.show(Press("BALL", 1.0, 2.0, 1.0))
+    floor = pixel_floor_deg(quiet, surface)
+    ratio = pixel_floor_deg(loud, surface) / floor
+    np.testing.assert_allclose(ratio, np.sqrt((9 + 1 / 12) / (1 + 1 / 12)), rtol=1e-6)
+    # A least-squares estimator with the true Jacobian, fed with noise, must scatter by just the bound.
+    row, column = 60, 85
+    jacobian = synthetic_jacobian(quiet, surface)[row, column]
+    noise = np.random.default_rng(0).normal(0, np.sqrt(1 + 1 / 12), (20_000, 3))
+    slopes = surface.gradient_map[row, column] + noise @ np.linalg.pinv(jacobian).T
+    normal = np.concatenate([-slopes, np.ones((len(slopes), 1))], axis=1)
+    truth = np.append(-surface.gradient_map[row, column], 1.0)
+    cosine = normal @ truth / np.linalg.norm(normal, axis=1) / np.linalg.norm(truth)
+    assert np.degrees(np.arccos(np.minimum(cosine, 1))).mean() == pytest.approx(floor[row, column], rel=0.02)
+
+
+def synthetic_jacobian(scene: Scene, surface: simulated.Surface) -> np.ndarray:
+    from gellight.synthetic import _jacobian
+
+    return _jacobian(scene, surface)

@@ -1,0 +1,155 @@
+"""Training: it learns what is in the table, the same each time, and refuses a table that says nothing."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from gelnet.table import Table, TableError, checked, held_out_images, load_table, split_by_image
+from gelnet.train import RECIPES, learning_rates, main, normal_error_deg, train
+
+ROOT = Path(__file__).parent.parent.parent
+TINY = replace(RECIPES["fast"], epochs=2, least_visits=0)
+
+
+def arrays(images: int = 6, per_image: int = 400) -> dict[str, np.ndarray]:
+    """Pixels of a sensor whose colours are a known function of the slope, brighter to the right."""
+    random = np.random.default_rng(5)
+    n = images * per_image
+    slope = random.uniform(-0.8, 0.8, (n, 2))
+    place = random.uniform([0, 0], [319, 239], (n, 2))
+    lights = np.array([[1.0, 0.0], [-0.5, 0.87], [-0.5, -0.87]])
+    bend = 1 / np.sqrt(1 + (slope**2).sum(axis=1, keepdims=True))
+    colour = 60 * (1 + place[:, :1] / 640) * bend * (slope @ lights.T)
+    rows = np.concatenate([colour, place, slope], axis=1).astype(np.float32)
+    image = np.repeat(np.arange(images, dtype=np.int32), per_image)
+    return {"rows": rows, "image": image, "image_size": np.array([320, 240], np.int32)}
+
+
+def table(**sizes: int) -> Table:
+    made = arrays(**sizes)
+    return checked(made["rows"], made["image"], made["image_size"])
+
+
+def saved(place: Path, **changes: np.ndarray) -> Path:
+    np.savez(place / "table.npz", **{**arrays(), **changes})
+    return place / "table.npz"
+
+
+def test_it_learns_a_known_sensor_to_half_a_degree() -> None:
+    training, held_out = split_by_image(table(per_image=2000), fraction=0.3)
+    trained = train(training, replace(RECIPES["fast"], least_visits=400_000, batch=256, place_jitter=0.0), width=16)
+    assert normal_error_deg(trained.network, held_out)["mean"] < 0.5
+    assert trained.losses[-1] < trained.losses[0] / 3
+
+
+def test_the_paper_recipe_is_the_paper() -> None:
+    paper = RECIPES["paper"]
+    assert (paper.loss, paper.learning_rate, paper.batch, paper.epochs) == ("gradient", 1e-6, 128, 150)
+    assert paper.dropout > 0
+    assert set(learning_rates(paper, steps=5)) == {1e-6}
+
+
+def test_the_paper_recipe_goes_downhill() -> None:
+    # Without its dropout, which is louder than 3 of its 150 tiny epochs.
+    trained = train(table(), replace(RECIPES["paper"], epochs=3, dropout=0.0), width=16)
+    assert trained.losses[2] < trained.losses[1] < trained.losses[0]
+
+
+def test_the_learning_rate_rises_then_falls_to_nothing() -> None:
+    rates = list(learning_rates(RECIPES["fast"], steps=100))
+    top = int(np.argmax(rates))
+    assert rates[top] == pytest.approx(RECIPES["fast"].learning_rate)
+    assert 1 <= top <= 10
+    assert all(np.diff(rates[: top + 1]) > 0)
+    assert all(np.diff(rates[top + 1 :]) < 0)
+    assert rates[-1] < 0.01 * rates[top]
+
+
+def test_the_same_seed_gives_the_same_network_and_another_seed_another() -> None:
+    first, again, other = (train(table(), TINY, width=8, seed=seed).network.state_dict() for seed in (4, 4, 5))
+    assert all(torch.equal(first[name], again[name]) for name in first)
+    assert any(not torch.equal(first[name], other[name]) for name in first)
+
+
+def test_a_large_table_is_thinned_and_a_small_one_seen_more_often() -> None:
+    assert train(table(), replace(TINY, largest_table=1000), width=4).rows == 1000
+    assert train(table(), replace(TINY, least_visits=12_000), width=4).epochs == 5
+
+
+def test_no_image_is_trained_on_and_measured_on() -> None:
+    training, held_out = split_by_image(table(images=20), fraction=0.1, seed=3)
+    assert set(training.image) | set(held_out.image) == set(range(20))
+    assert not set(training.image) & set(held_out.image)
+    assert len(set(held_out.image)) == 2
+    assert len(held_out_images(np.array([0, 1], np.int32), fraction=0.01, seed=0)) == 1
+
+
+WRONG = {
+    "nan": ({"rows": np.full((4, 7), np.nan, np.float32), "image": np.arange(4)}, "row 0, column dR is nan"),
+    "empty": ({"rows": np.zeros((0, 7), np.float32), "image": np.zeros(0, np.int32)}, "no rows"),
+    "one image": ({"image": np.zeros(2400, np.int32)}, "from 1 image; at least 2"),
+    "columns": ({"rows": np.zeros((2400, 6), np.float32)}, r"shape \(2400, 6\), expected \(N, 7\)"),
+    "too few numbers": ({"image": np.zeros(3, np.int32)}, r"expected \(2400,\) whole numbers"),
+    "outside": ({"image_size": np.array([100, 240])}, "column x_px is .*outside the image of 100 px"),
+    "size": ({"image_size": np.array([320])}, "image_size"),
+    "text": ({"rows": np.full((2400, 7), "a")}, "expected float32"),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), WRONG.values(), ids=WRONG)
+def test_a_table_that_says_nothing_is_refused_with_status_2_and_nothing_is_written(
+    changes: dict[str, np.ndarray], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = saved(tmp_path, **changes)
+    with pytest.raises(TableError, match=message):
+        load_table(path)
+    assert main(["--table", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.startswith(f"gelnet.train: {path}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_is_no_table_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "table.npz"
+    with pytest.raises(TableError, match="cannot be read"):
+        load_table(path)
+    path.write_bytes(b"PK\x03\x04 cut")
+    with pytest.raises(TableError, match="cannot be read"):
+        load_table(path)
+    np.savez(path, rows=np.zeros((3, 7)))
+    with pytest.raises(TableError, match="has no image, image_size"):
+        load_table(path)
+
+
+def test_the_child_reports_each_epoch_and_writes_both_files(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "gelnet.train", "--table", str(saved(tmp_path)), "--out", str(tmp_path / "out")]
+    child = subprocess.run(
+        [*command, "--epochs", "3", "--width", "8", "--seed", "2"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": f"{ROOT / 'models'}", "PATH": ""},
+    )
+    assert child.returncode == 0, child.stderr
+    progress = [json.loads(line) for line in child.stdout.splitlines()]
+    assert [(step["epoch"], step["epochs"]) for step in progress] == [(1, 3), (2, 3), (3, 3)]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["network.onnx", "training.json"]
+    record = json.loads((tmp_path / "out/training.json").read_text())
+    assert record["losses"] == [step["loss"] for step in progress]
+    assert (record["recipe"], record["width"], record["seed"], record["epochs"]) == ("fast", 8, 2, 3)
+    assert record["images"] == 5
+    assert len(record["held_out_images"]) == 1
+    assert 0 < record["held_out_normal_error_deg"]["mean"] < 90
+
+
+@pytest.mark.parametrize("arguments", [["--width", "0"], ["--epochs", "0"], ["--recipe", "slow"], ["--threads", "0"]])
+def test_wrong_arguments_are_refused(arguments: list[str], tmp_path: Path) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["--table", str(saved(tmp_path)), "--out", str(tmp_path / "out"), *arguments])
+    assert stopped.value.code == 2
+    assert not (tmp_path / "out").exists()
