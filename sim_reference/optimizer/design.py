@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from sim_reference.geometry import SensorGeometry
-from sim_reference.optimizer.exposing import LightGroups
+from sim_reference.optimizer.exposing import WHITE, LightGroups
 from sim_reference.optimizer.near_field import (
     Ring,
     Scene,
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 FIGURES = ("mae", "top5", "top1")
 ENOUGH = 1.10
 """the fewest LEDs whose error is within a tenth of the best are chosen"""
+STARTING_GREY = 230.0
+"""of the brightest pixel, as the sensor that we start from is exposed"""
 Progress = Callable[[int, float], None]
 
 
@@ -121,7 +123,7 @@ def errors(
     ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
     pictures = mixing(geometry, one_shot=wishes.one_shot)
     camera = LightGroups(noise_grey=wishes.noise_grey)
-    gain = min(restoring_gain(ring, pictures) * brightest_grey / camera.full_scale_grey, longest)
+    gain = _gain(ring, pictures, brightest_grey, longest)
     found = [
         normal_error(seen, ring, pictures, camera, drop_shadows=wishes.drop_shadows, gain=gain) for seen in place.scenes
     ]
@@ -160,9 +162,7 @@ def _best_of(
     options = {"initial_simplex": simplex, "maxfev": 90, "xatol": 0.004, "fatol": radians(0.001)}
     found = minimize(criterion, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options=options)
     at = low + np.clip(found.x, 0, 1) * (high - low)
-    mae, top5, top1 = errors(built(at), place, wishes, float(at[2]), limit(at))
-    noise = noise_law(built(at), place, wishes, float(at[2]))
-    return Candidate(number, float(at[0]), float(at[1]), float(at[2]), mae, top5, top1, noise, int(found.nfev))
+    return replace(assessed(built(at), place, wishes, float(at[2]), limit(at)), evaluations=int(found.nfev))
 
 
 def _bounds(geometry: SensorGeometry, wishes: Wishes) -> tuple[Array, Array]:
@@ -182,21 +182,45 @@ def _longest_exposure(geometry: SensorGeometry, place: Place, wishes: Wishes) ->
     if wishes.exposure_limit == float("inf"):
         return float("inf")
     ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
-    gain = restoring_gain(ring, mixing(geometry, one_shot=wishes.one_shot)) * 230 / 255
+    gain = restoring_gain(ring, mixing(geometry, one_shot=wishes.one_shot)) * STARTING_GREY / WHITE
     return wishes.exposure_limit * gain * (geometry.camera_height_mm - geometry.mounting_height_mm) ** 2
 
 
-def noise_law(geometry: SensorGeometry, place: Place, wishes: Wishes, brightest_grey: float) -> float:
+def assessed(
+    geometry: SensorGeometry, place: Place, wishes: Wishes, brightest_grey: float, longest: float = float("inf")
+) -> Candidate:
+    """Return the sensor `geometry` as a candidate, without a search; arguments as of `errors`."""
+    ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
+    pictures = mixing(geometry, one_shot=wishes.one_shot)
+    gain = _gain(ring, pictures, brightest_grey, longest)
+    mae, top5, top1 = errors(geometry, place, wishes, brightest_grey, longest)
+    return Candidate(
+        len(geometry.led_colours),
+        geometry.incident_angle_rad,
+        geometry.mounting_height_mm,
+        gain / restoring_gain(ring, pictures) * WHITE,
+        mae,
+        top5,
+        top1,
+        noise_law(ring, pictures, wishes.noise_grey, gain * WHITE),
+        1,
+    )
+
+
+def _gain(ring: Ring, pictures: Array, brightest_grey: float, longest: float) -> float:
+    """Exposure in full scales per light that is wanted, or the longest there is."""
+    return min(restoring_gain(ring, pictures) * brightest_grey / WHITE, longest)
+
+
+def noise_law(ring: Ring, pictures: Array, noise_grey: float, grey_per_light: float) -> float:
     """Return the MAE in rad that noise alone gives on a plane, in closed form.
 
     The least squares of section 2.3.1 have the covariance sd^2 (L^T L)^-1, so the angle of an upright normal has the
     mean square sd^2 (C_xx + C_yy) and, with errors alike in x and y, the mean sqrt(pi / 4) times its root.
     """
-    ring: Ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
-    pictures = mixing(geometry, one_shot=wishes.one_shot)
-    vectors = np.einsum("ck,kpi->pci", pictures, ring.vectors) * restoring_gain(ring, pictures) * brightest_grey
+    vectors = np.einsum("ck,kpi->pci", pictures, ring.vectors) * grey_per_light
     covariance = np.linalg.inv(np.swapaxes(vectors, 1, 2) @ vectors)
-    spread = np.sqrt((wishes.noise_grey**2 + 1 / 12) * (covariance[:, 0, 0] + covariance[:, 1, 1]))
+    spread = np.sqrt((noise_grey**2 + 1 / 12) * (covariance[:, 0, 0] + covariance[:, 1, 1]))
     return sqrt(pi / 4) * float(spread.mean())
 
 

@@ -182,7 +182,7 @@ def test_noise_on_a_plane_is_what_the_closed_form_says(one_shot: bool) -> None:
     flat = design.Place([near_field.scene(plane(SMALL, GEOMETRY), inside)], x, y)
     low = fine.at_height(GEOMETRY, 4.0)
     measured = design.errors(low, flat, wishes, 230.0)[0]
-    assert measured == pytest.approx(design.noise_law(low, flat, wishes, 230.0), rel=0.05)
+    assert measured == pytest.approx(design.assessed(low, flat, wishes, 230.0).noise_mae_rad, rel=0.05)
 
 
 def test_the_design_is_better_than_the_start_and_no_worse_than_its_neighbours() -> None:

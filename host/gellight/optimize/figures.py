@@ -213,7 +213,7 @@ STYLE = (
     "svg{fill:currentColor}text{font:11px system-ui,sans-serif}.title{font-weight:600;font-size:12px}"
     ".tick{font-size:9.5px;opacity:.75}.axis{font-size:10.5px;opacity:.85}.grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
     ".mark{stroke:currentColor;stroke-opacity:.6;stroke-dasharray:3 3}"
-    ".cell{font-size:9px;fill:inherit;text-anchor:middle}"
+    ".cell{font-size:9px;text-anchor:middle}"
 )
 
 

@@ -39,6 +39,7 @@ class Findings:
     beyond: dict[str, Array]
     designs: list[design.Candidate]
     one_shot_designs: list[design.Candidate]
+    given: dict[str, design.Candidate]
     bright_designs: list[design.Candidate]
     sensitivity: Sensitivity
     times: SweepTimes | None
@@ -72,6 +73,10 @@ def findings(subject: Subject, way: Way, *, timed: bool, numbers: tuple[int, ...
         balls=answers.ball_choice(subject.geometry, 2.0, None),
         beyond=_whole(studies.beyond_study(subject, way)),
         designs=_whole(studies.design_study(subject, same, way)),
+        given={
+            label: _whole(studies.given_study(subject, wishes, way))
+            for label, wishes in (("every LED by itself, shadows dropped", same), ("one exposure in colour", one_shot))
+        },
         one_shot_designs=_whole(studies.design_study(subject, one_shot, way)),
         bright_designs=_whole(studies.design_study(subject, bright, way)),
         sensitivity=_whole(studies.sensitivity_study(subject, way)),
@@ -229,6 +234,7 @@ def _beyond(beyond: dict[str, Array]) -> str:
 
 def _designs(found: Findings) -> str:
     groups = (
+        *((f"the given sensor, {label}", [one]) for label, one in found.given.items()),
         ("every LED by itself, shadows dropped", found.designs),
         ("one exposure in colour", found.one_shot_designs),
         ("every LED by itself, exposed as long as it takes", found.bright_designs),

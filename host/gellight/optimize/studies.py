@@ -169,11 +169,25 @@ def beyond_study(subject: Subject, way: Way) -> dict[str, Array] | None:
 
 def design_of_number(number: int, subject: Subject, wishes: design.Wishes) -> Any:
     """Return the best design with one number of LEDs, as the fields of `design.Candidate`."""
-    design_sampling = replace(DESIGN_SAMPLING, press_depth_mm=subject.sampling.press_depth_mm)
-    found = [scene_of(name, subject, design_sampling, 2) for name in subject.names]
-    place = design.Place([seen for seen, _, _ in found], found[0][1], found[0][2])
-    (candidate,) = design.optimise(subject.geometry, place, replace(wishes, numbers=(number,)))
+    (candidate,) = design.optimise(subject.geometry, _place(subject), replace(wishes, numbers=(number,)))
     return candidate.__dict__
+
+
+def given_sensor(subject: Subject, wishes: design.Wishes) -> Any:
+    """Return the sensor as it is, judged like a design, as the fields of `design.Candidate`."""
+    return design.assessed(subject.geometry, _place(subject), wishes, design.STARTING_GREY).__dict__
+
+
+def _place(subject: Subject) -> design.Place:
+    sampling = replace(DESIGN_SAMPLING, press_depth_mm=subject.sampling.press_depth_mm)
+    found = [scene_of(name, subject, sampling, 2) for name in subject.names]
+    return design.Place([seen for seen, _, _ in found], found[0][1], found[0][2])
+
+
+def given_study(subject: Subject, wishes: design.Wishes, way: Way) -> design.Candidate | None:
+    """Return the sensor as it is, judged like a design; None while its shard is missing."""
+    (found,) = run([Task("given", given_sensor, (subject, wishes))], way)
+    return None if found is None else design.Candidate(**found)
 
 
 def design_study(subject: Subject, wishes: design.Wishes, way: Way) -> list[design.Candidate] | None:
