@@ -159,6 +159,18 @@ def report(
 
 
 @app.command()
+def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> None:
+    """Time the coarse sweep against plain code that computes one configuration at a time."""
+    from gellight.optimize.timing import time_sweep
+    from sim_reference.optimizer.exposing import LightGroups
+
+    subject = _subject(None, 0.9, 1.0, size)
+    with _way("timing", workers, "1/1", None, None) as way:
+        times = time_sweep(subject, way, LightGroups())
+    typer.echo(json.dumps({**times.__dict__, "ratio": times.ratio}) if as_json else times.in_words())
+
+
+@app.command()
 def benchmark(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the objects here.")],
     relief: Relief = 1.0,

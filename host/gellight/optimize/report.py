@@ -296,14 +296,7 @@ def _part(title: str, geometry: SensorGeometry) -> str:
 def _times(times: SweepTimes | None) -> str:
     if times is None:
         return ""
-    return _section(
-        "Time of the coarse sweep",
-        f"<p>{times.objects} objects × {times.configurations} configurations at {times.size_px} × {times.size_px} "
-        f"pixels, the objects pressed beforehand: {times.shared_s:.1f} s on {times.workers} cores; plain NumPy, one "
-        f"configuration at a time: {times.plain_s:.1f} s, {times.ratio:.1f} times as long (processor time "
-        f"{times.shared_cpu_s:.1f} s and {times.plain_cpu_s:.1f} s). The errors differ by at most "
-        f"{times.largest_difference_deg:.0e}°.</p>",
-    )
+    return _section("Time of the coarse sweep", f"<p>{times.in_words()}</p>")
 
 
 def _section(title: str, body: str) -> str:

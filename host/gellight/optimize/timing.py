@@ -32,6 +32,16 @@ class SweepTimes:
         """How many times faster the sweep is, by the clock on the wall."""
         return self.plain_s / self.shared_s
 
+    def in_words(self) -> str:
+        """Return the comparison as a sentence or two."""
+        return (
+            f"{self.objects} objects × {self.configurations} configurations at {self.size_px} × {self.size_px} pixels, "
+            f"the objects pressed beforehand: {self.shared_s:.1f} s on {self.workers} cores; plain NumPy, one "
+            f"configuration at a time: {self.plain_s:.1f} s, {self.ratio:.1f} times as long (processor time "
+            f"{self.shared_cpu_s:.1f} s and {self.plain_cpu_s:.1f} s). The errors differ by at most "
+            f"{self.largest_difference_deg:.0e}°."
+        )
+
 
 def time_sweep(subject: Subject, way: Way, groups: LightGroups) -> SweepTimes:
     """Time the sweep on all workers, started beforehand, and the plain code on one."""
