@@ -23,7 +23,7 @@ lint: $(VENV)/.dev
 types: $(VENV)/.dev
 	$(BIN)/mypy
 
-pytest: $(VENV)/.dev | chromium
+pytest: $(VENV)/.dev | tools
 	$(BIN)/pytest $(ARGS)
 
 bench: $(VENV)/.dev
@@ -47,13 +47,19 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
 
-# The page is tested in a real browser. Root installs it; anyone else is told how.
-.PHONY: chromium
-chromium:
-	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
+# What the tests need beside Python: a real browser for the page, a second compiler for the firmware. Root installs it;
+# anyone else is told how.
+.PHONY: tools
+tools:
+	@missing=; \
+	for browser in chromium chromium-browser google-chrome; do command -v $$browser >/dev/null && found=1; done; \
+	[ "$$found" ] || missing="chromium"; \
+	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
+	command -v gcc >/dev/null || missing="$$missing gcc"; \
+	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
-	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; }; } || \
-	    { echo "The dashboard's tests need Chromium: sudo apt-get install chromium"; exit 2; }
+	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
+	    { echo "The tests need: sudo apt-get install --no-install-recommends $$missing"; exit 2; }
 
 clean:
 	rm -rf $(VENV) build dist

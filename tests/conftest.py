@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-ALLOWED_SKIPS = ("needs real hardware", "needs gcc-arm-none-eabi", "needs a GPU")
+ALLOWED_SKIPS = ("needs real hardware", "needs a GPU")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

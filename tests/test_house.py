@@ -15,7 +15,7 @@ ROOMS = {
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 HOST_DOORS = {
     "sim_reference": {
-        *("simulated.py", "selfcheck.py", "synthetic.py"),
+        *("scene.py", "simulated.py", "selfcheck.py", "synthetic.py"),
         *("studies.py", "geometry.py", "answers.py", "parts.py", "solids.py", "gallery.py", "comparison.py"),
         *("timing.py", "report.py"),
         "optimize.py",

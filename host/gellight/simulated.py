@@ -1,20 +1,20 @@
 """The simulated sensor: a camera that looks at a simulated gel, and a stage on which objects are pressed into it.
 
 `sim://` opens it. What it shows is computed by the reference simulator: the gel's deformation by elastic contact, its
-picture under the ring of LEDs with shadows, then the camera's crosstalk, gamma, noise and 8 bit. Frames come at the
+picture under the ring of LEDs with shadows, then the camera's crosstalk, gamma, noise and 8 bit. The ring is lit by the
+firmware's very image, emulated: what its data pin says, pulsed and seen by a rolling shutter. Frames come at the
 camera's rate while the scene rests; a scene that changes takes as long as it takes to compute, and the frames carry the
 time at which it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
-from the start), `programme=0` (no presses by itself).
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board).
 """
 
 import itertools
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import hypot
 from urllib.parse import parse_qsl, urlsplit
 
@@ -22,32 +22,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.board.child import SimulatedBoard
 from gellight.camera import Camera
 from gellight.errors import CameraError, ConfigError, InputError
 from gellight.frames import CameraFrame, GroundTruth
+from gellight.ring import LightRing, connect
+from gellight.scene import Array, Press, Scene
 from gellight.selfcheck import SelfCheck
-from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
-from sim_reference.gel import Deformation
+from gellight.shutter import Shutter, row_weights
+from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.objects import OBJECT_NAMES
-from sim_reference.surface import Surface, press_object, sample, untouched
 
-BRIGHTEST_GREY = 200.0
-"""of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
 RETURN_FRAMES = 300
 """so long after a visitor's last touch the programme goes on"""
-KEPT_DEFORMATIONS = 64
-
-
-@dataclass(frozen=True)
-class Press:
-    """An object in the gel: how deep in mm, and where its centre is, in mm from the image centre."""
-
-    object_name: str
-    depth_mm: float
-    x_mm: float = 0.0
-    y_mm: float = 0.0
 
 
 PROGRAMME = (
@@ -145,57 +133,43 @@ class Stage:
             self._frames_until_programme = RETURN_FRAMES
 
 
-class Scene:
-    """Computes what the camera would see without noise, and keeps what it will need again."""
-
-    def __init__(self, geometry: SensorGeometry, response: CameraResponse) -> None:
-        """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`."""
-        self.geometry = geometry
-        self.light = ring_light(geometry)
-        self._deformations: OrderedDict[tuple[str, float], Deformation] = OrderedDict()
-        self._flat = untouched(geometry).single_precision()
-        irradiance = ring_irradiance(self._flat, geometry, self.light)
-        self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
-        self._untouched = linear_grey(irradiance, self.response).astype(np.float32)
-
-    def show(self, press: Press | None) -> tuple[NDArray[np.float32], Surface]:
-        """Return the picture before noise, (H, W, 3) grey levels, and the gel surface, under `press`."""
-        if press is None:
-            return self._untouched, self._flat
-        surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
-        irradiance = ring_irradiance(surface, self.geometry, self.light)
-        return linear_grey(irradiance, self.response).astype(np.float32), surface
-
-    def _deformation(self, press: Press) -> Deformation:
-        key = (press.object_name, press.depth_mm)
-        if key not in self._deformations:
-            self._deformations[key] = press_object(press.object_name, press.depth_mm, self.geometry)
-        self._deformations.move_to_end(key)
-        while len(self._deformations) > KEPT_DEFORMATIONS:
-            self._deformations.popitem(last=False)
-        return self._deformations[key]
-
-
 class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
-    def __init__(self, scene: Scene, stage: Stage, *, url: str = "sim://", fps: float = 30.0, seed: int = 0) -> None:
-        """Look at `scene` while `stage` presses objects into it, `fps` times a second at most."""
+    def __init__(
+        self,
+        scene: Scene,
+        stage: Stage,
+        *,
+        ring: LightRing | None = None,
+        url: str = "sim://",
+        fps: float = 30.0,
+        seed: int = 0,
+    ) -> None:
+        """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
+
+        `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
+        steady.
+        """
         self.url = url
         self.stage = stage
         self.image_shape = scene.geometry.image_shape
         self._scene = scene
+        self.ring = ring
+        self._shutter = Shutter()
         self._period_s = 1 / fps
         self._rng = np.random.default_rng(seed)
-        self._light = np.round(scene.light * 255).astype(np.uint8)
-        self._shown: tuple[Press | None, NDArray[np.float32], GroundTruth] | None = None
+        self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
+        self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
         self._sequence = 0
         self._due_s = time.monotonic()
         self._closed = False
 
     def close(self) -> None:
-        """Stop; `read` raises CameraError from now on."""
+        """Stop, with the LEDs dark; `read` raises CameraError from now on."""
         self._closed = True
+        if self.ring is not None:
+            self.ring.close()
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""
@@ -205,26 +179,42 @@ class SimulatedCamera(Camera):
         """Wait until the next frame is due, expose it and return it with its truth."""
         if self._closed:
             raise CameraError(f"{self.url} is closed: open it again")
-        grey, truth = self._look(self.stage.next_press())
+        press = self.stage.next_press()
+        self._scene.prepare(press)
         self._due_s = max(self._due_s + self._period_s, time.monotonic())
         time.sleep(max(self._due_s - time.monotonic(), 0.0))
-        exposed_s = time.monotonic()
+        begun_s = time.monotonic() - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+        weights, colours = self._light_since(begun_s)
+        grey, truth = self._look(press, weights)
         image = digitise(grey, self._scene.response.noise_grey, self._rng)
         self._sequence += 1
         return CameraFrame(
-            image=image, time_s=exposed_s, sequence=self._sequence, source=self.url, light=self._light, truth=truth
+            image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours, truth=truth
         )
 
-    def _look(self, press: Press | None) -> tuple[NDArray[np.float32], GroundTruth]:
-        if self._shown is None or self._shown[0] != press:
-            grey, surface = self._scene.show(press)
+    def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8]]:
+        """(12, 3) or (H, 12, 3) light of the exposure that began then, and the colours that were latched then."""
+        if self.ring is None:
+            return self._scene.light, np.round(self._scene.light * 255).astype(np.uint8)
+        source = self.ring.transport
+        assert isinstance(source, SimulatedBoard)
+        start_us = source.virtual_us(begun_s)
+        lights = source.light_during(start_us - self._shutter.pulse_period_us, start_us + self._shutter.duration_us)
+        weights = row_weights(lights, start_us, self.image_shape[0], self._phases_us, self._shutter)
+        same = np.ptp(weights, axis=0).max() < 1e-9
+        return (weights[0] if same else weights), source.light_at(start_us)
+
+    def _look(self, press: Press | None, light: Array) -> tuple[NDArray[np.float32], GroundTruth]:
+        key = light.round(9).tobytes()
+        if self._shown is None or self._shown[:2] != (press, key):
+            grey, surface = self._scene.show(press, light)
             truth = GroundTruth(
                 depth_mm=surface.depth_mm.astype(np.float32, copy=False),
                 gradient_map=surface.gradient_map.astype(np.float32, copy=False),
                 contact=surface.contact,
             )
-            self._shown = press, grey, truth
-        return self._shown[1], self._shown[2]
+            self._shown = press, key, grey, truth
+        return self._shown[2], self._shown[3]
 
 
 class SimulatedUrl(BaseModel):
@@ -240,6 +230,7 @@ class SimulatedUrl(BaseModel):
     x: float = 0.0
     y: float = 0.0
     programme: bool = True
+    board: bool = True
 
 
 def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
@@ -258,7 +249,20 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     if wanted.object_name or wanted.depth:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
     scene = Scene(sensor, CameraResponse(noise_grey=wanted.noise))
-    return SimulatedCamera(scene, stage, url=url, fps=wanted.fps, seed=wanted.seed)
+    ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
+    return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
+
+
+def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
+    """Start a simulated board and light its LEDs with (12, 3) `colours`; returns when they have shone for a while."""
+    ring = connect("sim://")
+    try:
+        ring.wait_for_light(ring.set_leds(colours).light_id)
+        time.sleep(2 * (Shutter().duration_us + Shutter().transfer_us) * 1e-6)
+    except BaseException:
+        ring.close()
+        raise
+    return ring
 
 
 def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:

@@ -15,7 +15,7 @@ from gellight.evaluation import angle_deg
 from gellight.frames import CameraFrame
 from gellight.pipeline import Reconstructor
 from gellight.reconstruction import normals
-from gellight.simulated import Press, Scene
+from gellight.scene import Press, Scene
 from gellight.training import Progress, run_module, silent
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry

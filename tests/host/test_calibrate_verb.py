@@ -18,7 +18,7 @@ from gellight.cli.calibrate import app
 from gellight.errors import InputError, TrainingError
 from gellight.evaluation import angle_deg
 from gellight.presses import Ball, read_presses
-from gellight.simulated import Press, Scene
+from gellight.scene import Press, Scene
 from gellight.training import TrainingOptions, cross_validate, read_reference, run_module
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

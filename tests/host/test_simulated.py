@@ -1,13 +1,15 @@
 """The simulated sensor: what is pressed is what is seen, and rubbish is refused."""
 
 import itertools
+import time
 
 import numpy as np
 import pytest
 
 from gellight.camera import Camera, open_camera
-from gellight.errors import CameraError, InputError
-from gellight.simulated import PROGRAMME, RETURN_FRAMES, Press, SimulatedCamera, Stage, programme_of_presses
+from gellight.errors import BoardError, CameraError, InputError
+from gellight.scene import Press
+from gellight.simulated import PROGRAMME, RETURN_FRAMES, SimulatedCamera, Stage, programme_of_presses
 from sim_reference.geometry import SensorGeometry
 
 
@@ -121,3 +123,50 @@ def test_a_visitor_stops_the_programme_and_it_returns_when_the_visitor_is_gone()
     assert {stage.next_press() for _ in range(RETURN_FRAMES)} == {None}
     assert not stage.status()["visitor"]
     assert stage.next_press() is not None
+
+
+def test_the_picture_is_lit_by_what_the_pin_of_the_board_says() -> None:
+    with open_quiet() as camera:
+        steady = open_quiet("&board=0").read().image.astype(int)
+        lit = camera.read()
+        assert lit.light is not None
+        assert np.abs(lit.image.astype(int) - steady).mean() < 2.0, "the ring as designed, pulsed, is the steady ring"
+        ring = camera.ring
+        assert ring is not None
+        blue = np.zeros((12, 3), np.uint8)
+        blue[8:] = (0, 0, 255)
+        ring.wait_for_light(ring.set_leds(blue).light_id)
+        time.sleep(0.05)
+        changed = camera.read()
+        assert (changed.light == blue).all()
+        assert changed.image[..., 2].mean() > 50
+        assert changed.image[..., 0].mean() < 8, "what is left of red is crosstalk"
+        ring.blank()
+        time.sleep(0.1)
+        dark = camera.read()
+    assert dark.light is not None
+    assert not dark.light.any()
+    assert dark.image.mean() < 1.0
+
+
+def test_a_change_of_light_in_mid_exposure_is_seen_row_by_row() -> None:
+    with open_quiet("&noise=0") as camera:
+        assert camera.ring is not None
+        torn = 0
+        for attempt in range(100):
+            level = 100 if attempt % 2 else 20
+            camera.ring.set_leds(np.full((12, 3), level, np.uint8))
+            time.sleep(0.005 + 0.001 * (attempt % 25))
+            rows = camera.read().image.mean(axis=(1, 2))
+            torn += bool(rows[:10].mean() / rows[-10:].mean() > 2 or rows[-10:].mean() / rows[:10].mean() > 2)
+            if torn == 2:
+                break
+    assert torn == 2, "the gel is as bright at the top as at the bottom: only a change in between can do that"
+
+
+def test_closing_the_camera_darkens_and_ends_the_board() -> None:
+    with open_quiet() as camera:
+        ring = camera.ring
+    assert ring is not None
+    with pytest.raises(BoardError):
+        ring.set_leds(np.zeros((12, 3), np.uint8))

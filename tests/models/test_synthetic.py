@@ -8,14 +8,15 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from gellight import simulated
+from gellight import scene as gellight_scene
 from gellight.calibration import load_calibration
-from gellight.simulated import Press, Scene
+from gellight.scene import Press, Scene
 from gellight.synthetic import evaluate_simulated, pixel_floor_deg
 from gelnet import synthetic
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
+from sim_reference.surface import Surface
 
 SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
 FEW = Options(presses=6, rows_per_press=300, epochs=2)
@@ -28,7 +29,7 @@ def sensor() -> synthetic.Sensor:
 
 def test_it_learns_from_the_sensor_that_the_host_simulates(sensor: synthetic.Sensor) -> None:
     scene = Scene(SMALL, CameraResponse())
-    assert synthetic.BRIGHTEST_GREY == simulated.BRIGHTEST_GREY
+    assert synthetic.BRIGHTEST_GREY == gellight_scene.BRIGHTEST_GREY
     assert sensor.response.exposure == pytest.approx(scene.response.exposure, rel=1e-5)
     assert geometry_hash(SMALL, sensor.response) == geometry_hash(SMALL, scene.response)
     assert geometry_hash(SMALL, sensor.response) != geometry_hash(replace(SMALL, gel_thickness_mm=4), sensor.response)
@@ -121,7 +122,7 @@ def test_the_floor_of_one_pixel_grows_with_the_noise_and_is_the_spread_of_a_line
     assert np.degrees(np.arccos(np.minimum(cosine, 1))).mean() == pytest.approx(floor[row, column], rel=0.02)
 
 
-def synthetic_jacobian(scene: Scene, surface: simulated.Surface) -> np.ndarray:
+def synthetic_jacobian(scene: Scene, surface: Surface) -> np.ndarray:
     from gellight.synthetic import _jacobian
 
     return _jacobian(scene, surface)

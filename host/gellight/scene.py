@@ -1,0 +1,83 @@
+"""What a simulated camera looks at: the gel under a press, lit by the ring, before the noise of the camera."""
+
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_reference.camera import CameraResponse, exposure_for, linear_grey
+from sim_reference.gel import Deformation
+from sim_reference.geometry import SensorGeometry
+from sim_reference.imaging import led_irradiance, ring_light
+from sim_reference.surface import Surface, press_object, sample, untouched
+
+Array = NDArray[np.float64]
+BRIGHTEST_GREY = 200.0
+"""of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
+KEPT_DEFORMATIONS = 64
+
+
+@dataclass(frozen=True)
+class Press:
+    """An object in the gel: how deep in mm, and where its centre is, in mm from the image centre."""
+
+    object_name: str
+    depth_mm: float
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+
+
+class Scene:
+    """Computes what the camera would see without noise, and keeps what it will need again."""
+
+    def __init__(self, geometry: SensorGeometry, response: CameraResponse) -> None:
+        """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`."""
+        self.geometry = geometry
+        self.light = ring_light(geometry)
+        self._deformations: OrderedDict[tuple[str, float], Deformation] = OrderedDict()
+        self._flat = untouched(geometry).single_precision()
+        self._lit: tuple[Press | None, Surface, NDArray[np.float32]] = None, self._flat, self._light_up(self._flat)
+        self._untouched_lit = self._lit
+        irradiance = under_light(self._lit[2], self.light)
+        self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
+
+    def show(self, press: Press | None, light: Array | None = None) -> tuple[NDArray[np.float32], Surface]:
+        """Return the picture before noise, (H, W, 3) grey levels, and the gel surface, under `press`.
+
+        `light` is (12, 3), or (H, 12, 3) where rows see different light, 0 to 1; default: the ring as designed.
+        """
+        self.prepare(press)
+        irradiance = under_light(self._lit[2], self.light if light is None else light)
+        return linear_grey(irradiance, self.response).astype(np.float32), self._lit[1]
+
+    def prepare(self, press: Press | None) -> None:
+        """Do what takes long: deform the gel and light it with every LED."""
+        if press is None:
+            self._lit = self._untouched_lit
+        elif self._lit[0] != press:
+            surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
+            self._lit = press, surface, self._light_up(surface)
+
+    def _light_up(self, surface: Surface) -> NDArray[np.float32]:
+        """(12, H, W) irradiance of every LED, full on."""
+        lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
+        return np.stack(lit).astype(np.float32, copy=False)
+
+    def _deformation(self, press: Press) -> Deformation:
+        key = (press.object_name, press.depth_mm)
+        if key not in self._deformations:
+            self._deformations[key] = press_object(press.object_name, press.depth_mm, self.geometry)
+        self._deformations.move_to_end(key)
+        while len(self._deformations) > KEPT_DEFORMATIONS:
+            self._deformations.popitem(last=False)
+        return self._deformations[key]
+
+
+def under_light(lit: NDArray[np.float32], light: Array) -> Array:
+    """(H, W, 3) sum of (12, H, W) irradiances under light (12, 3), or (H, 12, 3) where rows see different light."""
+    total = np.zeros((*lit.shape[1:], 3), np.float32)
+    for led, channel in np.argwhere(light.reshape(-1, *light.shape[-2:]).any(axis=0)):
+        share = light[..., led, channel].astype(np.float32)
+        total[..., channel] += lit[led] * (share[:, None] if share.ndim else share)
+    return np.asarray(total)
