@@ -97,7 +97,7 @@ def test_a_strip_that_cannot_be_made_is_refused(change: dict[str, float | str], 
 def test_the_design_is_the_sensor_that_is_simulated(tmp_path: Path) -> None:
     wanted = replace(
         GEOMETRY,
-        led_colours="RRGGBB",
+        led_colours="RGBRGBRGBRGB",
         incident_angle_rad=radians(41.5),
         mounting_height_mm=12.5,
         image_width_px=64,
@@ -110,9 +110,9 @@ def test_the_design_is_the_sensor_that_is_simulated(tmp_path: Path) -> None:
         wanted, incident_angle_rad=0.5, beam_angle_rad=2.0
     )
     settings = load_settings(environment={}, folder=tmp_path, user_folder=tmp_path / "none")
-    with open_camera("sim://?programme=0", geometry=settings.geometry.overrides()) as camera:
+    with open_camera("sim://?programme=0&board=0", geometry=settings.geometry.overrides()) as camera:
         assert camera.image_shape == (48, 64)
-        assert camera.read().light.shape[0] == 6
+        assert camera.read().light[1].tolist() == [0, 255, 0]
 
 
 def test_charts_and_maps_are_sound() -> None:

@@ -113,7 +113,9 @@ def design(
     press: Press = 0.9,
     relief: Relief = 1.0,
     noise: Noise = 1.0,
-    lights: Annotated[list[int] | None, typer.Option("--lights", help="Numbers of LEDs. [default: 6 9 12 15]")] = None,
+    lights: Annotated[
+        list[int] | None, typer.Option("--lights", help="A number of LEDs; may be repeated. [default: 12]")
+    ] = None,
     one_shot: Annotated[bool, typer.Option("--one-shot", help="Reconstruct from one exposure in colour.")] = False,
     exposure_limit: Annotated[
         float, typer.Option("--exposure-limit", min=0.01, help="Longest exposure, in those of the given sensor.")
@@ -127,7 +129,7 @@ def design(
     from gellight.optimize import answers, studies
 
     subject = _subject(geometry, press, relief, 256)
-    wishes = answers.wishes(tuple(lights or (6, 9, 12, 15)), one_shot, noise, exposure_limit)
+    wishes = answers.wishes(tuple(lights or (12,)), one_shot, noise, exposure_limit)
     with _way("designs", workers, shard, scheduler, store) as way:
         candidates = studies.design_study(subject, wishes, way)
     if candidates is None:

@@ -53,10 +53,16 @@ def write_report(
     `numbers` of LEDs are designed for. Returns the path of the page; raises InputError if it cannot be written.
     """
     found = findings(subject, way, timed=timed, numbers=numbers)
-    chosen = answers.designed(design.chosen(found.designs, "top1"), subject.geometry)
+    chosen = answers.designed(_chosen(found.designs, subject), subject.geometry)
     for name, geometry in (("given", subject.geometry), ("chosen", chosen)):
         answers.write_all(folder / name, answers.parts_of(geometry))
     return answers.write_all(folder, {"report.html": page(found)})[0]
+
+
+def _chosen(designs: list[design.Candidate], subject: Subject) -> design.Candidate:
+    """Return the design with as many LEDs as the given sensor, for its firmware drives that many; else the best."""
+    same = [one for one in designs if one.number == len(subject.geometry.led_colours)]
+    return same[0] if same else design.chosen(designs, "top1")
 
 
 def findings(subject: Subject, way: Way, *, timed: bool, numbers: tuple[int, ...]) -> Findings:
@@ -109,7 +115,7 @@ def page(found: Findings) -> str:
 
 
 def _summary(found: Findings) -> str:
-    best = design.chosen(found.designs, "top1")
+    best = _chosen(found.designs, found.subject)
     plain, dropped = (found.beyond[name][:, 2].min() for name in ("least squares", "shadows dropped"))
     tiles = [
         (f"{degrees(found.coarse.best_angle_rad()):.0f}°", "best incident angle of the averaged benchmark; paper: 29°"),
@@ -272,7 +278,7 @@ def _sensitivity(rows: Sensitivity) -> str:
 
 
 def _parts(found: Findings) -> str:
-    chosen = answers.designed(design.chosen(found.designs, "top1"), found.subject.geometry)
+    chosen = answers.designed(_chosen(found.designs, found.subject), found.subject.geometry)
     cards = [_part(title, geometry) for title, geometry in (("given", found.subject.geometry), ("chosen", chosen))]
     return _section(
         "Parts to make",
