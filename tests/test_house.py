@@ -14,7 +14,12 @@ ROOMS = {
 }
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 HOST_DOORS = {
-    "sim_reference": {"scene.py", "selfcheck.py", "simulated.py", "synthetic.py"},
+    "sim_reference": {
+        *("scene.py", "simulated.py", "selfcheck.py", "synthetic.py"),
+        *("studies.py", "geometry.py", "answers.py", "parts.py", "solids.py", "gallery.py", "comparison.py"),
+        *("timing.py", "report.py"),
+        "optimize.py",
+    },
     "cv2": {"camera.py", "presses.py", "pictures.py", "calibration.py", "server.py", "messages.py"},
     "onnxruntime": {"gelnet.py", "bench.py"},
 }

@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from gellight.cli import bench, calibrate, config, demo, firmware, reconstruct, ring, selfcheck, sim
+from gellight.cli import bench, calibrate, config, demo, firmware, optimize, reconstruct, ring, selfcheck, sim
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -27,6 +27,7 @@ app.command("selfcheck")(selfcheck.command)
 app.add_typer(calibrate.app)
 app.command("bench")(bench.command)
 app.add_typer(config.app, name="config")
+app.add_typer(optimize.app, name="optimize")
 app.add_typer(ring.app)
 app.add_typer(firmware.app)
 app.command("sim")(sim.command)

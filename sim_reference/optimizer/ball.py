@@ -1,0 +1,60 @@
+"""The calibration ball (section 2.3.3 of the text around equation 8, figure 3c): which radius records which slopes."""
+
+from dataclasses import dataclass
+from math import degrees, inf, radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_reference.geometry import SensorGeometry
+from sim_reference.metrics import maximum_elevation
+
+Array = NDArray[np.float64]
+WANTED_ELEVATION_RAD = radians(60)
+"""a good reconstruction needs a calibration that records 60 degrees or more (section 2.3)"""
+ROUNDING_RAD = radians(1e-9)
+
+
+@dataclass(frozen=True)
+class BallChoice:
+    """A ball and a press, and why."""
+
+    radius_mm: float
+    press_depth_mm: float
+    elevation_rad: float
+    shadow_free_rad: float
+    """slopes beyond this are in the shadow of the LEDs opposite: 90 degrees less the incident angle"""
+
+
+def elevation_table(radii_mm: Array, press_depths_mm: Array) -> Array:
+    """Equation 8 for each radius and press depth: (radii, depths) rad, NaN where the press is deeper than the ball."""
+    return np.array(
+        [[maximum_elevation(r, d) if d <= r else np.nan for d in press_depths_mm.tolist()] for r in radii_mm.tolist()]
+    )
+
+
+def choose_ball(radii_mm: Array, geometry: SensorGeometry, *, press_depth_mm: float = 2.0) -> BallChoice:
+    """Return the largest of `radii_mm` that records 60 degrees: the larger the ball, the sharper its edge in the image.
+
+    Raises ValueError for a press deeper than the gel, or if no ball is small enough.
+    """
+    if not 0 < press_depth_mm < geometry.gel_thickness_mm:
+        raise ValueError(
+            f"press depth {press_depth_mm} mm: it must be positive and less than the gel's thickness, "
+            f"{geometry.gel_thickness_mm} mm"
+        )
+    fitting = [r for r in radii_mm.tolist() if r >= press_depth_mm and _records(r, press_depth_mm)]
+    if not fitting:
+        raise ValueError(
+            f"no ball of {', '.join(f'{r:g}' for r in radii_mm)} mm radius records "
+            f"{degrees(WANTED_ELEVATION_RAD):g} degrees at a press of {press_depth_mm} mm: "
+            f"give one between {press_depth_mm:g} and {2 * press_depth_mm:g} mm"
+        )
+    radius = max(fitting, default=-inf)
+    return BallChoice(
+        radius, press_depth_mm, maximum_elevation(radius, press_depth_mm), np.pi / 2 - geometry.incident_angle_rad
+    )
+
+
+def _records(radius_mm: float, press_depth_mm: float) -> bool:
+    return maximum_elevation(radius_mm, press_depth_mm) >= WANTED_ELEVATION_RAD - ROUNDING_RAD

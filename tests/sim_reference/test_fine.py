@@ -1,0 +1,226 @@
+"""The fine stage: equations 6 to 8, the near field, and light that is bent by the window."""
+
+from dataclasses import replace
+from functools import cache
+from math import asin, atan, cos, degrees, radians, sin
+
+import numpy as np
+import pytest
+
+from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.imaging import led_irradiance
+from sim_reference.metrics import maximum_elevation
+from sim_reference.objects import BENCHMARK_NAMES
+from sim_reference.optimizer import ball, design, exposures, fine, near_field, refraction, sensitivity
+from sim_reference.optimizer.benchmark import Sampling, plane, press_benchmark, region
+from sim_reference.optimizer.exposing import LightGroups
+from sim_reference.optimizer.near_field import Scene
+from sim_reference.surface import untouched
+
+GEOMETRY = replace(SensorGeometry(), ring_radius_mm=22.0)
+SMALL = Sampling(size_px=96, region_diameter_mm=30.0)
+CAMERA = LightGroups()
+STEEP = ("TSTEP", "BALLCAVE", "PCONVEX", "CCONVEX")
+
+
+@cache
+def scenes(names: tuple[str, ...]) -> list[Scene]:
+    inside, _, _ = region(SMALL, GEOMETRY)
+    return [near_field.scene(press_benchmark(name, SMALL, GEOMETRY), inside) for name in names]
+
+
+@cache
+def place() -> design.Place:
+    inside, x, y = region(SMALL, GEOMETRY)
+    few = inside.copy()
+    few[inside] = np.arange(len(x)) % 4 == 0
+    pressed = [press_benchmark(name, SMALL, GEOMETRY) for name in STEEP[:2]]
+    return design.Place([near_field.scene(one, few) for one in pressed], x[::4], y[::4])
+
+
+@cache
+def heights() -> list[fine.Illumination]:
+    return [fine.illumination(fine.at_height(GEOMETRY, height), fine.View()) for height in fine.HEIGHTS_MM]
+
+
+def test_saturation_and_deviation_rise_with_height() -> None:
+    below = [light for light in heights() if light.mounting_height_mm <= 32]
+    assert (np.diff([light.saturation for light in below]) > 0).all()
+    assert (np.diff([light.nsd for light in below]) > 0).all()
+
+
+def test_the_plane_at_20_mm_is_as_even_as_the_papers() -> None:
+    light = next(light for light in heights() if light.mounting_height_mm == 20)
+    assert light.variation == pytest.approx(0.013, abs=0.001)
+    assert np.array(light.within_sigmas) == pytest.approx([0.6405, 0.9617, 0.9990], abs=0.05)
+
+
+def test_saturation_is_half_at_9_mm_and_at_20_mm_through_a_real_camera() -> None:
+    saturations = np.array([light.saturation for light in heights()])
+    assert fine.height_of_saturation(np.array(fine.HEIGHTS_MM), saturations) == pytest.approx(9.4, abs=0.3)
+    leaky = replace(fine.IDEAL_CAMERA, crosstalk=((0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8)))
+    paler = [
+        fine.illumination(fine.at_height(GEOMETRY, height), fine.View(camera=leaky)).saturation
+        for height in fine.HEIGHTS_MM
+    ]
+    assert fine.height_of_saturation(np.array(fine.HEIGHTS_MM), np.array(paler)) > 15
+
+
+def test_a_saturation_that_is_never_reached_has_no_height() -> None:
+    assert np.isnan(fine.height_of_saturation(np.array([0.0, 4.0]), np.array([0.2, 0.3])))
+    assert fine.height_of_saturation(np.array([0.0, 4.0]), np.array([0.4, 0.6])) == pytest.approx(2)
+
+
+def test_the_near_field_is_that_of_the_simulated_sensor() -> None:
+    square = SMALL.on(GEOMETRY)
+    x, y = (axis.ravel() for axis in np.broadcast_arrays(*pixel_grid(square)))
+    ring = near_field.ring_light_vectors(square, x, y)
+    for led in (0, 4, 7):
+        assert ring.vectors[led, :, 2] == pytest.approx(led_irradiance(untouched(square), square, led).ravel())
+
+
+def test_rays_obey_snell_and_arrive_where_they_should() -> None:
+    medium = refraction.Medium(refractive_index=1.41, thickness_mm=8.0)
+    distance = np.array([0.5, 5.0, 22.0, 40.0])
+    rays = refraction.trace(distance, 20.0, medium)
+    assert np.sin(rays.leaving_rad) == pytest.approx(1.41 * np.sin(rays.arriving_rad), abs=1e-12)
+    assert 12 * np.tan(rays.leaving_rad) + 8 * np.tan(rays.arriving_rad) == pytest.approx(distance, abs=1e-9)
+
+
+def test_no_light_is_lost_but_by_reflection() -> None:
+    # All light that leaves within 60 degrees arrives within the distance of the 60 degree ray.
+    medium = refraction.Medium()
+    far = 12 * np.tan(radians(60)) + 8 * np.tan(asin(sin(radians(60)) / 1.41))
+    x = (np.arange(20000) + 0.5) * far / 20000
+    rays = refraction.trace(x, 20.0, medium)
+    through = refraction.transmittance(rays.leaving_rad, rays.arriving_rad, medium)
+    arriving = (2 * np.pi * x * rays.flux / through).sum() * far / 20000
+    assert arriving == pytest.approx(2 * np.pi * (1 - cos(radians(60))), rel=1e-4)
+
+
+def test_light_straight_on_loses_what_fresnel_says() -> None:
+    lost = 1 - refraction.transmittance(np.array(0.0), np.array(0.0), refraction.Medium(refractive_index=1.5))
+    assert lost == pytest.approx(0.04)
+
+
+def test_a_window_of_index_one_changes_nothing() -> None:
+    x = np.array([1.0, 10.0, 30.0])
+    nothing = refraction.trace(x, 20.0, refraction.Medium(refractive_index=1.0, thickness_mm=8.0))
+    assert nothing.flux == pytest.approx(20 / (x**2 + 400) ** 1.5)
+
+
+def test_a_ball_of_4_mm_pressed_by_2_mm_records_60_degrees() -> None:
+    assert degrees(maximum_elevation(4.0, 2.0)) == pytest.approx(60, abs=1e-9)
+    choice = ball.choose_ball(np.arange(2.0, 8.5, 0.5), GEOMETRY)
+    assert choice.radius_mm == 4.0
+    assert degrees(choice.shadow_free_rad) == pytest.approx(61)
+
+
+def test_the_elevation_table_leaves_out_presses_deeper_than_the_ball() -> None:
+    table = np.degrees(ball.elevation_table(np.array([1.0, 2.5, 8.0]), np.array([1.0, 2.0])))
+    assert table[1:, 1] == pytest.approx([78.46, 41.41], abs=0.01)
+    assert table[0, 0] == pytest.approx(90)
+    assert np.isnan(table[0, 1])
+
+
+@pytest.mark.parametrize(("radii", "depth"), [([6.0, 8.0], 2.0), ([4.0], 5.0), ([4.0], 0.0)])
+def test_balls_that_do_not_do_are_refused(radii: list[float], depth: float) -> None:
+    with pytest.raises(ValueError, match=r"records|thickness"):
+        ball.choose_ball(np.array(radii), GEOMETRY, press_depth_mm=depth)
+
+
+def test_leds_in_the_window_are_refused() -> None:
+    with pytest.raises(ValueError, match="inside the window"):
+        near_field.ring_light_vectors(fine.at_height(GEOMETRY, 33.0), np.zeros(1), np.zeros(1), refraction.WINDOW)
+    with pytest.raises(ValueError, match="in or below the gel"):
+        fine.at_height(GEOMETRY, 40.0)
+
+
+def best(drop: bool) -> float:
+    angles = [radians(angle) for angle in range(21, 54, 8)]
+    scheme, seen = exposures.in_turn(12), scenes(BENCHMARK_NAMES)
+    return min(exposures.directional_error(seen, scheme, a, CAMERA, drop_shadows=drop)[2] for a in angles)
+
+
+def test_dropping_shadows_lowers_the_error_of_the_benchmark_at_its_best_angle_by_a_quarter() -> None:
+    assert best(drop=True) <= 0.75 * best(drop=False)
+
+
+def test_four_exposures_halve_the_error_of_one() -> None:
+    one, four, twelve = (
+        exposures.directional_error(scenes(STEEP), scheme(12), radians(29), CAMERA)[2]
+        for scheme in (exposures.one_exposure, exposures.single_leds, exposures.in_turn)
+    )
+    assert one >= 2 * four
+    assert four == pytest.approx(twelve, rel=0.05)
+
+
+def test_four_neighbours_together_stand_at_25_degrees() -> None:
+    assert degrees(exposures.effective_angle(radians(29), 4, 12)) == pytest.approx(24.9, abs=0.05)
+    scheme = exposures.one_exposure(12)
+    ring = exposures.directional_ring(12, radians(29), 1)
+    grouped = scheme.pictures[0] @ ring.vectors[:, 0]
+    assert atan(np.hypot(*grouped[:2]) / grouped[2]) == pytest.approx(exposures.effective_angle(radians(29), 4, 12))
+
+
+def test_a_window_asks_for_a_larger_angle_in_air() -> None:
+    def error(angle: float, medium: refraction.Medium) -> float:
+        found = exposures.directional_error(
+            scenes(STEEP), exposures.in_turn(12), radians(angle), CAMERA, medium=medium, exposure_restored=True
+        )
+        return found[2]
+
+    assert error(29, refraction.VACUUM) < error(37, refraction.VACUUM)
+    assert error(37, refraction.WINDOW) < error(29, refraction.WINDOW)
+
+
+@pytest.mark.parametrize("one_shot", [False, True])
+def test_noise_on_a_plane_is_what_the_closed_form_says(one_shot: bool) -> None:
+    wishes = design.Wishes(one_shot=one_shot, drop_shadows=False)
+    _, x, y = region(SMALL, GEOMETRY)
+    inside, _, _ = region(SMALL, GEOMETRY)
+    flat = design.Place([near_field.scene(plane(SMALL, GEOMETRY), inside)], x, y)
+    low = fine.at_height(GEOMETRY, 4.0)
+    measured = design.errors(low, flat, wishes, 230.0)[0]
+    assert measured == pytest.approx(design.assessed(low, flat, wishes, 230.0).noise_mae_rad, rel=0.05)
+
+
+def test_the_design_is_better_than_the_start_and_no_worse_than_its_neighbours() -> None:
+    wishes = design.Wishes(numbers=(12,))
+    start = design.errors(GEOMETRY, place(), wishes, 200.0)[2]
+    (found,) = design.optimise(GEOMETRY, place(), wishes)
+    assert found.top1_rad < 0.8 * start
+    built = replace(GEOMETRY, incident_angle_rad=found.incident_angle_rad, mounting_height_mm=found.mounting_height_mm)
+    for change in (-radians(12), radians(12)):
+        turned = replace(built, incident_angle_rad=found.incident_angle_rad + change)
+        assert design.errors(turned, place(), wishes, found.brightest_grey)[2] > 0.99 * found.top1_rad
+
+
+def test_little_light_asks_for_leds_nearer_to_the_gel() -> None:
+    plenty, little = (
+        design.optimise(GEOMETRY, place(), design.Wishes(numbers=(12,), exposure_limit=limit))[0]
+        for limit in (float("inf"), 0.5)
+    )
+    assert little.mounting_height_mm > plenty.mounting_height_mm
+    assert little.top1_rad > plenty.top1_rad
+
+
+def test_the_fewest_leds_that_are_nearly_best_are_chosen() -> None:
+    one = design.Candidate(6, 0.5, 10.0, 200.0, 0.0, 0.0, 0.0105, 0.0, 1)
+    candidates = [replace(one, number=3, top1_rad=0.02), one, replace(one, number=12, top1_rad=0.01)]
+    assert design.chosen(candidates, "top1").number == 6
+
+
+@pytest.mark.parametrize(
+    ("wishes", "reason"),
+    [({"numbers": (4,)}, "multiples of 3"), ({"figure": "rms"}, "choose one of"), ({"one_shot": True}, "dropped")],
+)
+def test_wishes_that_cannot_be_met_are_refused(wishes: dict[str, object], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        design.Wishes(**wishes)  # type: ignore[arg-type]
+
+
+def test_the_variants_change_one_thing_each() -> None:
+    studied = sensitivity.variants(GEOMETRY)
+    assert {variant.quantity for variant in studied} >= {"noise", "press", "relief", "coating", "cast shadows"}
+    assert len({repr(variant) for variant in studied}) == len(studied)
