@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gellight.board.child import SimulatedBoard
+from gellight.board.waveform import LED_COUNT
 from gellight.camera import Camera
 from gellight.errors import CameraError, ConfigError, InputError
 from gellight.frames import CameraFrame, GroundTruth
@@ -251,6 +252,11 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     if wanted.object_name or wanted.depth:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
     scene = Scene(sensor, CameraResponse(noise_grey=wanted.noise))
+    if wanted.board and len(scene.light) != LED_COUNT:
+        raise ConfigError(
+            f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "
+            "give as many led_colours, or use sim://?board=0 for steady light without a board"
+        )
     ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
 
