@@ -101,7 +101,7 @@ def test_an_impossible_press_is_refused_and_changes_nothing(press: tuple[str, fl
 
 
 def test_a_ring_of_other_than_twelve_leds_needs_no_board() -> None:
-    with pytest.raises(ConfigError, match="9 LEDs.*board=0"):
+    with pytest.raises(ConfigError, match=r"9 LEDs.*board=0"):
         open_camera("sim://", geometry={"led_colours": "RRRGGGBBB"})
     with open_camera("sim://?board=0&programme=0", geometry={"led_colours": "RRRGGGBBB"}) as camera:
         light = camera.read().light
