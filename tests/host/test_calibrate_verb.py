@@ -232,10 +232,7 @@ def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the real presses beside the checkout")
 def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
-    """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames.
-
-    A linear map reaches 13.5 degrees on these folds, a cubic polynomial without the drift 7.0.
-    """
+    """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
     given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png"]
     result = run("crossvalidate", *given, "--ball-radius-mm", "2.35", "--pixel-size-mm", "0.05107", "--json")
     assert result.exit_code == 0, result.output

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from gellight.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
-from gellight.reconstruction import _edge_integrals, integrate, normals
+from gellight.reconstruction import _BULGE, _edge_integrals, integrate, normals
+from sim_reference.gel import NO_OBJECT, grid, press
 from sim_reference.geometry import SensorGeometry
-from sim_reference.surface import press_object, sample
+from sim_reference.surface import GRID_EXTENT_MM, press_object, sample
 
 SHAPES = [(240, 320), (480, 640)]
 slope_maps = arrays.arrays(
@@ -195,3 +196,24 @@ def test_a_pixel_size_that_is_not_above_zero_is_refused(size: float | tuple[floa
 def test_a_rest_mask_of_another_shape_is_refused() -> None:
     with pytest.raises(ValueError, match="at_rest has shape"):
         integrate(np.zeros((5, 6, 2)), 1.0, at_rest=np.ones((6, 5), np.bool_))
+
+
+def test_the_proportion_of_the_bulge_is_that_of_random_presses() -> None:
+    """Domes at random places on a plate, of another seed than the constant was fitted to."""
+    geometry, size = SensorGeometry(), 256
+    spacing = GRID_EXTENT_MM / size
+    at, random = grid(size, spacing), np.random.default_rng(20)
+    on_plate = np.hypot(at[None, :], at[:, None]) < 17.5
+    proportions = []
+    for _ in range(8):
+        height = np.full((size, size), -1.0)
+        for _ in range(random.integers(5, 40)):
+            angle, radius = random.uniform(0, 2 * np.pi), random.uniform(0.8, 5.0)
+            x, y = 16 * np.sqrt(random.uniform()) * np.array([np.cos(angle), np.sin(angle)])
+            inside = 1 - ((at[None, :] - x) ** 2 + (at[:, None] - y) ** 2) / radius**2
+            height = np.maximum(height, np.sqrt(np.maximum(inside, 0)) - 1)
+        height = np.where(on_plate, height - height[on_plate].max(), NO_OBJECT)
+        depth = sample(press(height, spacing, random.uniform(0.3, 0.9), geometry), geometry, 0.0, 0.0).depth_mm
+        border = np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]])
+        proportions.append(-depth.mean() / np.median(border))
+    assert np.median(proportions) == pytest.approx(_BULGE, rel=0.15)
