@@ -17,6 +17,7 @@ from gellight.errors import CameraError, InputError
 from gellight.frames import CameraFrame
 
 if TYPE_CHECKING:
+    from gellight.ring import LightRing
     from gellight.selfcheck import SelfCheck
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -48,6 +49,25 @@ class PressStage(Protocol):
         """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than a programme presses."""
 
 
+class CameraControls(Protocol):
+    """The controls of a camera by name: `exposure_us`, `gain`, `white_balance_k`; automatic ones are off."""
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the controls that this camera has."""
+
+    def range(self, name: str) -> tuple[float, float, float]:
+        """Return smallest and largest value and the step; CameraError for a control that is not there."""
+
+    def read(self, name: str) -> float:
+        """Return the value in force."""
+
+    def set(self, name: str, value: float) -> float:
+        """Set a value, read it back and return what holds now.
+
+        Raises InputError for a value out of range and CameraError where the camera does not keep it.
+        """
+
+
 @runtime_checkable
 class Camera(Protocol):
     """A source of camera frames; a context manager that closes its device. Cameras inherit from it."""
@@ -58,6 +78,10 @@ class Camera(Protocol):
     """(H, W) of every frame"""
     stage: PressStage | None
     """the stage of a simulated sensor; None where objects are pressed by hand"""
+    ring: "LightRing | None" = None
+    """the light ring of the same sensor, closed with the camera; None where the light cannot be driven"""
+    controls: CameraControls | None = None
+    """exposure, gain and white balance; None where there is nothing to set"""
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""

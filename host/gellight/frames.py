@@ -6,6 +6,7 @@ from the centre of the image.
 """
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,26 @@ class GroundTruth:
     """(H, W) where the object touches the gel (contact pressure above zero)"""
 
 
+class LightState(StrEnum):
+    """What is known of the light of one exposure."""
+
+    CLEAN = "clean"
+    """every row was exposed under one and the same light"""
+    MIXED = "mixed"
+    """the light changed while some row was exposed"""
+    UNKNOWN = "unknown"
+    """it cannot be told"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightLabel:
+    """Under which light group of a running sequence a frame was taken."""
+
+    state: LightState
+    group: int | None = None
+    """index of the group; None unless the frame is clean"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraFrame:
     """One picture of the gel."""
@@ -37,6 +58,8 @@ class CameraFrame:
     """where the frame came from, for messages: a file name or the URL of the camera"""
     light: NDArray[np.uint8] | None = None
     """(12, 3) RGB of each LED during the exposure; None where the camera cannot know its light"""
+    label: LightLabel | None = None
+    """the light group of a sequence that lit it; None where no sequence runs"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
 
