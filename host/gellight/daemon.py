@@ -8,9 +8,11 @@ camera that fails) is raised where frames are waited for.
 import logging
 import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
+from gellight.calibration import Calibration
 from gellight.camera import Camera, EndOfStream, PressStage
 from gellight.errors import CameraError
 from gellight.frames import CameraFrame, TactileFrame
@@ -29,10 +31,21 @@ SELFCHECK_PERIOD_S = 1.0
 class Daemon:
     """Runs a camera and a reconstructor; a context manager that stops its threads and closes the camera."""
 
-    def __init__(self, camera: Camera, reconstructor: Reconstructor, *, selfcheck: SelfCheck | None = None) -> None:
-        """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth."""
+    def __init__(
+        self,
+        camera: Camera,
+        reconstructor: Reconstructor,
+        *,
+        selfcheck: SelfCheck | None = None,
+        rebuild: Callable[[Calibration], Reconstructor] = Reconstructor,
+    ) -> None:
+        """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
+
+        `rebuild` makes the reconstructor of a bundle that replaces the running one.
+        """
         self._camera = camera
         self._reconstructor = reconstructor
+        self._rebuild = rebuild
         self._selfcheck = selfcheck
         self._selfcheck_result: SelfCheckResult | None = None
         self._statistics = Statistics()
@@ -68,6 +81,23 @@ class Daemon:
     def pixel_size_mm(self) -> tuple[float, float]:
         """(x, y) size of a camera pixel on the gel."""
         return self._reconstructor.calibration.pixel_size_mm
+
+    @property
+    def calibration(self) -> Calibration:
+        """The bundle in use."""
+        return self._reconstructor.calibration
+
+    def replace_calibration(self, bundle: Calibration) -> None:
+        """Reconstruct with another bundle from the next frame on; the stream goes on.
+
+        Raises CalibrationError for a bundle of another image size or with a network that cannot be run; then the old
+        one stays in use.
+        """
+        bundle.check_fits(self._camera.url, self._camera.image_shape)
+        replacement = self._rebuild(bundle)
+        if self._selfcheck is not None:
+            self._selfcheck = self._camera.selfcheck(bundle.pixel_size_mm)
+        self._reconstructor = replacement
 
     @property
     def selfcheck_result(self) -> SelfCheckResult | None:

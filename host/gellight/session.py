@@ -6,7 +6,7 @@ from gellight.calibration import Calibration, load_calibration
 from gellight.camera import open_camera
 from gellight.config import Settings
 from gellight.daemon import Daemon
-from gellight.errors import CalibrationError, InputError
+from gellight.errors import InputError
 from gellight.pipeline import Reconstructor
 from gellight.selfcheck import SelfCheckResult
 
@@ -20,14 +20,12 @@ def open_session(settings: Settings) -> Daemon:
     bundle = load_calibration(settings.sensor.calibration)
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
     try:
-        height, width = bundle.image_shape
-        if camera.image_shape != bundle.image_shape:
-            raise CalibrationError(
-                f"{camera.url} delivers {camera.image_shape[1]}x{camera.image_shape[0]} pixels, the calibration "
-                f"{bundle.source} is for {width}x{height}: choose the bundle of this sensor"
-            )
+        bundle.check_fits(camera.url, camera.image_shape)
         judge = camera.selfcheck(bundle.pixel_size_mm)
-        return Daemon(camera, reconstructor_for(bundle, settings), selfcheck=judge)
+        reconstructor = reconstructor_for(bundle, settings)
+        return Daemon(
+            camera, reconstructor, selfcheck=judge, rebuild=lambda replacement: reconstructor_for(replacement, settings)
+        )
     except BaseException:
         camera.close()
         raise
