@@ -77,16 +77,16 @@ def _colours(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None
 
 
 def _sequence(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
-    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=1_300)])
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_300)])
     ring.set_sync(SyncMode.FREE)
     since = len(board.waveform.frame_starts_us)
     ring.start()
-    for _ in range(25):
+    for _ in range(50):
         ring.counters()
     times = np.array(board.waveform.frame_starts_us[since:])
     ring.blank()
     board.run(3_000)
-    planned = times[:1] + 1_300 * np.arange(len(times))
+    planned = times[:1] + 2_300 * np.arange(len(times))
     if len(times) < 4 or np.abs(times - planned).max() > 1:
         problems.append("steps are not on time")
 
