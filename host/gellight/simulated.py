@@ -112,6 +112,11 @@ class Stage:
         """Lift the object off the gel."""
         self._want(None)
 
+    def take_over(self) -> None:
+        """Lift the object; no programme plays afterwards."""
+        self._want(None)
+        self._programme = None
+
     def status(self) -> dict[str, object]:
         """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays)."""
         with self._lock:

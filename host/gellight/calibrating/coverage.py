@@ -82,7 +82,7 @@ def _slopes(press: Press, ball: Ball) -> NDArray[np.int64]:
     steep = np.degrees(np.arcsin(np.minimum(distance[inside] / ball.radius_px, 1.0)))
     turn = np.arctan2(-y[inside], x[inside]) % (2 * np.pi)
     edges = [np.linspace(0, 2 * np.pi, DIRECTIONS + 1), np.array(STEEPNESS_DEG)]
-    return np.histogram2d(turn, steep, bins=edges)[0].astype(np.int64)
+    return np.asarray(np.histogram2d(turn, steep, bins=edges)[0], np.int64)
 
 
 _SIDES: tuple[tuple[str, tuple[slice, slice]], ...] = (
@@ -126,4 +126,4 @@ def coverage_picture(found: Coverage, image_shape: tuple[int, int]) -> Picture:
     colours = np.stack([40 + 20 * share, 40 + 160 * share, 48 + 60 * share], axis=2).astype(np.uint8)
     rows = np.arange(image_shape[0]) * ROWS // image_shape[0]
     columns = np.arange(image_shape[1]) * COLUMNS // image_shape[1]
-    return colours[rows[:, None], columns[None, :]]
+    return np.asarray(colours[rows[:, None], columns[None, :]])

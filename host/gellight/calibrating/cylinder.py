@@ -11,6 +11,7 @@ height free; the colour matters only by how much it changes.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,7 @@ def find_cylinder(difference: NDArray[np.float32], noise_grey: float) -> Imprint
     Raises InputError where nothing is pressed, the circle leaves the picture, or the edge is no circle.
     """
     center, radius = _rough_circle(difference, noise_grey)
-    for _ in range(3):
+    for _ in range(2):
         points = _edge_points(difference, center, radius)
         imprint = _fit_ellipse(points)
         center = (imprint.center_x_px, imprint.center_y_px)
@@ -107,11 +108,17 @@ def _within(x: Floats, y: Floats, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def edge_profile(t_px: Floats, width_px: float) -> Floats:
-    """Return f(t) of this module up to its height, by a parabolic cylinder function: f ~ exp(-z^2 / 4) D(-1/2, -z)."""
-    z = np.clip(t_px / width_px, -12.0, 40.0)
-    far = 1 / np.sqrt(np.maximum(z, 5.0))
-    near = np.exp(-np.minimum(z, 5.0) ** 2 / 4) * pbdv(-0.5, -np.minimum(z, 5.0))[0] / np.sqrt(2)
-    return np.asarray(np.where(z > 5.0, far, near))
+    """Return f(t) of this module up to its height, for a width of the coating."""
+    at, shape = _profile_table()
+    z = t_px / width_px
+    return np.asarray(np.where(z > at[-1], 1 / np.sqrt(np.maximum(z, 1.0)), np.interp(z, at, shape)))
+
+
+@cache
+def _profile_table() -> tuple[Floats, Floats]:
+    """f over t / s, by a parabolic cylinder function: f ~ exp(-z^2 / 4) D(-1/2, -z); beyond 6 it is 1 / sqrt(z)."""
+    z = np.linspace(-12.0, 6.0, 3601)
+    return z, np.exp(-(z**2) / 4) * pbdv(-0.5, -z)[0] / np.sqrt(2)
 
 
 def _edge_offset(profile: NDArray[np.floating], offsets: Floats) -> tuple[float, bool]:
@@ -130,7 +137,9 @@ def _edge_offset(profile: NDArray[np.floating], offsets: Floats) -> tuple[float,
         return np.asarray(signal[near] - columns @ amounts)
 
     near = np.abs(offsets - peak) < 0.3 * abs(float(offsets[0])) / REACH
-    found = least_squares(misfit, [peak - 1.5, np.log(2.0)], bounds=([peak - 12, np.log(0.3)], [peak + 6, np.log(12.0)]))
+    found = least_squares(
+        misfit, [peak - 1.5, np.log(2.0)], bounds=([peak - 12, np.log(0.3)], [peak + 6, np.log(12.0)])
+    )
     spread = float(np.sqrt(np.mean(found.fun**2)))
     return float(found.x[0]), spread < 0.25 * float(np.ptp(signal))
 

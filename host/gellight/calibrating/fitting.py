@@ -6,15 +6,15 @@ from typing import Any
 from gellight import training
 from gellight.calibrating.choices import LEAST_PRESSES
 from gellight.calibrating.pressing import ball_of
-from gellight.calibrating.session import Aborted, Session
+from gellight.calibrating.session import Session
 from gellight.errors import InputError
 from gellight.presses import TableOptions
 from gellight.training import Reference
 
 DRAFT = "draft"
 TABLE = TableOptions(inset_px=3.0, flat_distance=3.0)
-"""A found circle is right to about a pixel and the coating rounds the rim, so a wider ring than with labels of a hand is
-left out; and soft gel slopes a little even two radii away, so only what is farther counts as flat."""
+"""The coating rounds the rim of the contact, so a wider ring is left out than a circle that is a pixel off asks for; and
+soft gel slopes a little even two radii away, so only what is farther counts as flat."""
 
 
 def draft_path(session: Session) -> Path:
@@ -31,8 +31,7 @@ def fit(session: Session) -> None:
     losses: list[float] = []
 
     def report(epoch: int, epochs: int, loss: float) -> None:
-        if (asked := session.asked()) is not None and asked[0] == "abort":
-            raise Aborted
+        session.asked()  # an abort ends the child
         losses.append(loss)
         session.bulletin.post(progress={"done": epoch, "wanted": epochs, "unit": "epochs", "loss": loss})
 

@@ -1,8 +1,8 @@
 """Step 1: lock the camera, check the LEDs, balance the three colours, and measure how even the light is.
 
-The colours of a ring at the rim fall off across the view, each from another side, so no picture of the untouched gel is
-evenly grey in every colour. What is set is that the brightest hundredth of each colour lies between 150 and 230: as much
-light as possible, and room for slopes that face an LED.
+Each colour of a ring at the rim falls off across the view, from another side, so no picture of the untouched gel is
+evenly grey in every colour. What is set is that the brightest hundredth of the brightest colour lies between 150 and
+230: as much light as possible, and room for slopes that face an LED.
 """
 
 from typing import Any
@@ -129,7 +129,9 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
             image = lights.light(session, ring, full_colours(level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
-            raise InputError(f"the picture is dark (means {means.round(1).tolist()}): check lens cap, LEDs and exposure")
+            raise InputError(
+                f"the picture is dark (means {means.round(1).tolist()}): check lens cap, LEDs and exposure"
+            )
         if np.ptp(means) < _BALANCED * means.mean():
             break
         share = np.clip(share * means.min() / means, _DIMMEST_SHARE, 1.0)
@@ -151,7 +153,7 @@ def _expose(session: Session, controls: CameraControls, brightest: Any) -> None:
         factor = 0.5 if seen >= 254 else WANTED_GREY / max(seen, 4.0)
         wanted = controls.read("exposure_us") * factor
         rounded = max(PULSES_US, np.floor(wanted / PULSES_US) * PULSES_US)
-        exposure = float(np.clip(rounded if PULSES_US <= wanted else wanted, low, high))
+        exposure = float(np.clip(rounded if wanted >= PULSES_US else wanted, low, high))
         if exposure == controls.read("exposure_us") and seen < 254:
             _amplify(controls, factor)
             return

@@ -181,7 +181,9 @@ def _presses(steps: dict[str, Any]) -> str:
     charts = [heat_map(places, rows, columns, "Presses by place", largest=max(places.max(), 1), mark=False)]
     slopes = np.array(found["slopes"], float) / 1000
     turns = [f"{45 * i}°" for i in range(len(slopes))]
-    bands = [f"{low:.0f}-{high:.0f}°" for low, high in zip(found["steepness_deg"], found["steepness_deg"][1:], strict=False)]
+    bands = [
+        f"{low:.0f}-{high:.0f}°" for low, high in zip(found["steepness_deg"], found["steepness_deg"][1:], strict=False)
+    ]
     charts.append(heat_map(slopes, turns, bands, "Thousand pixels by slope", largest=max(slopes.max(), 1), mark=False))
     held = steps["presses"]["held_out"]
     if len(held) > 1:
@@ -210,4 +212,4 @@ def _pictures(pictures: list[tuple[NDArray[np.uint8], str]]) -> str:
 
 def _step(image: NDArray[np.uint8]) -> int:
     """Every so many pixels are enough for a picture on a page."""
-    return max(1, image.shape[1] // _WIDTH_PX)
+    return max(1, int(image.shape[1]) // _WIDTH_PX)

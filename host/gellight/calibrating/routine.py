@@ -18,6 +18,7 @@ from typing import Any
 from gellight.calibrating.bulletin import Picture
 from gellight.calibrating.choices import RoutineOptions
 from gellight.calibrating.session import Aborted, Hand, Session
+from gellight.calibrating.steps import run_steps
 from gellight.calibration import Calibration
 from gellight.camera import Camera
 from gellight.errors import GellightError, InputError
@@ -78,7 +79,11 @@ class Routine:
         return self._session.bulletin.snapshot()
 
     def pictures(self) -> dict[str, Picture]:
-        """Return (H, W, 3) uint8 RGB by name: "live", "press", "uniformity", "coverage", "verify"; as they exist."""
+        """Return (H, W, 3) uint8 RGB by name, as they exist.
+
+        live, untouched, uniformity (contours), cylinder and press (with their circles), coverage, and verify (the depth
+        felt of the last fresh press).
+        """
         return self._session.bulletin.pictures()
 
     def act(self, action: str, **arguments: float) -> None:
@@ -99,6 +104,10 @@ class Routine:
         else:
             self._session.ask(action, arguments)
 
+    def stop(self) -> None:
+        """Abort at the next frame, whatever is going on; the state stays in the folder."""
+        self._session.ask("abort", {})
+
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended, or for `timeout_s`."""
         if self._thread:
@@ -112,8 +121,6 @@ class Routine:
     def _run(self) -> None:
         bulletin = self._session.bulletin
         try:
-            from gellight.calibrating.steps import run_steps
-
             bundle = run_steps(self._session)
             if self._install and bundle:
                 self._install(bundle)

@@ -142,8 +142,10 @@ def check_light(image: NDArray[np.uint8], what: str) -> None:
     clipped = float((image == 255).any(axis=2).mean())
     if clipped > _CLIPPED_SHARE:
         raise InputError(
-            f"{clipped:.1%} of {what} is clipped at 255: lower the exposure or dim the LEDs, and let it be prepared again"
+            f"{clipped:.1%} of {what} is clipped at 255: lower the exposure or dim the LEDs, and begin again"
         )
     brightest = float(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9))
     if brightest < _DARK_GREY:
-        raise InputError(f"{what} is dark ({brightest:.0f} of 255 grey levels): check the LEDs, the lens and the exposure")
+        raise InputError(
+            f"{what} is dark ({brightest:.0f} of 255 grey levels): check the LEDs, the lens and the exposure"
+        )

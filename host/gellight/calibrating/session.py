@@ -1,6 +1,7 @@
 """What the steps of a calibration share: the camera, the options, the state on disk and the talk with the user."""
 
 import queue
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
@@ -40,15 +41,20 @@ class Session:
     def __init__(self, camera: Camera, options: RoutineOptions, folder: Any, *, hand: Hand | None = None) -> None:
         """Open the state in `folder`; InputError or CalibrationError for the folder or bundle of another sensor."""
         _check_target(options, camera.image_shape)
+        if camera.stage is not None:
+            camera.stage.take_over()
         self.camera = camera
         self.options = options
         self.hand = hand
         self.bulletin = Bulletin()
         self.folder = Folder.open(folder, _identity(camera, options))
         self._asked: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
+        self._stopped = threading.Event()
 
     def ask(self, action: str, arguments: dict[str, float]) -> None:
         """Hand an action of the user to the thread of the routine."""
+        if action == "abort":
+            self._stopped.set()
         self._asked.put((action, arguments))
 
     def asked(self) -> tuple[str, dict[str, float]] | None:
@@ -63,7 +69,7 @@ class Session:
 
     def frame(self) -> CameraFrame:
         """Wait for the next frame; Aborted if the user stops meanwhile, CameraError if no more come."""
-        if self._asked.queue and self._asked.queue[0][0] == "abort":
+        if self._stopped.is_set():
             raise Aborted
         try:
             return self.camera.read()
@@ -92,11 +98,6 @@ class Session:
         with self.offering("next"):
             while (asked := self.asked()) is None or asked[0] != "next":
                 self.bulletin.show(live=self.frame().image)
-
-    def settled(self, action: str) -> bool:
-        """Return whether the user asked for `action` just now; other actions are dropped."""
-        asked = self.asked()
-        return asked is not None and asked[0] == action
 
 
 def _identity(camera: Camera, options: RoutineOptions) -> dict[str, Any]:

@@ -65,4 +65,4 @@ def contour_picture(intensity: Floats) -> Picture:
     line[:, 1:] |= band[:, 1:] != band[:, :-1]
     line[1:] |= band[1:] != band[:-1]
     picture[line] = picture[line] // 2
-    return picture
+    return np.asarray(picture)

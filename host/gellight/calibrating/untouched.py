@@ -83,7 +83,9 @@ def wait_steady(session: Session) -> dict[str, Any]:
         first = before if first is None else first
         change = float(np.abs(after - before).max())
         session.bulletin.show(live=frame.image)
-        session.bulletin.post(progress={"done": round(change, 3), "wanted": STEADY_GREY, "unit": "grey levels of drift"})
+        session.bulletin.post(
+            progress={"done": round(change, 3), "wanted": STEADY_GREY, "unit": "grey levels of drift"}
+        )
         if change < STEADY_GREY:
             return {
                 "warm_up_frames": count + 1,

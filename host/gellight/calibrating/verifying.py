@@ -39,9 +39,7 @@ class _Judge:
 def verify(session: Session) -> Calibration | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_calibration(draft_path(session))
-    judge = _Judge(
-        Reconstructor(draft), Rerenderer(draft.presses()["rows"], draft.image_shape), ball_of(session)
-    )
+    judge = _Judge(Reconstructor(draft), Rerenderer(draft.presses()["rows"], draft.image_shape), ball_of(session))
     reference = session.folder.reference()
     watcher = Watcher(reference, draft.manifest.noise_grey)
     while len(session.folder.checks) < session.options.verifications:

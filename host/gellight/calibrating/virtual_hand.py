@@ -1,5 +1,7 @@
 """A virtual hand: presses cylinder and ball into the simulated gel, at places spread over the view."""
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,10 +11,11 @@ from gellight.errors import InputError
 CYLINDER_PLACES_MM = ((0.0, 0.0), (-4.0, 2.5), (4.5, -2.0), (3.0, 3.0), (-3.5, -3.0))
 CYLINDER_DEPTH_MM = 0.3
 BALL_DEPTHS_MM = (1.0, 2.0)
-MARGIN_MM = 1.0
-"""ball centres stay so far inside the picture: the contact then reaches its border, and is cut a little there"""
-CHECK_MARGIN_MM = 3.2
+MARGIN = 0.95
+"""of the contact radius: ball centres stay so far inside the picture that its border is reached, and hardly cut"""
+CHECK_MARGIN = 1.15
 """a fresh press is whole"""
+BALL_RADIUS_MM = 4.0
 CHECK_SEED = 1000
 
 
@@ -31,22 +34,23 @@ class VirtualHand:
 
     def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
         """Press the ball at one place of a sequence that fills the view evenly."""
-        self._press(self._seed, number, MARGIN_MM, pixel_size_mm, image_shape)
+        self._press(self._seed, number, MARGIN, pixel_size_mm, image_shape)
 
     def check(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
         """Press the ball at a place and a depth of another sequence."""
-        self._press(self._seed + CHECK_SEED, number, CHECK_MARGIN_MM, pixel_size_mm, image_shape)
+        self._press(self._seed + CHECK_SEED, number, CHECK_MARGIN, pixel_size_mm, image_shape)
 
     def lift(self) -> None:
         """Take the tool off the gel."""
         self._stage.release()
 
-    def _press(self, seed: int, number: int, margin_mm: float, size_mm: float, shape: tuple[int, int]) -> None:
+    def _press(self, seed: int, number: int, margin: float, size_mm: float, shape: tuple[int, int]) -> None:
         u, v, w = spread(seed, number)
         low, high = BALL_DEPTHS_MM
-        half_x, half_y = shape[1] * size_mm / 2 - margin_mm, shape[0] * size_mm / 2 - margin_mm
-        depth = min(low + (high - low) * w, self._stage.max_depth_mm)
-        self._stage.press("BALL", round(depth, 1), half_x * (2 * u - 1), half_y * (2 * v - 1))
+        depth = round(min(low + (high - low) * w, self._stage.max_depth_mm), 1)
+        inside_mm = margin * sqrt(BALL_RADIUS_MM * depth)  # Hertz: the radius of the contact is sqrt(R d)
+        half_x, half_y = shape[1] * size_mm / 2 - inside_mm, shape[0] * size_mm / 2 - inside_mm
+        self._stage.press("BALL", depth, half_x * (2 * u - 1), half_y * (2 * v - 1))
 
 
 def spread(seed: int, number: int) -> tuple[float, float, float]:
@@ -62,8 +66,7 @@ def spread(seed: int, number: int) -> tuple[float, float, float]:
 
 
 def hand_of(camera: Camera, *, seed: int = 0) -> VirtualHand:
-    """Return a hand for a simulated sensor, its gel free; InputError for a camera into which nothing can be pressed."""
+    """Return a hand for a simulated sensor; InputError for a camera into which nothing can be pressed."""
     if camera.stage is None:
         raise InputError(f"{camera.url} has no virtual hand: press by hand, or calibrate the simulated sensor (sim://)")
-    camera.stage.release()
     return VirtualHand(camera.stage, seed=seed)
