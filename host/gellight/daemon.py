@@ -14,12 +14,14 @@ from typing import Self
 
 from gellight.calibration import Calibration
 from gellight.camera import Camera, EndOfStream, PressStage
-from gellight.errors import CameraError
+from gellight.errors import CameraError, InputError
 from gellight.frames import CameraFrame, TactileFrame
 from gellight.mailbox import Mailbox
 from gellight.pipeline import Reconstructor
 from gellight.selfcheck import SelfCheck, SelfCheckResult
+from gellight.shared_camera import SharedCamera
 from gellight.statistics import Statistics
+from gellight.watch.monitor import PERIOD_S, Watch
 
 logger = logging.getLogger(__name__)
 
@@ -38,14 +40,20 @@ class Daemon:
         *,
         selfcheck: SelfCheck | None = None,
         rebuild: Callable[[Calibration], Reconstructor] = Reconstructor,
+        watch: Watch | None = None,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
 
-        `rebuild` makes the reconstructor of a bundle that replaces the running one.
+        `rebuild` makes the reconstructor of a bundle that replaces the running one. `watch` looks at what comes and
+        says what has changed since the calibration.
         """
         self._camera = camera
         self._reconstructor = reconstructor
         self._rebuild = rebuild
+        self._bundle = reconstructor.calibration
+        self._watch = watch
+        self._replacing = threading.RLock()
+        """held while the reconstructor is replaced"""
         self._selfcheck = selfcheck
         self._selfcheck_result: SelfCheckResult | None = None
         self._statistics = Statistics()
@@ -53,7 +61,9 @@ class Daemon:
         self._delivered: Mailbox[TactileFrame] = Mailbox()
         self._stopping = threading.Event()
         self._error: str | None = None
-        jobs = [self._capture, self._reconstruct, *([self._check_now_and_then] if selfcheck else [])]
+        jobs = [self._capture, self._reconstruct]
+        jobs += [self._check_now_and_then] if selfcheck else []
+        jobs += [self._watch_now_and_then] if watch else []
         self._threads = [threading.Thread(target=job, name=job.__name__.strip("_"), daemon=True) for job in jobs]
 
     def __enter__(self) -> Self:
@@ -84,8 +94,18 @@ class Daemon:
 
     @property
     def calibration(self) -> Calibration:
-        """The bundle in use."""
-        return self._reconstructor.calibration
+        """The bundle in use, as it was installed: a zero that followed the light is not in it."""
+        return self._bundle
+
+    @property
+    def camera(self) -> Camera:
+        """The camera as another reader sees it: its newest frames, controls and ring; closing it does nothing."""
+        return SharedCamera(self._camera, self._captured)
+
+    @property
+    def watch(self) -> Watch | None:
+        """What watches for changes since the calibration; another one after the calibration was replaced."""
+        return self._watch
 
     def replace_calibration(self, bundle: Calibration) -> None:
         """Reconstruct with another bundle from the next frame on; the stream goes on.
@@ -95,9 +115,26 @@ class Daemon:
         """
         bundle.check_fits(self._camera.url, self._camera.image_shape)
         replacement = self._rebuild(bundle)
-        if self._selfcheck is not None:
-            self._selfcheck = self._camera.selfcheck(bundle.pixel_size_mm)
-        self._reconstructor = replacement
+        watch = Watch(bundle, rezero=self._watch.rezero) if self._watch else None
+        judge = self._camera.selfcheck(bundle.pixel_size_mm) if self._selfcheck else None
+        with self._replacing:
+            if watch and self._watch:
+                watch.paused = self._watch.paused
+            self._reconstructor, self._bundle, self._watch, self._selfcheck = replacement, bundle, watch, judge
+
+    def rezero(self, *, asked: bool = True) -> None:
+        """Set the zero of the depth to the gel as it is now; the stream goes on.
+
+        asked: a person says that nothing touches; else it is the watch, for slow drift. Raises InputError, saying why,
+        where the zero must not be set.
+        """
+        with self._replacing:
+            if self._watch is None:
+                raise InputError("this sensor is not watched, so its zero cannot be set: switch watch.enabled on")
+            zero = self._watch.propose_zero(asked=asked)
+            zeroed = self._bundle.with_reference(zero.reference, frames=self._bundle.manifest.reference_frames)
+            self._reconstructor = self._rebuild(zeroed)
+            self._watch.accept_zero(zero)
 
     @property
     def selfcheck_result(self) -> SelfCheckResult | None:
@@ -130,6 +167,8 @@ class Daemon:
             "sensor": self._camera.url,
             **self._statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
+            "calibration": {"sensor": self._bundle.manifest.sensor, "identity": self._bundle.identity},
+            "watch": self._watch.status() if self._watch else None,
             "error": self._error,
         }
 
@@ -165,6 +204,22 @@ class Daemon:
             try:
                 number, frame = self._delivered.take(number, POLL_S)
                 self.check(frame)
+            except TimeoutError:
+                continue
+            except Exception as error:
+                self._note(error)
+                return
+
+    def _watch_now_and_then(self) -> None:
+        number = 0
+        while not self._stopping.wait(PERIOD_S):
+            watch = self._watch
+            assert watch is not None
+            try:
+                number, frame = self._delivered.take(number, POLL_S)
+                watch.note(frame)
+                if not watch.refusal(asked=False):
+                    self.rezero(asked=False)
             except TimeoutError:
                 continue
             except Exception as error:

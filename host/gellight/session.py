@@ -2,13 +2,19 @@
 
 from collections.abc import Iterator
 
+from gellight.bundle_store import BundleStore
 from gellight.calibration import Calibration, load_calibration
 from gellight.camera import open_camera
 from gellight.config import Settings
 from gellight.daemon import Daemon
 from gellight.errors import InputError
+from gellight.installing import bundle_of
 from gellight.pipeline import Reconstructor
 from gellight.selfcheck import SelfCheckResult
+from gellight.watch.monitor import Watch
+
+AUTO = "auto"
+"""Setting of the calibration that stands for whichever bundle belongs to the sensor."""
 
 
 def open_session(settings: Settings) -> Daemon:
@@ -17,18 +23,33 @@ def open_session(settings: Settings) -> Daemon:
     Raises CameraError, InputError, ConfigError or CalibrationError; the camera is closed again when something does
     not fit.
     """
-    bundle = load_calibration(settings.sensor.calibration)
+    bundle = chosen_bundle(settings)
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
     try:
         bundle.check_fits(camera.url, camera.image_shape)
         judge = camera.selfcheck(bundle.pixel_size_mm)
         reconstructor = reconstructor_for(bundle, settings)
         return Daemon(
-            camera, reconstructor, selfcheck=judge, rebuild=lambda replacement: reconstructor_for(replacement, settings)
+            camera,
+            reconstructor,
+            selfcheck=judge,
+            rebuild=lambda replacement: reconstructor_for(replacement, settings),
+            watch=Watch(bundle, rezero=settings.watch.rezero) if settings.watch.enabled else None,
         )
     except BaseException:
         camera.close()
         raise
+
+
+def chosen_bundle(settings: Settings) -> Calibration:
+    """Return the bundle that `settings` name; "auto" asks the board of the sensor, which is opened for that.
+
+    Raises CalibrationError for a bundle that is damaged or missing, else as `open_camera`.
+    """
+    if settings.sensor.calibration != AUTO:
+        return load_calibration(settings.sensor.calibration)
+    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+        return bundle_of(camera, BundleStore())
 
 
 def reconstructor_for(bundle: Calibration, settings: Settings) -> Reconstructor:
@@ -53,7 +74,7 @@ def check_presses(settings: Settings) -> Iterator[tuple[str, SelfCheckResult]]:
 
     Raises InputError for a sensor into which nothing can be pressed.
     """
-    bundle = load_calibration(settings.sensor.calibration)
+    bundle = chosen_bundle(settings)
     reconstructor = reconstructor_for(bundle, settings)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         judge, stage = camera.selfcheck(bundle.pixel_size_mm), camera.stage

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gellight.calibration import Calibration
 from gellight.gelnet import GradientNetwork
 from gellight.light_drift import light_drift
+from gellight.pipeline import far_from_touch
 from gellight.reconstruction import integrate
 from gellight.watch.cells import Cells, spread
 
@@ -84,7 +85,12 @@ class ErrorEstimate:
         if self._bundle.manifest.follow_light:
             difference -= light_drift(difference)
         slopes = self._network.gradient_map(difference)
-        depth_mm = integrate(slopes, self._bundle.pixel_size_mm, bulge=self._bundle.manifest.bulge)
+        depth_mm = integrate(
+            slopes,
+            self._bundle.pixel_size_mm,
+            at_rest=far_from_touch(self._network.touched(difference)),
+            bulge=self._bundle.manifest.bulge,
+        )
         angle = np.degrees(np.arctan(np.hypot(slopes[..., 0], slopes[..., 1])))
         return float(angle.mean()), float(np.abs(depth_mm).mean())
 

@@ -62,7 +62,7 @@ def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float])
         yield Finding(
             kind="uneven",
             severity=Severity.WARNING,
-            text=f"the untouched gel looks different by {explanation.left_grey:.1f} grey levels that neither single LEDs "
+            text=f"the untouched gel differs by {explanation.left_grey:.1f} grey levels that neither single LEDs "
             "nor a moved camera explain: the window is dirty, other light falls in, or the gel has aged; clean it, "
             "shade it, then calibrate again",
             figures={"left_grey": round(explanation.left_grey, 2)},

@@ -113,8 +113,11 @@ class Watch:
             self._noises.append(1.05 * float(np.median(np.abs(change - self._last))))
         self._last = change
         found = self._baseline.judge(change, noise_grey=self._noise_grey)
+        known = self._spots.around
         self._spots.note(found.outliers, time_s)
-        self._touched = bool((found.outliers & ~self._spots.lasting).sum() > FREE_CELLS)
+        if (self._spots.around & ~known).any():
+            self._rest.clear()  # what was seen before the spot would water down what is seen of it
+        self._touched = bool((found.outliers & ~self._spots.around).sum() > FREE_CELLS)
         self._state = "touched" if self._touched else "at rest"
         while self._rest and time_s - self._rest[0][0] > REST_MEMORY_S:
             self._rest.popleft()
@@ -123,7 +126,7 @@ class Watch:
                 self._rest.clear()
             self._rest.append((time_s, change))
         if len(self._rest) >= FEWEST_LOOKS and (self._judgement is None or time_s - self._judgement.time_s >= JUDGE_S):
-            self._judge(time_s, ~self._spots.lasting)
+            self._judge(time_s, ~self._spots.around)
 
     @property
     def _noise_grey(self) -> float:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 from gellight.watch.explanation import Explanation
 
-WORTH_GREY = 0.25
-"""rms of a change since the last zero that is worth a new one: twice the noise of a cell of the shipped bundle"""
+WORTH_GREY = 0.1
+"""rms of a change since the last zero that is worth a new one: some 0.01 mm on the simulated sensor, and three times
+the noise that is left in the mean of the looks"""
 MOST_GAIN = 0.15
 """every channel stays within this share of the reference image"""
 MOST_LEFT_GREY = 0.5
@@ -59,8 +60,10 @@ def refusal(situation: Situation, *, asked: bool) -> str:
         )
     if asked:
         return ""
-    if situation.since_zero_s < PERIOD_S or situation.since_zero_grey < WORTH_GREY:
+    if situation.since_zero_grey < WORTH_GREY:
         return "the zero is right"
+    if situation.since_zero_s < PERIOD_S:
+        return f"the zero was set {situation.since_zero_s:.0f} s ago"
     if situation.sudden_grey > SUDDEN_GREY:
         return f"the picture changed by {situation.sudden_grey:.1f} grey levels at once: that is no drift"
     return ""

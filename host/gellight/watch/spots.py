@@ -23,6 +23,7 @@ LARGEST_SHARE = 0.06
 """of the view; what is larger is a touch"""
 ELSEWHERE_CELLS = 4
 """a touch that ends nearer to a spot than that tells nothing about it"""
+EDGE_CELLS = 2
 LEAST_RELEASED = 4
 """so many cells have to come to rest at once for a touch to have ended"""
 DARK, BRIGHT, TORN = 0.92, 1.08, 0.65
@@ -60,6 +61,8 @@ class SpotTracker:
         self._before = np.zeros(shape, np.bool_)
         self.lasting: Mask = np.zeros(shape, np.bool_)
         """cells that belong to spots"""
+        self.around: Mask = self.lasting
+        """these and their neighbours, whose weak edges come and go with the noise"""
 
     def note(self, outliers: Mask, time_s: float) -> None:
         """Take in the (h, w) outliers of a frame that was taken at `time_s`."""
@@ -71,8 +74,10 @@ class SpotTracker:
             touching = ndimage.binary_propagation(near & outliers, mask=outliers)
             self._releases[outliers & ~touching] += 1
         self._before = outliers
-        # Written once, never changed: another thread may read it.
         self.lasting = (time_s - self._since_s >= PATIENCE_S) & (self._releases >= RELEASES)
+        self.around = (
+            ndimage.binary_dilation(self.lasting, iterations=EDGE_CELLS) if self.lasting.any() else self.lasting
+        )
 
     def spots(self, change: Cells, reference: Cells) -> list[Spot]:
         """Return the spots, the largest first, judged by the (h, w, 3) change that light and place do not explain."""

@@ -1,0 +1,40 @@
+"""A camera that is read by a daemon already, as a second reader sees it: a calibration, for example."""
+
+from typing import TYPE_CHECKING
+
+from gellight.camera import Camera
+from gellight.errors import CameraError
+from gellight.frames import CameraFrame
+from gellight.mailbox import Mailbox
+
+if TYPE_CHECKING:
+    from gellight.selfcheck import SelfCheck
+
+TIMEOUT_S = 20.0
+"""as long as a scene of the simulated sensor may take, and longer than any camera"""
+
+
+class SharedCamera(Camera):
+    """Gives the newest frame of the daemon, each at most once; what it does not read in time, it misses."""
+
+    def __init__(self, camera: Camera, captured: Mailbox[CameraFrame]) -> None:
+        """Read along `camera`, whose frames arrive in `captured`."""
+        self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
+        self.ring, self.controls = getattr(camera, "ring", None), getattr(camera, "controls", None)
+        self._camera, self._captured = camera, captured
+        self._number = 0
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
+        """Return the judge of the camera."""
+        return self._camera.selfcheck(pixel_size_mm)
+
+    def read(self) -> CameraFrame:
+        """Wait for a frame that was not read here before; raises what ended the camera."""
+        try:
+            self._number, frame = self._captured.take(self._number, TIMEOUT_S)
+        except TimeoutError:
+            raise CameraError(f"no frame of {self.url} for {TIMEOUT_S:g} s: check the camera and start again") from None
+        return frame
+
+    def close(self) -> None:
+        """Do nothing: the daemon closes its camera."""
