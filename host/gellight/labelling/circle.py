@@ -20,6 +20,8 @@ _WINDOW = 1.6
 """in contact radii"""
 _ROBUST_GREY = 4.0
 """residuals beyond it count by their size, not its square: scratches, shadows, dust"""
+_STARTS = (0.35, 0.65, 1.0)
+"""of the candidate's contact radius"""
 _LEAST_GREY = 3.0
 _LEAST_QUALITY = 0.8
 _LEAST_SHARE = 0.2
@@ -98,26 +100,35 @@ def _fitted(difference: Array, candidate: Candidate, ball_radius: float) -> tupl
         rest: Array = colour - orthogonal @ (orthogonal.T @ colour)
         return rest
 
-    start = PressShape(
+    starts = [_start(candidate, share, ball_radius) for share in _STARTS]
+    solutions = [
+        optimize.least_squares(
+            lambda vector: left(vector).ravel(),
+            start.vector(),
+            x_scale=[1, 1, 1, 0.1, 1, 5],
+            bounds=_bounds(start, ball_radius),
+            loss="soft_l1",
+            f_scale=_ROBUST_GREY,
+            diff_step=1e-3,
+            ftol=1e-6,
+            max_nfev=30,
+        )
+        for start in starts
+    ]
+    solution = min(solutions, key=lambda found: float(found.cost))
+    shape = PressShape.of(solution.x)
+    return shape, _judged(shape, x, y, colour, left(solution.x), ball_radius)
+
+
+def _start(candidate: Candidate, share: float, ball_radius: float) -> PressShape:
+    """A first guess; a wide flat skirt looks like contact, so it is tried from smaller circles too."""
+    return PressShape(
         center_x=candidate.center_x,
         center_y=candidate.center_y,
-        contact_radius=min(candidate.contact_radius, 0.85 * ball_radius),
+        contact_radius=min(share * candidate.contact_radius, 0.85 * ball_radius),
         step_length=0.15 * ball_radius,
         skirt_length=1.2 * ball_radius,
     )
-    solution = optimize.least_squares(
-        lambda vector: left(vector).ravel(),
-        start.vector(),
-        x_scale=[1, 1, 1, 0.1, 1, 5],
-        bounds=_bounds(start, ball_radius),
-        loss="soft_l1",
-        f_scale=_ROBUST_GREY,
-        diff_step=1e-3,
-        ftol=1e-5,
-        max_nfev=30,
-    )
-    shape = PressShape.of(solution.x)
-    return shape, _judged(shape, x, y, colour, left(solution.x), ball_radius)
 
 
 def _window(difference: Array, candidate: Candidate, ball_radius: float) -> tuple[Array, Array, Array]:
@@ -132,7 +143,7 @@ def _window(difference: Array, candidate: Candidate, ball_radius: float) -> tupl
 
 def _bounds(start: PressShape, ball_radius: float) -> tuple[list[float], list[float]]:
     r = ball_radius
-    low = [start.center_x - r, start.center_y - r, 0.08 * r, 0.0, 0.02 * r, 0.3 * r]
+    low = [start.center_x - r, start.center_y - r, 0.05 * r, 0.0, 0.02 * r, 0.3 * r]
     high = [start.center_x + r, start.center_y + r, STEEPEST * r, 1.0, 0.5 * r, 5 * r]
     return low, high
 
