@@ -145,8 +145,9 @@ class _Collector:
         words = advice(found, len(presses), wanted, settled=self.live.settled())
         doubtful = self.live.outliers()
         session.bulletin.post(
-            instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, 1 to 2 mm deep, at ever "
-            "other places. Hold still until it is taken, then lift. A wrong circle can be corrected or dropped.",
+            instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, from a "
+            "light touch to 2 mm deep, at ever other places, up to the edges. Hold still until it is taken, then "
+            "lift. A wrong circle can be corrected or dropped.",
             progress={"done": len(presses), "wanted": wanted, "unit": "presses"},
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
             coverage={**found.as_json(), "held_out": [list(point) for point in self.live.history]},
