@@ -93,6 +93,8 @@ def wait_free(session: Session, watcher: Watcher, *, patience: int = 150) -> Non
         if sight.free and sight.still:
             session.bulletin.post(problem="")
             return
+        if not count % patience:
+            _check_dark(frame.image, "the gel")
         if count == patience:
             problem = (
                 f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
@@ -144,6 +146,10 @@ def check_light(image: NDArray[np.uint8], what: str) -> None:
         raise InputError(
             f"{clipped:.1%} of {what} is clipped at 255: lower the exposure or dim the LEDs, and begin again"
         )
+    _check_dark(image, what)
+
+
+def _check_dark(image: NDArray[np.uint8], what: str) -> None:
     brightest = float(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9))
     if brightest < _DARK_GREY:
         raise InputError(

@@ -25,6 +25,8 @@ from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_g
 from gellight.reconstruction import normals
 
 Floats = NDArray[np.float32]
+MORE_PRESSES = 12
+"""so many more are asked for after a bad verdict"""
 
 
 @dataclass(frozen=True)
@@ -139,10 +141,12 @@ def _conclude(session: Session, draft: Calibration, judge: _Judge) -> Calibratio
     session.bulletin.note("verify", figures)
     session.bulletin.post(verdict=verdict, instruction=str(verdict["text"]))
     if not passed:
+        session.folder.want_more(MORE_PRESSES)
         return None
     report = page(session, verdict, _shown(session, judge))
     bundle = _written(session, draft, figures, report)
     session.folder.finish("verify", figures)
+    session.folder.close()
     session.bulletin.post(bundle=str(session.options.out))
     return bundle
 

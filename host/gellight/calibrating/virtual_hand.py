@@ -10,7 +10,11 @@ from gellight.errors import InputError
 
 CYLINDER_PLACES_MM = ((0.0, 0.0), (-4.0, 2.5), (4.5, -2.0), (3.0, 3.0), (-3.5, -3.0))
 CYLINDER_DEPTH_MM = 0.3
-BALL_DEPTHS_MM = (1.0, 2.0)
+BALL_DEPTHS_MM = (0.2, 2.0)
+"""From a light touch to a deep press: where the gel is deep it is nearer to the LEDs and brighter, so that deep presses
+alone would teach that brightness means slope."""
+DEPTH_POWER = 1.5
+"""more light presses than deep ones: a deep one shows ten times the pixels"""
 MARGIN = 0.95
 """of the contact radius: ball centres stay so far inside the picture that its border is reached, and hardly cut"""
 CHECK_MARGIN = 1.15
@@ -47,7 +51,7 @@ class VirtualHand:
     def _press(self, seed: int, number: int, margin: float, size_mm: float, shape: tuple[int, int]) -> None:
         u, v, w = spread(seed, number)
         low, high = BALL_DEPTHS_MM
-        depth = round(min(low + (high - low) * w, self._stage.max_depth_mm), 1)
+        depth = round(min(low + (high - low) * w**DEPTH_POWER, self._stage.max_depth_mm), 1)
         inside_mm = margin * sqrt(BALL_RADIUS_MM * depth)  # Hertz: the radius of the contact is sqrt(R d)
         half_x, half_y = shape[1] * size_mm / 2 - inside_mm, shape[0] * size_mm / 2 - inside_mm
         self._stage.press("BALL", depth, half_x * (2 * u - 1), half_y * (2 * v - 1))
