@@ -122,6 +122,12 @@ class Daemon:
                 watch.paused = self._watch.paused
             self._reconstructor, self._bundle, self._watch, self._selfcheck = replacement, bundle, watch, judge
 
+    def pause_watch(self, paused: bool) -> None:
+        """Let the watch rest while somebody else rules the light; harmless without one."""
+        with self._replacing:
+            if self._watch is not None:
+                self._watch.paused = paused
+
     def rezero(self, *, asked: bool = True) -> None:
         """Set the zero of the depth to the gel as it is now; the stream goes on.
 

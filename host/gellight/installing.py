@@ -13,6 +13,7 @@ import numpy as np
 
 from gellight.bundle_store import BundleStore, StoredBundle
 from gellight.calibrating.choices import Limits
+from gellight.calibrating.preparing import apply_calibration
 from gellight.calibration import Calibration, load_calibration
 from gellight.camera import Camera
 from gellight.enumerations import Status
@@ -54,18 +55,19 @@ def install(
     sensor: str,
     store: BundleStore,
     running: Running | None = None,
-    ring: LightRing | None = None,
+    camera: Camera | None = None,
     limits: Limits | None = None,
 ) -> Installed:
     """Put a bundle that passed its verification into service for `sensor`.
 
-    Raises CalibrationError for a bundle of another sensor, one that was not verified or not well enough, or one that
-    the running sensor cannot use, and BoardError where the board does not answer; the old bundle stays in service
-    except in the last case, which only means that the board has to be told again.
+    The `camera` of the sensor is set and lit as the bundle was calibrated, and its board is told. Raises
+    CalibrationError for a bundle of another sensor, one that was not verified or not well enough, or one that the
+    running sensor cannot use; then the old bundle stays in service. Raises BoardError or CameraError where board or
+    camera do not answer: the bundle is in service then, and they have to be told again.
     """
     check_sensor(bundle, sensor)
     check_verified(bundle, limits or Limits())
-    return _serve(store.add(bundle), store, running, ring)
+    return _serve(store.add(bundle), store, running, camera)
 
 
 def restore(
@@ -74,21 +76,24 @@ def restore(
     sensor: str,
     store: BundleStore,
     running: Running | None = None,
-    ring: LightRing | None = None,
+    camera: Camera | None = None,
 ) -> Installed:
     """Put a bundle of the store into service again: by its identity or its beginning, or the one before if empty."""
     chosen = store.find(identity) if identity else store.previous(sensor)
     check_sensor(chosen.load(), sensor)
-    return _serve(chosen, store, running, ring)
+    return _serve(chosen, store, running, camera)
 
 
-def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, ring: LightRing | None) -> Installed:
+def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, camera: Camera | None) -> Installed:
     bundle = chosen.load()
     if running is not None:
         running.replace_calibration(bundle)
     served = store.put_in_service(chosen.sensor, chosen.identity)
+    ring = camera.ring if camera else None
     if ring is not None:
         remember(ring, bundle)
+    if camera is not None:
+        apply_calibration(camera, bundle)
     return Installed(bundle=served, remembered=ring is not None)
 
 
@@ -119,9 +124,10 @@ def check_verified(bundle: Calibration, limits: Limits) -> None:
 
 
 def remember(ring: LightRing, bundle: Calibration) -> None:
-    """Write the identity of a bundle to the flash of the board, unless it is there; then light the LEDs as calibrated.
+    """Write the identity of a bundle to the flash of the board, unless it is there.
 
-    The board writes its flash only in the dark, so the gel is dark for some milliseconds. Raises BoardError.
+    The board writes its flash only in the dark, so the gel is dark for some milliseconds, and then lit as calibrated.
+    Raises BoardError.
     """
     configuration = ring.configuration()
     identity = bytes.fromhex(bundle.identity)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from gellight.bundle_store import BundleStore
+from gellight.calibrating.preparing import apply_calibration
 from gellight.calibration import Calibration, load_calibration
 from gellight.camera import open_camera
 from gellight.config import Settings
@@ -27,6 +28,7 @@ def open_session(settings: Settings) -> Daemon:
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
     try:
         bundle.check_fits(camera.url, camera.image_shape)
+        apply_calibration(camera, bundle)
         judge = camera.selfcheck(bundle.pixel_size_mm)
         reconstructor = reconstructor_for(bundle, settings)
         return Daemon(

@@ -1,5 +1,10 @@
-"""A camera that is read by a daemon already, as a second reader sees it: a calibration, for example."""
+"""A camera that is read by a daemon already, as a second reader sees it: a calibration, for example.
 
+Who reads a camera alone knows that a frame is exposed after he asked for it, under the light that he has set before.
+So it is here: a frame whose exposure began earlier is passed over.
+"""
+
+import time
 from typing import TYPE_CHECKING
 
 from gellight.camera import Camera
@@ -15,7 +20,7 @@ TIMEOUT_S = 20.0
 
 
 class SharedCamera(Camera):
-    """Gives the newest frame of the daemon, each at most once; what it does not read in time, it misses."""
+    """Gives frames of the daemon that were exposed after they were asked for; the others, this reader misses."""
 
     def __init__(self, camera: Camera, captured: Mailbox[CameraFrame]) -> None:
         """Read along `camera`, whose frames arrive in `captured`."""
@@ -29,12 +34,16 @@ class SharedCamera(Camera):
         return self._camera.selfcheck(pixel_size_mm)
 
     def read(self) -> CameraFrame:
-        """Wait for a frame that was not read here before; raises what ended the camera."""
-        try:
-            self._number, frame = self._captured.take(self._number, TIMEOUT_S)
-        except TimeoutError:
-            raise CameraError(f"no frame of {self.url} for {TIMEOUT_S:g} s: check the camera and start again") from None
-        return frame
+        """Wait for a frame whose exposure began after this call; raises what ended the camera."""
+        asked_s = time.monotonic()
+        while (left_s := asked_s + TIMEOUT_S - time.monotonic()) > 0:
+            try:
+                self._number, frame = self._captured.take(self._number, left_s)
+            except TimeoutError:
+                break
+            if frame.time_s >= asked_s:
+                return frame
+        raise CameraError(f"no frame of {self.url} for {TIMEOUT_S:g} s: check the camera and start again")
 
     def close(self) -> None:
         """Do nothing: the daemon closes its camera."""

@@ -152,7 +152,7 @@ def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleSto
         assert ring is not None
         assert bundle_of(camera, store).manifest.sensor == "simulated", "nothing else is known of it yet"
         first, second = bundle(tmp_path / "first", sensor=name), bundle(tmp_path / "second", sensor=name)
-        assert install(first, sensor=name, store=store, ring=ring).remembered
+        assert install(first, sensor=name, store=store, camera=camera).remembered
         assert ring.configuration().bundle == bytes.fromhex(first.identity)
         install(second, sensor=name, store=store)
         assert bundle_of(camera, store).identity == first.identity, "the board knows better than this computer"
