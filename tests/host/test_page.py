@@ -98,8 +98,6 @@ def test_what_the_watch_has_found_is_told_above_the_pictures(opened: Open, sourc
     source.figures["watch"] = {"state": "at rest", "findings": [dead, drift]}
     expect(page.get_by_test_id("findings").locator("li")).to_have_text(["LED 3 is <b>dark</b>", "the light is 96 %"])
     expect(page.get_by_test_id("findings").locator("li").first).to_have_class("fault")
-    page.get_by_test_id("zero").click()
-    expect(page.get_by_test_id("watch-answer")).to_contain_text("no calibration")
     page.get_by_test_id("hide-watch").click()
     expect(page.get_by_test_id("watch")).to_be_hidden()
     source.figures["watch"] = {"state": "at rest", "findings": [{**dead, "figures": {"led": 4}}]}

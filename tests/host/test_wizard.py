@@ -212,6 +212,23 @@ def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open
 
 
 @pytest.mark.browser
+def test_the_zero_is_set_and_the_wizard_opened_from_the_live_page(
+    browser: Browser, server: DashboardServer, source: FormulaSource, desk: ScriptedDesk
+) -> None:
+    drift = {"kind": "drift", "severity": "notice", "text": "the light is 96 %", "figures": {}}
+    source.figures["watch"] = {"state": "at rest", "findings": [drift]}
+    with opening(browser, server) as open_page:
+        page = open_page()
+        page.get_by_test_id("zero").click()
+        expect(page.get_by_test_id("watch-answer")).to_have_text("the zero is set")
+        assert desk.asked == [("zero",)]
+        page.get_by_test_id("calibrate").click()
+        expect(page.get_by_test_id("action-begin")).to_be_visible()
+        page.get_by_test_id("back").click()
+        expect(page.get_by_test_id("findings")).to_be_visible()
+
+
+@pytest.mark.browser
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
 def test_nothing_is_cut_or_overlaps(opened: Open, desk: ScriptedDesk, size: dict[str, int]) -> None:
     verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. " + "6 fresh presses. " * 5}
