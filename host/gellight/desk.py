@@ -57,6 +57,9 @@ class Guide(Protocol):
     def act(self, action: str, **arguments: float) -> None:
         """Do what the user chose; InputError where it is not possible now."""
 
+    def stop(self) -> None:
+        """Abort at the next frame, whatever is going on."""
+
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended."""
 
@@ -96,7 +99,7 @@ class Desk:
     def __exit__(self, *problem: object) -> None:
         """Stop a calibration that still runs; what it has measured is kept."""
         if self._guide is not None and not self._guide.ended:
-            self.act("abort")
+            self._guide.stop()
             self._guide.join()
         if self._waiter is not None:
             self._waiter.join()

@@ -62,7 +62,9 @@ class FlatCamera(ScriptedCamera):
 class CountingReconstructor:
     """Passes frames through; holds each until `gate` is open."""
 
-    calibration = SimpleNamespace(pixel_size_mm=(0.1, 0.2))
+    calibration = SimpleNamespace(
+        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted")
+    )
 
     def __init__(self) -> None:
         self.gate = threading.Event()
