@@ -128,7 +128,7 @@ class Desk:
             if wishes.anew:
                 shutil.rmtree(self._folder, ignore_errors=True)
             self._guide = self._begin(wishes, self._install)
-            self._daemon.pause_watch(True)
+            self._daemon.pause(True)
             self._guide.act("start")
             self._waiter = threading.Thread(target=self._wait, args=(self._guide,), name="desk", daemon=True)
             self._waiter.start()
@@ -160,7 +160,7 @@ class Desk:
 
     def _wait(self, guide: Guide) -> None:
         guide.join()
-        self._daemon.pause_watch(False)
+        self._daemon.pause(False)
 
     def _install(self, bundle: Calibration) -> None:
         install(bundle, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)
