@@ -168,8 +168,8 @@ def bundle_of(camera: Camera, store: BundleStore) -> Calibration:
             bundle = store.find(identity.hex()).load()
         except CalibrationError as error:
             raise CalibrationError(
-                f"the board of sensor {sensor} names bundle {identity.hex()}, which cannot be had here ({error}): bring "
-                "it with `gellight calibrate install`, or calibrate the sensor again"
+                f"the board of sensor {sensor} names bundle {identity.hex()}, which cannot be had here ({error}): "
+                "bring it with `gellight calibrate install`, or calibrate the sensor again"
             ) from error
         check_sensor(bundle, sensor)
         return bundle
