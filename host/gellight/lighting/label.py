@@ -34,6 +34,7 @@ class RowExposures:
 
 def row_exposures(clock: ClockMap, timing: CameraTiming, time_s: float, rows: int) -> RowExposures:
     """Return the bounds for a frame whose stamp is `time_s`, `time.monotonic`."""
+    time_s += timing.stamp_delay_s
     first, last = clock.board_us(time_s), clock.board_us(time_s + timing.duration_s)
     # Every time between is converted with the wider of both ends' bounds, so that none is cut short.
     low_us = min(first.low - time_s * 1e6, last.low - (time_s + timing.duration_s) * 1e6)
@@ -76,7 +77,8 @@ def label_of(rows: Rows, seen: set[int]) -> LightLabel:
 
 def label_frame(clock: ClockMap, light: KnownLight, timing: CameraTiming, time_s: float, rows: int) -> LightLabel:
     """Label a frame by its stamp alone; unknown unless pings on both sides of it fit together."""
-    if not clock.covers(time_s - timing.stamp_error_s, time_s + timing.duration_s + timing.stamp_error_s):
+    from_s, to_s = timing.span_s(time_s)
+    if not clock.covers(from_s, to_s):
         return UNKNOWN_LABEL
     exposed = row_exposures(clock, timing, time_s, rows)
     return label_of(*light_of_rows(exposed, light, timing.pulse_period_s * 1e6))

@@ -9,7 +9,8 @@ from gellight.errors import InputError
 class CameraTiming:
     """The times of a rolling shutter and their uncertainty. All in s. The defaults suit a plain 30 Hz camera.
 
-    Row r of H begins its exposure at `frame.time_s + readout_s * r / (H - 1)` and ends it `exposure_s` later.
+    Row r of H begins its exposure at `frame.time_s + stamp_delay_s + readout_s * r / (H - 1)` and ends it `exposure_s`
+    later.
     """
 
     exposure_s: float = 0.008
@@ -17,8 +18,10 @@ class CameraTiming:
     """from the start of the first row to the start of the last"""
     period_s: float = 1 / 30
     """from frame to frame"""
+    stamp_delay_s: float = 0.0
+    """from the stamp of a frame to the start of its first row, where the camera stamps something else"""
     stamp_error_s: float = 0.001
-    """the start of a frame is at most so far from its stamp, either way; also what exposure and readout may be off"""
+    """beginning and end of a row's exposure are at most so far from that, either way"""
     pulse_period_s: float = 0.0025
     """longest cycle of the LEDs' pulse-width modulation: a latched colour shows within it (2 kHz parts: 0.0005)"""
 
@@ -36,3 +39,8 @@ class CameraTiming:
     def duration_s(self) -> float:
         """From the start of the first row to the end of the last."""
         return self.readout_s + self.exposure_s
+
+    def span_s(self, time_s: float) -> tuple[float, float]:
+        """Return from when to when, at most, a frame with this stamp was exposed."""
+        begin_s = time_s + self.stamp_delay_s
+        return begin_s - self.stamp_error_s, begin_s + self.duration_s + self.stamp_error_s
