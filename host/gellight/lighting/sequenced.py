@@ -25,7 +25,7 @@ from gellight.lighting.hold_time import hold_frames
 from gellight.lighting.label import UNKNOWN_LABEL
 from gellight.lighting.lock import PhaseLock, Trim
 from gellight.lighting.timeline import REPEAT_US
-from gellight.lighting.timing import CameraTiming
+from gellight.lighting.timing import CameraTiming, timing_of
 from gellight.lighting.watch import LightWatch
 from gellight.ring import Step
 
@@ -36,6 +36,8 @@ logger = logging.getLogger(__name__)
 CLOCK_ERROR_S = 0.001
 """what the host is assumed to be off about the board's clock when the hold is chosen"""
 EDGES_MISSED = 4
+TRIM_LIGHTS = 4
+"""a trim has taken effect so many lights later"""
 
 
 class LightMode(StrEnum):
@@ -71,7 +73,8 @@ class SequencedCamera(Camera):
     ) -> None:  # fmt: skip
         """Show `groups` (n, 12, 3) uint8 RGB in turn, `frames` frame periods each (default: the fewest that can do).
 
-        `check` compares every frame with the reference images. `strobe_to_end_s` (EXT) is from the edge of the strobe
+        `timing` is by default what `timing_of` tells. `check` compares every frame with the reference images.
+        `strobe_to_end_s` (EXT) is from the edge of the strobe
         to the end of the last row; default: the strobe's edge is the start of the frame. Raises CameraError without a
         ring, BoardError where the board refuses, InputError for a number of groups that it cannot hold.
         """
@@ -82,12 +85,13 @@ class SequencedCamera(Camera):
         self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
         self.ring = self._ring = camera.ring
         self.controls, self._camera, self.mode = camera.controls, camera, mode
-        self.timing, self._check = timing or CameraTiming(), check
+        self.timing, self._check = timing or timing_of(camera), check
         self._groups = [np.asarray(group, np.uint8) for group in groups]
         error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
         self.frames = frames or hold_frames(self.timing, locked=True, clock_error_s=error_s)
         self.counters = LightCounters()
         self._before, self._next, self._trim = self._ring.still, 0, Trim(0, 0.0)
+        self._trimmed_light = -TRIM_LIGHTS
         self._lock = PhaseLock(self.timing, frames=self.frames)
         self._hold = Hold(camera, timing=self.timing, check=check)
         self._strobe = (
@@ -127,7 +131,10 @@ class SequencedCamera(Camera):
         replace(self.timing, period_s=period_s)  # refuses an exposure that is longer
         return period_s
 
-    def _planned_us(self, last: protocol.LightEvent, _event: protocol.LightEvent) -> float:
+    def _planned_us(self, last: protocol.LightEvent, event: protocol.LightEvent) -> float | None:
+        """When a light was to begin; a few lights after a trim may have been planned before it or after."""
+        if event.light_id <= self._trimmed_light + TRIM_LIGHTS:
+            return None
         return last.first_bit_us + self._lock.dwell_us * (1 + self._trim.period)
 
     # ---- a camera like every other ----
@@ -169,6 +176,7 @@ class SequencedCamera(Camera):
         changes = self.watch.changes()
         trim = self._lock.trim(changes[-1].latched_s, self.watch.clock.drift) if changes else None
         if trim is not None:
+            self._trimmed_light = changes[-1].light_id
             self._ring.trim(phase_us=trim.phase_us, period=trim.period)
             self._trim = trim
             self.counters.trims += 1

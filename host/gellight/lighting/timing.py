@@ -1,8 +1,12 @@
 """When a camera exposes its rows and how LEDs pulse, as far as the host can know it: bounds, not truths."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from gellight.errors import InputError
+
+if TYPE_CHECKING:
+    from gellight.camera import Camera
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,3 +48,15 @@ class CameraTiming:
         """Return from when to when, at most, a frame with this stamp was exposed."""
         begin_s = time_s + self.stamp_delay_s
         return begin_s - self.stamp_error_s, begin_s + self.duration_s + self.stamp_error_s
+
+
+def timing_of(camera: "Camera", known: CameraTiming | None = None) -> CameraTiming:
+    """Return `known` (default: the defaults) with the exposure that the camera's controls tell, where they do.
+
+    Readout, frame period and the meaning of the stamp stay as known: `shutter_meter.measure_shutter` measures them.
+    Raises InputError where the exposure is longer than the frame period.
+    """
+    known = known or CameraTiming()
+    if camera.controls is None or "exposure_us" not in camera.controls.names():
+        return known
+    return replace(known, exposure_s=camera.controls.read("exposure_us") * 1e-6)

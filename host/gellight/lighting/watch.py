@@ -29,6 +29,7 @@ class Change(NamedTuple):
     """groups of the board, 255: none"""
     latched_s: Interval
     """when the board had it latched, host time; it shows within one pulse period"""
+    light_id: int
 
 
 class LightWatch:
@@ -90,4 +91,4 @@ class LightWatch:
         """Return the last changes of the light that were reported, oldest first."""
         with self._lock:
             pairs = itertools.pairwise(self._events)
-            return [Change(old.group, new.group, self.clock.host_s(new.latched_us)) for old, new in pairs]
+            return [Change(old.group, new.group, self.clock.host_s(new.latched_us), new.light_id) for old, new in pairs]

@@ -70,7 +70,8 @@ class VirtualCamera(Camera):
             self.board.run(left_us)
 
     def read(self) -> CameraFrame:
-        while self.begin_s + self.count * self.period_s < self.clock.monotonic():
+        taken_s = 0.0 if self.strobe else (self.shutter.duration_us + self.shutter.transfer_us) * 1e-6
+        while self.begin_s + self.count * self.period_s + taken_s < self.clock.monotonic():
             self.count += 1
         start_s = self.begin_s + self.count * self.period_s
         if self.strobe:
