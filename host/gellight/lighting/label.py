@@ -53,14 +53,15 @@ def light_of_rows(exposed: RowExposures, light: KnownLight, pulse_period_us: flo
     A light was surely seen where it had a whole cycle of the modulation to show.
     """
     sure, until, group = light.between(float(exposed.begin_low[0]), float(exposed.end_high[-1]))
-    found, times = np.full(len(exposed.begin_low), UNKNOWN), np.zeros(len(exposed.begin_low))
+    found = np.full(len(exposed.begin_low), UNKNOWN)
+    before = np.full(len(exposed.begin_low), UNTOLD)
     seen: set[int] = set()
     for from_us, to_us, what in zip(sure, until, group, strict=True):
         if what == UNTOLD:
             continue
         saw = np.minimum(exposed.end_low, to_us) - np.maximum(exposed.begin_high, from_us) >= pulse_period_us
-        found[saw & (times > 0)] = MIXED
-        times += saw
+        found[saw & (before != UNTOLD) & (before != what)] = MIXED
+        before[saw] = what
         seen |= {int(what)} if saw.any() else set()
         found[(exposed.begin_low >= from_us) & (exposed.end_high <= to_us)] = what
     return found, seen

@@ -131,11 +131,11 @@ class SequencedCamera(Camera):
         replace(self.timing, period_s=period_s)  # refuses an exposure that is longer
         return period_s
 
-    def _planned_us(self, last: protocol.LightEvent, event: protocol.LightEvent) -> float | None:
-        """When a light was to begin; a few lights after a trim may have been planned before it or after."""
+    def _planned_us(self, _last: protocol.LightEvent, event: protocol.LightEvent) -> float | None:
+        """How long after the last light one was to begin; a few lights may have been planned before a trim or after."""
         if event.light_id <= self._trimmed_light + TRIM_LIGHTS:
             return None
-        return last.first_bit_us + self._lock.dwell_us * (1 + self._trim.period)
+        return self._lock.dwell_us * (1 + self._trim.period)
 
     # ---- a camera like every other ----
 
