@@ -1,6 +1,5 @@
 """The camera of `v4l2://`: the newest picture, decoded, with the time at which its exposure began."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from gellight.camera import Camera
@@ -31,15 +30,14 @@ class V4l2Camera(Camera):
         options: CaptureOptions | None = None,
         *,
         shape: tuple[int, int] | None = None,
-        controls: Mapping[str, float] | None = None,
         url: str | None = None,
         kernel: Kernel | None = None,
         sysfs: Path = Path("/sys"),
     ) -> None:
         """Open, set and start the camera at `path`.
 
-        `shape` (H, W) and `controls` are what a calibration bundle was made with; `options` are stronger. Raises
-        CameraError and its children of `v4l2.errors`, and InputError for a control out of range.
+        `shape` (H, W) is what a calibration bundle was made with; `options` are stronger. Raises CameraError and its
+        children of `v4l2.errors`, and InputError for a control out of range.
         """
         self.url = url or f"v4l2://{path}"
         self.stage = None
@@ -48,9 +46,7 @@ class V4l2Camera(Camera):
         self._device = Device(path, kernel=kernel)
         try:
             self.mode = self._device.configure(self._options.wanted(shape))
-            self._device.controls.lock(
-                {**(controls or {}), **self._options.controls()}, power_line_hz=int(self._options.power_line_hz)
-            )
+            self._device.controls.lock(self._options.controls(), power_line_hz=int(self._options.power_line_hz))
             self._stream = self._device.start(buffers=self._options.buffers)
         except BaseException:
             self._device.close()
