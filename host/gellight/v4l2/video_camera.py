@@ -9,6 +9,7 @@ from gellight.v4l2.controls import V4l2Controls
 from gellight.v4l2.decoding import CorruptPictureError, decode
 from gellight.v4l2.device import Device
 from gellight.v4l2.errors import StalledError
+from gellight.v4l2.formats import Offer
 from gellight.v4l2.kernel import Kernel
 from gellight.v4l2.options import CaptureOptions, parse_url
 from gellight.v4l2.stream import BAD_LIMIT, Picture
@@ -74,6 +75,11 @@ class V4l2Camera(Camera):
             delay_s=self._options.delay_us * 1e-6,
             readout_s=None if readout_us is None else readout_us * 1e-6,
         )
+
+    @property
+    def offers(self) -> tuple[Offer, ...]:
+        """What the camera offers."""
+        return self._device.offers()
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
         """Return None: nobody knows what was really pressed."""
