@@ -132,7 +132,7 @@ def open_camera(
     made; without one its LEDs stay dark. Raises CameraError, BoardError, InputError or ConfigError with the remedy.
     """
     text = str(url)
-    scheme = text.split("://")[0]
+    scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:
         camera: Camera = import_module("gellight.simulated").open_simulated(text, geometry or {})
         return camera
