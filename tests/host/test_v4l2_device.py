@@ -97,6 +97,14 @@ def test_a_busy_camera_says_who_holds_it(monkeypatch: pytest.MonkeyPatch) -> Non
     assert not kernel.opened
 
 
+def test_a_full_usb_bus_is_told_with_the_way_out() -> None:
+    kernel, camera = fake()
+    camera.errors[v.STREAMON] = errno.ENOSPC
+    with pytest.raises(CameraError, match="has no bandwidth left: use format=MJPG"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert not kernel.opened
+
+
 def test_holders_are_found_by_their_open_files(tmp_path: Path) -> None:
     device = tmp_path / "video7"
     device.touch()

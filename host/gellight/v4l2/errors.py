@@ -51,6 +51,11 @@ def explained(path: str, doing: str, error: OSError) -> CameraError:
         )
     if error.errno == errno.EBUSY:
         return BusyError(f"{path} is in use by {holders_text(path)}: end that programme")
+    if error.errno == errno.ENOSPC:
+        return CameraError(
+            f"the USB bus of {path} has no bandwidth left: use format=MJPG, a lower fps or size, or a port of another "
+            "USB controller than the other cameras"
+        )
     reason = os.strerror(error.errno) if error.errno else str(error)
     kind = StalledError if error.errno in _DISTURBED else CameraError
     return kind(f"{path} fails {doing} ({reason}): unplug the sensor and plug it in, then try `gellight doctor`")
