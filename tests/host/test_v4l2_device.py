@@ -2,6 +2,7 @@
 
 import errno
 import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -194,6 +195,32 @@ def test_a_control_that_is_reset_when_the_stream_starts_is_an_error() -> None:
         camera.controls[c.EXPOSURE].value = 157
         with pytest.raises(CameraError, match="exposure_us was set to 8000 and is 15700"):
             opened.read()
+
+
+def test_a_mains_filter_that_cannot_be_off_is_left_alone_unless_one_is_asked_for() -> None:
+    camera, controls = controls_of()
+    camera.controls[c.POWER_LINE] = FakeControl(1, 2, 1, 2)
+    controls.lock({})
+    assert camera.controls[c.POWER_LINE].value == 2
+    controls.lock({}, power_line_hz=50)
+    assert camera.controls[c.POWER_LINE].value == 1
+
+
+def test_a_value_that_is_being_set_is_never_found_changed() -> None:
+    camera, controls = controls_of()
+    controls.lock({})
+    wrong: list[object] = []
+    camera.controls[c.EXPOSURE].keeps = lambda value: wrong.extend(looked()) or value
+
+    def looked() -> list[object]:
+        watcher = threading.Thread(target=lambda: wrong.extend(controls.deviations()))
+        watcher.start()
+        watcher.join(0.05)
+        assert watcher.is_alive(), "it waits until the value is noted"
+        return []
+
+    controls.set("exposure_us", 5000)
+    assert not wrong
 
 
 def test_a_refusal_by_the_camera_is_told() -> None:
