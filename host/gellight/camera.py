@@ -23,6 +23,7 @@ from gellight.frames import CameraFrame
 
 if TYPE_CHECKING:
     from gellight.calibration import Calibration
+    from gellight.lighting.timing import CameraTiming
     from gellight.ring import LightRing
     from gellight.selfcheck import SelfCheck
 
@@ -95,6 +96,11 @@ class Camera(Protocol):
     """the light ring of the same sensor, closed with the camera; None where the light cannot be driven"""
     controls: CameraControls | None = None
     """exposure, gain and white balance; None where there is nothing to set"""
+
+    @property
+    def timing(self) -> "CameraTiming | None":
+        """When its rows are exposed, for labels of light; None where it is not known."""
+        return None
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""

@@ -18,6 +18,7 @@ from gellight.camera import Camera, CameraControls, ReconnectingError
 from gellight.discovery import DEV, SYSFS, Discovery, Node, Sensor, discover
 from gellight.errors import BoardError, CameraError, GellightError
 from gellight.frames import CameraFrame
+from gellight.lighting.timing import CameraTiming
 from gellight.ring import LightRing, connect
 from gellight.v4l2.errors import StalledError, UnpluggedError
 from gellight.v4l2.kernel import Kernel, LinuxKernel
@@ -134,6 +135,11 @@ class SensorCamera(Camera):
             ring.wait_for_light(ring.set_leds(colours).light_id)
 
     # ---- reading ----
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When its rows are exposed; None while the sensor is away."""
+        return self._camera.timing if self._camera else None
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
         """Return None: nobody knows what was really pressed."""

@@ -144,6 +144,19 @@ def test_a_stamp_in_the_future_gives_way_to_the_arrival() -> None:
         assert frame.time_s == pytest.approx(kernel.now_s - 0.020, abs=1e-5)
 
 
+def test_what_was_not_measured_makes_the_light_of_a_frame_less_sure(tmp_path: Path) -> None:
+    kernel, _ = fake()
+    doubts = []
+    for known in ("", "&readout_us=12000", "&readout_us=12000&delay_us=4000"):
+        options = parse_url(f"v4l2://x?exposure_us=8000&width=32&height=24{known}")[1]
+        with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
+            doubts.append(camera.timing.stamp_error_s)
+    assert camera.timing.exposure_s == 0.008
+    assert camera.timing.readout_s == 0.012
+    assert np.diff(doubts) == pytest.approx([-1 / 30, -1 / 30])
+    assert doubts[-1] == 0.002
+
+
 def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_path: Path) -> None:
     assert not hardware_stamps("uvcvideo", sysfs=tmp_path)
 
