@@ -112,6 +112,10 @@ class Camera(Protocol):
         """Return what is known of the device, ready for JSON; nothing where there is none."""
         return {}
 
+    def adopt(self, calibration: "Calibration") -> None:
+        """Set and light the sensor as another bundle says; nothing where nothing can be set. Raises as opening does."""
+        return
+
     def close(self) -> None:
         """Release the device; reading afterwards raises CameraError."""
 

@@ -72,8 +72,8 @@ class SensorCamera(Camera):
         self.url = url
         self.stage = self.ring = None
         self._sensor, self._by_serial = sensor, by_serial
-        self._options = (options or CaptureOptions()).over(calibration.manifest.camera if calibration else {})
-        self._calibration = calibration
+        self._given = options or CaptureOptions()
+        self._remember(calibration)
         self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
         self._clock = self._surroundings.kernel.clock
         self._closing = threading.Event()
@@ -84,6 +84,33 @@ class SensorCamera(Camera):
         self._connect(sensor)
 
     # ---- connecting ----
+
+    def _remember(self, calibration: Calibration | None) -> None:
+        self._calibration = calibration
+        self._options = self._given.over(calibration.manifest.camera if calibration else {})
+
+    def adopt(self, calibration: Calibration) -> None:
+        """Set and light the sensor as another bundle of the same image size says, from now on.
+
+        Frames are of the new light after that. Raises CameraError, BoardError or InputError; then the sensor is set as
+        before, or looked for.
+        """
+        before = self._calibration
+        self._remember(calibration)
+        try:
+            self._apply()
+        except GellightError:
+            if before is not None:
+                self._remember(before)
+                self._apply()
+            raise
+
+    def _apply(self) -> None:
+        """Set controls and light of the sensor that is connected; one that is away gets them when it is back."""
+        if self._camera is not None:
+            self._camera.controls.lock(self._options.controls(), power_line_hz=int(self._options.power_line_hz))
+            self._light(self.ring)
+            self._lit_s = self._clock()
 
     def _connect(self, sensor: Sensor) -> None:
         """Open ring and camera of `sensor`, set and light them."""

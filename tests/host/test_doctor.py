@@ -208,6 +208,19 @@ def test_ambiguous_and_missing_sensors_are_findings(clinic: Clinic, tmp_path: Pa
     assert "no sensor is called GL0001" in wrong(clinic.examine(tmp_path, "GL0001"))["sensors"].text + str(found)
 
 
+def test_a_camera_without_a_ring_can_be_examined_by_its_node(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001")
+    node = next(iter(clinic.kernel.cameras))
+    clinic.usb.unplug("1-2")
+    (camera,) = clinic.usb.plug("1-2", serial="CAM", ids=WEBCAM, cameras=1)
+    clinic.kernel.cameras[camera] = clinic.kernel.cameras.pop(node)
+    findings = clinic.examine(tmp_path, camera)
+    assert wrong(findings) == {}
+    assert "rate" in {finding.check for finding in findings}
+    assert "board" not in {finding.check for finding in findings}
+    assert "shares a USB parent" in wrong(clinic.examine(tmp_path))["sensors"].text
+
+
 # ---- the verbs ----
 
 

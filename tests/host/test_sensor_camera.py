@@ -120,6 +120,36 @@ def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Cali
         camera.read()
 
 
+def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnection(
+    bench: Bench, bundle: Calibration, tmp_path: Path
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    darker = tuple(
+        LedSetting(colour=led.colour, rgb=(led.rgb[0] // 2, led.rgb[1] // 2, 0)) for led in bundle.manifest.led
+    )
+    other = write_calibration(
+        tmp_path / "other", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, led=darker,
+        camera={"exposure_us": 16000, "format": "YUYV"},
+    )  # fmt: skip
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        camera.adopt(other)
+        assert camera.read().time_s > bench.rings[0].lit_s
+        assert device.controls[c.EXPOSURE].value == 160
+        assert (bench.rings[0].lit == [led.rgb for led in darker]).all()
+        bench.rings[0].refusal = BoardError("over the current limit")
+        with pytest.raises(BoardError):
+            camera.adopt(bundle)
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        device = bench.plug("1-2", "GL0001")
+        camera.read()
+        assert device.controls[c.EXPOSURE].value == 160
+        assert (bench.rings[-1].lit == [led.rgb for led in darker]).all()
+
+
 def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Calibration) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("sensor://GL0001?exposure_us=4000", bundle):
