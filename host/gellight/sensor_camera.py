@@ -157,9 +157,13 @@ class SensorCamera(Camera):
 
     def _light(self, ring: LightRing | None) -> None:
         """Light the LEDs as they were when the bundle was made, and wait until they are."""
-        if ring is not None and self._calibration is not None and self._calibration.manifest.led:
-            colours = np.array([led.rgb for led in self._calibration.manifest.led], np.uint8)
-            ring.wait_for_light(ring.set_leds(colours).light_id)
+        if ring is None or self._calibration is None:
+            return
+        if not self._calibration.manifest.led:
+            logger.warning("%s does not tell the colours of its LEDs: they stay dark", self._calibration.source)
+            return
+        colours = np.array([led.rgb for led in self._calibration.manifest.led], np.uint8)
+        ring.wait_for_light(ring.set_leds(colours).light_id)
 
     # ---- reading ----
 
@@ -213,6 +217,8 @@ class SensorCamera(Camera):
         node = self._sensor.ring.path if self._sensor.ring else None
         if node is not None and self._options.ring is None and not Path(node).exists():
             raise UnpluggedError(f"the light ring at {node} was unplugged: plug it in again")
+        if self.ring is not None:
+            self.ring.clock()  # BoardError where the board has died: its LEDs are dark then
         wrong = self._camera.controls.deviations()
         if wrong:
             raise StalledError(

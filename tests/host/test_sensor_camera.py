@@ -32,6 +32,11 @@ class FakeRing:
         self.hello = SimpleNamespace(unique_id=bytes.fromhex(unique_id))
         self.lit_s = 0.0
         self.refusal: BoardError | None = None
+        self.mute = False
+
+    def clock(self) -> None:
+        if self.mute:
+            raise BoardError("the board did not answer CLOCK")
 
     def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
         if self.refusal:
@@ -278,6 +283,32 @@ def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundl
         bench.kernel.sleep(3)
         with pytest.raises(ReconnectingError, match=r"light ring at .* was unplugged"):
             camera.read()
+
+
+def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.rings[0].mute = True
+        bench.kernel.sleep(3)
+        with pytest.raises(ReconnectingError, match="did not answer CLOCK"):
+            camera.read()
+        camera.read()
+        assert len(bench.rings) == 2
+        assert bench.rings[1].lit.any()
+
+
+def test_a_bundle_that_does_not_tell_its_light_is_told(
+    bench: Bench, bundle: Calibration, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.plug("1-2", "GL0001")
+    unlit = write_calibration(
+        tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
+    )  # fmt: skip
+    with bench.open("auto", unlit):
+        assert not bench.rings[0].lit.any()
+    assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 
 
 def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: Bench, bundle: Calibration) -> None:
