@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from gellight.v4l2 import controls as c
@@ -49,6 +50,20 @@ def test_a_slow_reader_never_gets_an_old_picture(pause_s: float, buffers: int) -
     counts = stream.counts
     assert counts.delivered + counts.skipped + counts.lost == picture.sequence + 1, "every picture is accounted for"
     assert camera.number - picture.sequence <= 1
+
+
+def test_no_reader_however_irregular_gets_an_old_picture_and_all_are_accounted_for() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        latency_s = float(rng.uniform(0.001, 0.08))
+        kernel, _ = fake(latency_s=latency_s)
+        stream = streaming(kernel, buffers=int(rng.integers(3, 9)))
+        for _ in range(60):
+            kernel.sleep(float(rng.exponential(rng.choice([0.005, 0.03, 0.1, 0.4]))))
+            picture = stream.newest(1)
+            assert kernel.now_s - picture.stamp_s <= 1 / 30 + latency_s + 1e-6
+        counts = stream.counts
+        assert counts.delivered + counts.skipped + counts.lost == picture.sequence + 1
 
 
 def test_pictures_that_never_came_are_counted_as_lost() -> None:
