@@ -87,7 +87,7 @@ def examine(
         yield from check_speed(found, sensor)
         reachable = [check_permission(node) for node in (sensor.camera, sensor.ring) if node]
         yield from reachable
-        if all(finding.level is Level.OK for finding in reachable):
+        if all(finding.level is not Level.PROBLEM for finding in reachable):
             yield from check_sensor(sensor, surroundings)
 
 
@@ -162,7 +162,7 @@ def check_permission(node: Node) -> Finding:
     others = holders(node.path)
     if others:
         names = ", ".join(f"{command} (process {number})" for number, command in others)
-        return problem("permission", f"{node.path} is in use by {names}", "end that programme")
+        return warning("permission", f"{node.path} is also open in {names}", "end that programme if frames do not come")
     return ok("permission", f"{node.path} may be used and is free")
 
 

@@ -9,7 +9,7 @@ def holders(path: str | Path, *, proc: Path = Path("/proc")) -> list[tuple[int, 
     target = os.path.realpath(path)
     found = []
     for folder in sorted(proc.glob("[0-9]*"), key=lambda place: int(place.name)):
-        if int(folder.name) != os.getpid() and _has_open(folder / "fd", target):
+        if int(folder.name) != os.getpid() and _open_count(folder / "fd", target):
             found.append((int(folder.name), _command(folder)))
     return found
 
@@ -19,16 +19,16 @@ def holders_text(path: str | Path, *, proc: Path = Path("/proc")) -> str:
     found = holders(path, proc=proc)
     if found:
         return ", ".join(f"{command} (process {number})" for number, command in found)
-    return (
-        "a programme that this user may not see (`sudo gellight doctor` names it)" if os.getuid() else "this programme"
-    )
+    if _open_count(proc / str(os.getpid()) / "fd", os.path.realpath(path)) > 1:
+        return "this programme itself, which has it open twice"
+    return "a programme that this user may not see (`sudo gellight doctor` names it)"
 
 
-def _has_open(folder: Path, target: str) -> bool:
+def _open_count(folder: Path, target: str) -> int:
     try:
-        return any(str(entry.readlink()) == target for entry in folder.iterdir())
+        return [str(entry.readlink()) for entry in folder.iterdir()].count(target)
     except OSError:  # another user's process, or one that has just ended
-        return False
+        return 0
 
 
 def _command(folder: Path) -> str:
