@@ -5,7 +5,24 @@ import sys
 
 import typer
 
-from gellight.cli import bench, calibrate, config, demo, firmware, optimize, reconstruct, ring, selfcheck, sim
+from gellight.cli import (
+    bench,
+    calibrate,
+    config,
+    demo,
+    doctor,
+    find,
+    firmware,
+    install_udev,
+    optimize,
+    reconstruct,
+    ring,
+    selfcheck,
+    sim,
+)
+from gellight.cli import (
+    run as run_verb,
+)
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -23,6 +40,10 @@ def gellight() -> None:
 
 
 app.command("demo")(demo.command)
+app.command("run")(run_verb.command)
+app.command("find")(find.command)
+app.command("doctor")(doctor.command)
+app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
 app.add_typer(calibrate.app)
