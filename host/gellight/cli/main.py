@@ -5,7 +5,19 @@ import sys
 
 import typer
 
-from gellight.cli import bench, calibrate, config, demo, firmware, optimize, reconstruct, ring, selfcheck, sim
+from gellight.cli import (
+    bench,
+    calibrate,
+    config,
+    demo,
+    firmware,
+    optimize,
+    reconstruct,
+    ring,
+    selfcheck,
+    sim,
+    virtual_sensor,
+)
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -32,6 +44,7 @@ app.add_typer(optimize.app, name="optimize")
 app.add_typer(ring.app)
 app.add_typer(firmware.app)
 app.command("sim")(sim.command)
+app.command("virtual-sensor")(virtual_sensor.command)
 
 
 def run() -> None:
