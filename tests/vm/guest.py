@@ -1,0 +1,71 @@
+"""What the guest can be asked to do with its own kernel: plug in, look around, wait. Runs in the guest."""
+
+import contextlib
+import os
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gellight.virtual import vhci
+from gellight.virtual.usbip import import_device
+from tests.vm.agent import MACHINE
+
+VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
+
+
+def wait_for(condition: Callable[[], Any], what: str, limit_s: float = 20.0) -> Any:
+    """Return the first true value of `condition`; TimeoutError says what did not happen."""
+    end = time.monotonic() + limit_s
+    while time.monotonic() < end:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.02)
+    raise TimeoutError(f"{what}: not within {limit_s:g} s")
+
+
+def video_link(serial: str) -> Path:
+    """Return the link of a sensor's camera."""
+    return VIDEO / f"usb-GelLight_GelLight_virtual_sensor_{serial}-video-index0"
+
+
+def serial_link(serial: str) -> Path:
+    """Return the link of a sensor's light ring."""
+    return SERIAL / f"usb-GelLight_GelLight_virtual_sensor_{serial}-if00"
+
+
+def plug(server: int, bus_id: str, serial: str, port: int) -> dict[str, Any]:
+    """Plug a sensor that the machine offers into a USB port; wait for what udev makes of it."""
+    begun_s = time.monotonic()
+    with socket.create_connection((MACHINE, server)) as connection:
+        device, speed = import_device(connection, bus_id)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        vhci.attach(connection, port, device_id=device, speed=speed)
+    wait_for(lambda: video_link(serial).exists() and serial_link(serial).exists(), f"the links of {serial}")
+    return {"seconds": time.monotonic() - begun_s, "links": links()}
+
+
+def unplugged(port: int) -> None:
+    """Wait until the kernel has let go of what was in a USB port."""
+    wait_for(lambda: vhci.high_speed_ports((vhci.CONTROLLER / "status").read_text())[port], f"port {port} empty")
+
+
+def links() -> list[str]:
+    """Return all links by id and path to cameras and serial ports."""
+    found = (path for kind in ("v4l", "serial") for path in Path("/dev", kind).glob("by-*/*"))
+    return sorted(f"{path} -> {path.resolve()}" for path in found)
+
+
+def pull(port: int) -> None:
+    """Let the kernel pull its end of a cable."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(vhci.CONTROLLER / "detach", os.O_WRONLY)
+        os.write(descriptor, str(port).encode())
+        os.close(descriptor)
+
+
+def clock() -> float:
+    """Return the guest's monotonic time."""
+    return time.monotonic()
