@@ -20,7 +20,16 @@ HOST_DOORS = {
         *("timing.py", "report.py"),
         "optimize.py",
     },
-    "cv2": {"camera.py", "presses.py", "pictures.py", "calibration.py", "server.py", "messages.py", "decoding.py", "encoding.py"},
+    "cv2": {
+        "camera.py",
+        "presses.py",
+        "pictures.py",
+        "calibration.py",
+        "server.py",
+        "messages.py",
+        "decoding.py",
+        "encoding.py",
+    },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }
 

@@ -48,7 +48,11 @@ def supervise(call: dict[str, Any]) -> None:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
             if status:
-                print(json.dumps({"error": f"the process of the call ended with status {status}"}), file=_answers, flush=True)
+                print(
+                    json.dumps({"error": f"the process of the call ended with status {status}"}),
+                    file=_answers,
+                    flush=True,
+                )
             return
         time.sleep(0.01)
     os.kill(child, signal.SIGKILL)

@@ -30,8 +30,14 @@ def build(modules: list[Path], busybox: Path) -> bytes:
     """Return the compressed archive."""
     folders = ["bin", "proc", "sys", "dev", "modules", "machine", "tools", "writes", "root"]
     entries = [(name, stat.S_IFDIR | 0o755, b"") for name in folders]
-    entries += [("init", stat.S_IFREG | 0o755, SCRIPT.encode()), ("bin/busybox", stat.S_IFREG | 0o755, busybox.read_bytes())]
-    entries += [(f"modules/{i:02}-{path.name.split('.')[0]}.ko", stat.S_IFREG | 0o644, content(path)) for i, path in enumerate(modules)]
+    entries += [
+        ("init", stat.S_IFREG | 0o755, SCRIPT.encode()),
+        ("bin/busybox", stat.S_IFREG | 0o755, busybox.read_bytes()),
+    ]
+    entries += [
+        (f"modules/{i:02}-{path.name.split('.')[0]}.ko", stat.S_IFREG | 0o644, content(path))
+        for i, path in enumerate(modules)
+    ]
     return gzip.compress(b"".join(archive([*entries, ("TRAILER!!!", 0, b"")])), 1)
 
 

@@ -1,4 +1,4 @@
-"""The virtual machine: Debian's kernel under qemu, with this machine's files beneath it, and an agent that takes calls."""
+"""The virtual machine: Debian's kernel under qemu, this machine's files beneath it, and an agent that takes calls."""
 
 import json
 import os
@@ -9,11 +9,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from tests.vm import initramfs
 from tests.vm.modules import content, load_order
-from tests.vm.packages import Missing, unpacked
+from tests.vm.packages import unpacked
 
 DRIVERS = ("vhci_hcd", "uvcvideo", "cdc_acm")
 ON_DEMAND = ("vivid",)
@@ -64,6 +64,7 @@ class Guest:
     def __init__(self, process: subprocess.Popen[bytes], connection: socket.socket, console: Path) -> None:
         """Wait until the agent says that it is ready."""
         self.console = console
+        self.folder = console.parent
         self._process = process
         self._write = connection.makefile("w")
         self._lines = iter(connection.makefile("r"))
@@ -116,31 +117,46 @@ def answered(listener: socket.socket, process: subprocess.Popen[bytes], folder: 
             continue
         connection.settimeout(BOOT_LIMIT_S)
         return connection
-    told = [(folder / name).read_text(errors="replace")[:4000] for name in ("qemu.txt", "console.txt") if (folder / name).exists()]
+    told = [
+        (folder / name).read_text(errors="replace")[:4000]
+        for name in ("qemu.txt", "console.txt")
+        if (folder / name).exists()
+    ]
     raise RuntimeError("the guest did not start:\n" + "\n".join(told))
 
 
 def qemu(base: Path, folder: Path, console: Path, port: int) -> list[str]:
     """Return the command that boots the guest."""
-    kernels = sorted((base / "kernel/boot").glob("vmlinuz-*"))
-    if not kernels:
-        raise Missing(f"no kernel in {base}: remove this folder, it is made again")
-    tools = Path("/") if not (base / "tools/usr/bin/qemu-system-x86_64").exists() else base / "tools"
-    write_first_files(base, folder, kernels[0].name.removeprefix("vmlinuz-"))
-    fast = ["-accel", "kvm", "-cpu", "host"] if hardware_virtualisation() else ["-accel", "tcg,thread=multi,tb-size=512", "-cpu", "Nehalem"]
-    path = os.pathsep.join(str(ROOT / part) for part in ("host", "models", "."))
+    kernel = next((base / "kernel/boot").glob("vmlinuz-*"))
+    write_first_files(base, folder, kernel.name.removeprefix("vmlinuz-"))
+    program = Path("usr/bin/qemu-system-x86_64")
+    tools = base / "tools" if (base / "tools" / program).exists() else Path("/")
     words = {
-        "start": ROOT / "tests/vm/start.sh", "modules": folder / "modules.txt", "path": path, "python": sys.executable, "agent": port,
-    }  # fmt: skip
+        "start": ROOT / "tests/vm/start.sh",
+        "modules": folder / "modules.txt",
+        "path": os.pathsep.join(str(ROOT / part) for part in ("host", "models", ".")),
+        "python": sys.executable,
+        "agent": port,
+    }
+    told = " ".join(f"guest.{name}={value}" for name, value in words.items())
     return [
-        str(tools / "usr/bin/qemu-system-x86_64"), "-L", str(tools / "usr/share/qemu"), "-L", str(tools / "usr/share/seabios"),
-        *fast, "-m", "1536", "-smp", "2", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot",
-        "-serial", f"file:{console}",
-        "-kernel", str(kernels[0]), "-initrd", str(folder / "initramfs.gz"),
-        "-append", "console=ttyS0 quiet panic=-1 net.ifnames=0 mitigations=off " + " ".join(f"guest.{k}={v}" for k, v in words.items()),
+        str(tools / program), "-L", str(tools / "usr/share/qemu"), "-L", str(tools / "usr/share/seabios"),
+        *processor(), "-m", "1536", "-smp", "2", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot",
+        "-serial", f"file:{console}", "-kernel", str(kernel), "-initrd", str(folder / "initramfs.gz"),
+        "-append", f"console=ttyS0 quiet panic=-1 net.ifnames=0 mitigations=off {told}",
         "-netdev", "user,id=net", "-device", "virtio-net-pci,netdev=net,romfile=",
         *share("machine", Path("/")), *share("tools", base / "tools"),
     ]  # fmt: skip
+
+
+def processor() -> list[str]:
+    """Return the options that choose the processor: emulated unless KVM can run this kernel.
+
+    The emulated one is a Nehalem, as newer ones do arithmetic that emulation does many times slower.
+    """
+    if hardware_virtualisation():
+        return ["-accel", "kvm", "-cpu", "host"]
+    return ["-accel", "tcg,thread=multi,tb-size=512", "-cpu", "Nehalem"]
 
 
 def share(name: str, path: Path) -> list[str]:
@@ -152,7 +168,11 @@ def share(name: str, path: Path) -> list[str]:
 def write_first_files(base: Path, folder: Path, release: str) -> None:
     """Write the initramfs and the list of modules that the guest loads, in order."""
     modules = next((base / "kernel").rglob(f"modules/{release}"))
-    busybox = next(path for path in (base / "tools/usr/bin/busybox", Path("/usr/bin/busybox"), Path("/bin/busybox")) if path.exists())
+    busybox = next(
+        path
+        for path in (base / "tools/usr/bin/busybox", Path("/usr/bin/busybox"), Path("/bin/busybox"))
+        if path.exists()
+    )
     (folder / "initramfs.gz").write_bytes(initramfs.build(load_order(modules, initramfs.DRIVERS), busybox))
     (folder / "modules.txt").write_text("".join(f"{path}\n" for path in plain(load_order(modules, DRIVERS), folder)))
     (folder / "vivid.txt").write_text("".join(f"{path}\n" for path in plain(load_order(modules, ON_DEMAND), folder)))

@@ -14,8 +14,8 @@ from pathlib import Path
 TOOLS = ("qemu-system-x86", "busybox-static", "udev", "libusb-1.0-0")
 KERNEL = "linux-image-amd64"
 KERNEL_PARTS = ("./boot/vmlinuz-*", *(f"*/kernel/{part}*" for part in (
-    "drivers/media/", "drivers/usb/", "drivers/virtio/", "drivers/net/virtio_net", "drivers/net/net_failover", "net/core/",
-    "fs/9p/", "net/9p/", "fs/netfs/", "fs/fscache/", "fs/overlayfs/",
+    "drivers/media/", "drivers/usb/", "drivers/virtio/", "drivers/net/virtio_net", "drivers/net/net_failover",
+    "net/core/", "fs/9p/", "net/9p/", "fs/netfs/", "fs/fscache/", "fs/overlayfs/",
 )))  # fmt: skip
 REMEDY = "on Debian: sudo apt-get update; elsewhere these tests cannot run"
 
@@ -27,7 +27,9 @@ class Missing(Exception):  # noqa: N818  (it is a finding, not a fault)
 def run(*command: str, cwd: Path | None = None) -> str:
     """Return what a command prints; `Missing` in one line when it cannot do its work."""
     try:
-        return subprocess.run(command, check=True, capture_output=True, text=True, cwd=cwd, env=os.environ | {"LC_ALL": "C"}).stdout
+        return subprocess.run(
+            command, check=True, capture_output=True, text=True, cwd=cwd, env=os.environ | {"LC_ALL": "C"}
+        ).stdout
     except FileNotFoundError:
         raise Missing(f"the virtual machine needs {command[0]}: {REMEDY}") from None
     except subprocess.CalledProcessError as error:
@@ -80,7 +82,9 @@ def unpack(package: Path, folder: Path) -> None:
     chosen = ["--wildcards", *KERNEL_PARTS] if target.name == "kernel" else []
     with subprocess.Popen(["dpkg-deb", "--fsys-tarfile", str(package)], stdout=subprocess.PIPE) as archive:
         tar = ["tar", "-x", "--no-same-owner", "-C", str(target), *chosen]
-        subprocess.run(tar, stdin=archive.stdout, check=not chosen, stderr=subprocess.DEVNULL)  # a pattern may match nothing
+        subprocess.run(
+            tar, stdin=archive.stdout, check=not chosen, stderr=subprocess.DEVNULL
+        )  # a pattern may match nothing
 
 
 def merge_usr(tools: Path) -> None:

@@ -1,6 +1,7 @@
 """The virtual sensor as a USB device: plugged into a kernel by a socket, unplugged, and plugged in elsewhere."""
 
 import logging
+import re
 import socket
 import struct
 import threading
@@ -151,10 +152,9 @@ class VirtualSensor:
 
 def checked_serial(text: str) -> str:
     """Return a serial number as the firmware writes it, 16 hexadecimal digits; InputError for anything else."""
-    try:
-        return f"{int(text, 16):016X}" if len(text) <= 16 else f"{int('', 16)}"
-    except ValueError:
-        raise InputError(f"serial number {text!r}: give up to 16 hexadecimal digits, as boards have") from None
+    if not re.fullmatch("[0-9A-Fa-f]{1,16}", text):
+        raise InputError(f"serial number {text!r}: give up to 16 hexadecimal digits, as boards have")
+    return f"{int(text, 16):016X}"
 
 
 def open_virtual(

@@ -38,15 +38,14 @@ class Faults:
 
 def parse_faults(texts: list[str]) -> Faults:
     """Return the faults that texts such as `drop=0.1` or `stuck=exposure_us` name; InputError for what names none."""
-    known = {field.name: field.type for field in fields(Faults)}
+    known = {field.name: type(getattr(Faults(), field.name)) for field in fields(Faults)}
     faults = Faults()
     for text in texts:
         name, _, value = text.partition("=")
-        kind = {"float": float, "int": int, "str": str}.get(str(known.get(name)))
-        if kind is None:
+        if name not in known:
             raise InputError(f"fault {name!r} is not known: choose one of {', '.join(known)}")
         try:
-            faults = replace(faults, **{name: kind(value)})
+            faults = replace(faults, **{name: known[name](value)})
         except ValueError:
             raise InputError(f"fault {text!r}: give a number, for example {name}=0.1") from None
     return faults
