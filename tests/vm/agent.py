@@ -1,5 +1,7 @@
 """Runs in the guest: does what the tests on the machine ask, each call in a process of its own.
 
+There are two lines to the machine, so that the world can change (a cable be plugged in) while a long call runs.
+
 A call is one line of JSON, `{"call": "module:function", "arguments": {...}, "limit_s": 20}`. While the function runs it
 may report events; the last line of the answer holds its result, or the traceback of what it raised.
 """
@@ -14,7 +16,7 @@ import time
 import traceback
 from typing import Any, TextIO
 
-PRELOADED = ("numpy", "cv2", "serial", "serial.tools.list_ports", "usb.core", "gellight.ring", "gellight.virtual.usbip")
+PRELOADED = ("tests.vm.guest", "tests.vm.looking", "tests.vm.commanding")
 """imported once, before the first call: it takes seconds in an emulated machine"""
 MACHINE = "10.0.2.2"
 """the machine, seen from the guest"""
@@ -61,16 +63,24 @@ def supervise(call: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Connect to the machine and serve until it hangs up."""
+    """Serve both lines until the machine hangs up."""
+    for name in PRELOADED:
+        importlib.import_module(name)
+    if os.fork():
+        serve("main")
+    else:
+        serve("aside")
+
+
+def serve(line: str) -> None:
+    """Connect to the machine and do what comes over this line."""
     global _answers
     connection = socket.create_connection((MACHINE, int(sys.argv[1])))
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     requests, _answers = connection.makefile("r"), connection.makefile("w")
-    for name in PRELOADED:
-        importlib.import_module(name)
-    report("ready", uptime_s=time.monotonic())
-    for line in requests:
-        supervise(json.loads(line))
+    report("ready", line=line, uptime_s=time.monotonic())
+    for request in requests:
+        supervise(json.loads(request))
 
 
 if __name__ == "__main__":

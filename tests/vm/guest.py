@@ -3,13 +3,14 @@
 import contextlib
 import os
 import socket
+import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from gellight.virtual import vhci
-from gellight.virtual.usbip import import_device
+from gellight.virtual.usbip import import_device, receive
 from tests.vm.agent import MACHINE
 
 VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
@@ -66,6 +67,17 @@ def pull(port: int) -> None:
         os.close(descriptor)
 
 
-def clock() -> float:
-    """Return the guest's monotonic time."""
-    return time.monotonic()
+def clock_offset(server: int, rounds: int = 60) -> float:
+    """Return how much this clock is ahead of the machine's, s, from the quickest of many questions to it."""
+    with socket.create_connection((MACHINE, server)) as connection:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        found = [_asked(connection) for _ in range(rounds)]
+    return min(found)[1]
+
+
+def _asked(connection: socket.socket) -> tuple[float, float]:
+    asked_s = time.monotonic()
+    connection.sendall(b"?")
+    (theirs_s,) = struct.unpack(">d", receive(connection, 8))
+    answered_s = time.monotonic()
+    return answered_s - asked_s, (asked_s + answered_s) / 2 - theirs_s

@@ -58,17 +58,15 @@ class Call:
         return answer
 
 
-class Guest:
-    """A booted guest whose agent is ready."""
+class Line:
+    """A connection to the agent; it does one call after the other."""
 
-    def __init__(self, process: subprocess.Popen[bytes], connection: socket.socket, console: Path) -> None:
+    def __init__(self, connection: socket.socket) -> None:
         """Wait until the agent says that it is ready."""
-        self.console = console
-        self.folder = console.parent
-        self._process = process
         self._write = connection.makefile("w")
         self._lines = iter(connection.makefile("r"))
-        self.uptime_s = float(Call(self._lines).event("ready")["uptime_s"])
+        ready = Call(self._lines).event("ready")
+        self.name, self.uptime_s = str(ready["line"]), float(ready["uptime_s"])
 
     def start(self, call: str, *, limit_s: float = 30.0, **arguments: Any) -> Call:
         """Begin a function `module:function` of the package tests.vm."""
@@ -79,6 +77,17 @@ class Guest:
     def run(self, call: str, *, limit_s: float = 30.0, **arguments: Any) -> Any:
         """Run a function and return its result."""
         return self.start(call, limit_s=limit_s, **arguments).result()
+
+
+class Guest:
+    """A booted guest whose agent is ready."""
+
+    def __init__(self, lines: list[Line], folder: Path) -> None:
+        """Take both lines; `folder` has the guest's console and what the machine lays ready for it."""
+        named = {line.name: line for line in lines}
+        self.main, self.aside = named["main"], named["aside"]
+        self.folder = folder
+        self.run, self.start = self.main.run, self.main.start
 
 
 def hardware_virtualisation() -> bool:
@@ -99,7 +108,7 @@ def booted(folder: Path) -> Iterator[Guest]:
     with (folder / "qemu.txt").open("w") as said:
         process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
     try:
-        yield Guest(process, answered(listener, process, folder), console)
+        yield Guest([Line(answered(listener, process, folder)) for _ in range(2)], folder)
     finally:
         process.kill()
         process.wait()
