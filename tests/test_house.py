@@ -29,6 +29,7 @@ HOST_DOORS = {
         "messages.py",
         "decoding.py",
         "encoding.py",
+        "opencv_camera.py",
     },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }

@@ -4,6 +4,7 @@ import contextlib
 import os
 import socket
 import struct
+import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,15 @@ from gellight.virtual.usbip import import_device, receive
 from tests.vm.agent import MACHINE
 
 VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
+
+
+USB = Path("/sys/bus/usb/devices")
+NODES = ("*/tty/ttyACM*", "*/video4linux/video*")
+
+
+def port_name(port: int) -> str:
+    """Return what the kernel calls the device in a port of the virtual controller, the guest's only one."""
+    return f"1-{port + 1}"
 
 
 def wait_for(condition: Callable[[], Any], what: str, limit_s: float = 20.0) -> Any:
@@ -44,13 +54,22 @@ def plug(server: int, bus_id: str, serial: str, port: int) -> dict[str, Any]:
         device, speed = import_device(connection, bus_id)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         vhci.attach(connection, port, device_id=device, speed=speed)
+    wait_for(lambda: all(any(USB.glob(f"{port_name(port)}/{node}")) for node in NODES), f"drivers for port {port}")
     wait_for(lambda: video_link(serial).exists() and serial_link(serial).exists(), f"the links of {serial}")
-    return {"seconds": time.monotonic() - begun_s, "links": links()}
+    seconds = time.monotonic() - begun_s
+    settle()
+    return {"seconds": seconds, "links": links()}
+
+
+def settle() -> None:
+    """Wait until udev has done all that the kernel told it."""
+    subprocess.run(["udevadm", "settle", "--timeout=20"], check=True)
 
 
 def unplugged(port: int) -> None:
     """Wait until the kernel has let go of what was in a USB port."""
     wait_for(lambda: vhci.high_speed_ports((vhci.CONTROLLER / "status").read_text())[port], f"port {port} empty")
+    settle()
 
 
 def links() -> list[str]:

@@ -10,13 +10,19 @@ from gellight.cli import (
     calibrate,
     config,
     demo,
+    doctor,
+    find,
     firmware,
+    install_udev,
     optimize,
     reconstruct,
     ring,
     selfcheck,
     sim,
     virtual_sensor,
+)
+from gellight.cli import (
+    run as run_verb,
 )
 from gellight.errors import GellightError
 
@@ -35,6 +41,10 @@ def gellight() -> None:
 
 
 app.command("demo")(demo.command)
+app.command("run")(run_verb.command)
+app.command("find")(find.command)
+app.command("doctor")(doctor.command)
+app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
 app.add_typer(calibrate.app)

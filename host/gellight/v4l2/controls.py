@@ -130,8 +130,8 @@ class V4l2Controls:
                 self._put(number, value, words)
         if self.has(POWER_LINE):
             self._put(POWER_LINE, POWER_LINE_VALUES[power_line_hz], "the power line filter")
-        for name in self.names():
-            self._manual(name, KNOBS[name])
+        for name, knob in KNOBS.items():
+            self._manual(name, knob)
         for name, setting in values.items():
             self.set(name, setting)
         if "exposure_us" in self.names():

@@ -9,6 +9,8 @@ from pathlib import Path
 from gellight.errors import CameraError
 
 GONE = {errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN}
+_DISTURBED = {errno.EIO, errno.EPROTO, errno.EPIPE, errno.ETIMEDOUT, errno.EILSEQ, errno.EOVERFLOW}
+"""what USB says of a transfer that went wrong"""
 
 
 class UnpluggedError(CameraError):
@@ -50,7 +52,8 @@ def explained(path: str, doing: str, error: OSError) -> CameraError:
     if error.errno == errno.EBUSY:
         return BusyError(f"{path} is in use by {holders_text(path)}: end that programme")
     reason = os.strerror(error.errno) if error.errno else str(error)
-    return CameraError(f"{path} fails {doing} ({reason}): unplug the sensor and plug it in, then try `gellight doctor`")
+    kind = StalledError if error.errno in _DISTURBED else CameraError
+    return kind(f"{path} fails {doing} ({reason}): unplug the sensor and plug it in, then try `gellight doctor`")
 
 
 def holders(path: str | Path, *, proc: Path = Path("/proc")) -> list[tuple[int, str]]:

@@ -1,5 +1,6 @@
 """The parameters of a `v4l2://` or `sensor://` URL."""
 
+from collections.abc import Mapping
 from typing import Literal
 from urllib.parse import parse_qsl, urlsplit
 
@@ -34,6 +35,17 @@ class CaptureOptions(BaseModel):
         """Return the mode to ask for; `shape` (H, W) is what a calibration bundle was made with."""
         height, width = shape or (None, None)
         return Wanted(width=self.width or width, height=self.height or height, letters=self.format, fps=self.fps)
+
+    def over(self, recorded: Mapping[str, object]) -> "CaptureOptions":
+        """Return these options with those of `recorded` that were not given; InputError for a value out of range."""
+        theirs = {name: value for name, value in recorded.items() if name in CaptureOptions.model_fields}
+        try:
+            return CaptureOptions.model_validate({**theirs, **self.model_dump(include=self.model_fields_set)})
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise InputError(
+                f"camera.{first['loc'][0]} of the calibration bundle: {first['msg']}; calibrate again"
+            ) from None
 
     def controls(self) -> dict[str, float]:
         """Return the controls that are given, by name."""

@@ -1,6 +1,5 @@
 """The camera of `v4l2://`: the newest picture, decoded, with the time at which its exposure began."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from gellight.camera import Camera
@@ -10,6 +9,7 @@ from gellight.v4l2.controls import V4l2Controls
 from gellight.v4l2.decoding import CorruptPictureError, decode
 from gellight.v4l2.device import Device
 from gellight.v4l2.errors import StalledError
+from gellight.v4l2.formats import Offer
 from gellight.v4l2.kernel import Kernel
 from gellight.v4l2.options import CaptureOptions, parse_url
 from gellight.v4l2.stream import BAD_LIMIT, Picture
@@ -31,15 +31,14 @@ class V4l2Camera(Camera):
         options: CaptureOptions | None = None,
         *,
         shape: tuple[int, int] | None = None,
-        controls: Mapping[str, float] | None = None,
         url: str | None = None,
         kernel: Kernel | None = None,
         sysfs: Path = Path("/sys"),
     ) -> None:
         """Open, set and start the camera at `path`.
 
-        `shape` (H, W) and `controls` are what a calibration bundle was made with; `options` are stronger. Raises
-        CameraError and its children of `v4l2.errors`, and InputError for a control out of range.
+        `shape` (H, W) is what a calibration bundle was made with; `options` are stronger. Raises CameraError and its
+        children of `v4l2.errors`, and InputError for a control out of range.
         """
         self.url = url or f"v4l2://{path}"
         self.stage = None
@@ -48,9 +47,7 @@ class V4l2Camera(Camera):
         self._device = Device(path, kernel=kernel)
         try:
             self.mode = self._device.configure(self._options.wanted(shape))
-            self._device.controls.lock(
-                {**(controls or {}), **self._options.controls()}, power_line_hz=int(self._options.power_line_hz)
-            )
+            self._device.controls.lock(self._options.controls(), power_line_hz=int(self._options.power_line_hz))
             self._stream = self._device.start(buffers=self._options.buffers)
         except BaseException:
             self._device.close()
@@ -78,6 +75,11 @@ class V4l2Camera(Camera):
             delay_s=self._options.delay_us * 1e-6,
             readout_s=None if readout_us is None else readout_us * 1e-6,
         )
+
+    @property
+    def offers(self) -> tuple[Offer, ...]:
+        """What the camera offers."""
+        return self._device.offers()
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
         """Return None: nobody knows what was really pressed."""
