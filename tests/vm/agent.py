@@ -16,7 +16,7 @@ import time
 import traceback
 from typing import Any, TextIO
 
-PRELOADED = ("tests.vm.guest", "tests.vm.looking", "tests.vm.commanding")
+PRELOADED = ("tests.vm.guest", "tests.vm.looking", "tests.vm.commanding", "tests.vm.sensing", "tests.vm.faking")
 """imported once, before the first call: it takes seconds in an emulated machine"""
 MACHINE = "10.0.2.2"
 """the machine, seen from the guest"""

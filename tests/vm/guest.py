@@ -49,16 +49,16 @@ def serial_link(serial: str) -> Path:
 
 def plug(server: int, bus_id: str, serial: str, port: int) -> dict[str, Any]:
     """Plug a sensor that the machine offers into a USB port; wait for what udev makes of it."""
-    begun_s = time.monotonic()
     with socket.create_connection((MACHINE, server)) as connection:
         device, speed = import_device(connection, bus_id)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        attached_s = time.monotonic()
         vhci.attach(connection, port, device_id=device, speed=speed)
     wait_for(lambda: all(any(USB.glob(f"{port_name(port)}/{node}")) for node in NODES), f"drivers for port {port}")
     wait_for(lambda: video_link(serial).exists() and serial_link(serial).exists(), f"the links of {serial}")
-    seconds = time.monotonic() - begun_s
+    seconds = time.monotonic() - attached_s
     settle()
-    return {"seconds": seconds, "links": links()}
+    return {"seconds": seconds, "attached_s": attached_s, "links": links()}
 
 
 def settle() -> None:

@@ -1,0 +1,75 @@
+"""What the guest does with whole sensors: discovery, reconnection, and the verbs of the command line. Runs in the guest."""
+
+import subprocess
+import sys
+import time
+from typing import Any
+
+from gellight.camera import ReconnectingError
+from gellight.discovery import discover
+from gellight.errors import GellightError
+from gellight.sensor_camera import open_sensor
+from tests.vm.agent import report
+from tests.vm.looking import FIXED
+
+
+def sensors() -> dict[str, Any]:
+    """Return what discovery finds."""
+    found = discover()
+    return {
+        "sensors": [
+            {"serial": s.serial, "port": s.port, "camera": s.camera.stable, "ring": s.ring.path if s.ring else ""}
+            for s in found.sensors
+        ],
+        "single cameras": len(found.cameras),
+        "ambiguities": list(found.ambiguities),
+        "only": _refusal(lambda: found.only()),
+    }
+
+
+def _refusal(ask: Any) -> str:
+    try:
+        ask()
+    except GellightError as error:
+        return str(error)
+    return ""
+
+
+def refusal(url: str) -> str:
+    """Return the message with which a sensor cannot be opened."""
+    return _refusal(lambda: open_sensor(url).close())
+
+
+def recover(number: str) -> dict[str, Any]:
+    """Read from a sensor through an unplugging; return how it went and how long what took."""
+    options = "&".join(f"{name}={value}" for name, value in FIXED.items())
+    with open_sensor(f"sensor://{number}?{options}") as camera:
+        before = [camera.read().sequence for _ in range(3)]
+        report("streaming")
+        said, lost_s = "", 0.0
+        while True:
+            asked_s = time.monotonic()
+            try:
+                frame = camera.read()
+            except ReconnectingError as error:
+                said, lost_s = str(error), lost_s or time.monotonic()
+                continue
+            if said:
+                break
+        return {
+            "said": said,
+            "lost_s": lost_s,
+            "back_s": time.monotonic(),
+            "asked_s": asked_s,
+            "sequences": [*before, frame.sequence],
+            "status": camera.status(),
+        }
+
+
+def gellight(arguments: list[str]) -> dict[str, Any]:
+    """Run the command line as a program of its own."""
+    begun_s = time.monotonic()
+    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    seconds = time.monotonic() - begun_s
+    return {"status": done.returncode, "out": done.stdout, "err": done.stderr, "seconds": seconds}
