@@ -175,16 +175,14 @@ def share(name: str, path: Path) -> list[str]:
 
 
 def write_first_files(base: Path, folder: Path, release: str) -> None:
-    """Write the initramfs and the list of modules that the guest loads, in order."""
+    """Write the initramfs, and lists of the modules that the guest loads, in order."""
     modules = next((base / "kernel").rglob(f"modules/{release}"))
-    busybox = next(
-        path
-        for path in (base / "tools/usr/bin/busybox", Path("/usr/bin/busybox"), Path("/bin/busybox"))
-        if path.exists()
-    )
+    busybox = next(path for root in (base / "tools", Path("/")) if (path := root / "usr/bin/busybox").exists())
     (folder / "initramfs.gz").write_bytes(initramfs.build(load_order(modules, initramfs.DRIVERS), busybox))
-    (folder / "modules.txt").write_text("".join(f"{path}\n" for path in plain(load_order(modules, DRIVERS), folder)))
-    (folder / "vivid.txt").write_text("".join(f"{path}\n" for path in plain(load_order(modules, ON_DEMAND), folder)))
+    at_boot = plain(load_order(modules, DRIVERS), folder)
+    later = [path for path in plain(load_order(modules, ON_DEMAND), folder) if path not in at_boot]
+    (folder / "modules.txt").write_text("".join(f"{path}\n" for path in at_boot))
+    (folder / "on-demand.txt").write_text("".join(f"{path}\n" for path in later))
 
 
 def plain(modules: list[Path], folder: Path) -> list[Path]:

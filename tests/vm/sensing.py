@@ -1,14 +1,17 @@
-"""What the guest does with whole sensors: discovery, reconnection, and the verbs of the command line. Runs in the guest."""
+"""What the guest does with whole sensors: discovery, reconnection, the command line. Runs in the guest."""
 
-import subprocess
+import contextlib
+import io
 import sys
 import time
 from typing import Any
 
 from gellight.camera import ReconnectingError
+from gellight.cli import main
 from gellight.discovery import discover
 from gellight.errors import GellightError
 from gellight.sensor_camera import open_sensor
+from gellight.session import open_session  # noqa: F401  (imported for `gellight run`, which would do it late)
 from tests.vm.agent import report
 from tests.vm.looking import FIXED
 
@@ -67,9 +70,14 @@ def recover(number: str) -> dict[str, Any]:
 
 
 def gellight(arguments: list[str]) -> dict[str, Any]:
-    """Run the command line as a program of its own."""
-    begun_s = time.monotonic()
-    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    """Run the command line in this process, which is the call's own; its modules were imported before it began."""
+    begun_s, status = time.monotonic(), 0
+    said, complained = io.StringIO(), io.StringIO()
+    sys.argv = ["gellight", *arguments]
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained):
+        try:
+            main.run()
+        except SystemExit as end:
+            status = int(end.code or 0)
     seconds = time.monotonic() - begun_s
-    return {"status": done.returncode, "out": done.stdout, "err": done.stderr, "seconds": seconds}
+    return {"status": status, "out": said.getvalue(), "err": complained.getvalue(), "seconds": seconds}

@@ -88,7 +88,17 @@ def test_run_streams_the_depth_of_what_is_pressed_into_the_virtual_sensor(
     bench.plug("lit", 0)
     found = guest.run(
         "sensing:gellight",
-        arguments=["run", "--sensor", "auto", "--calibration", str(bundle), "--frames", "2", "--json"],
+        arguments=[
+            "run",
+            "--sensor",
+            "auto",
+            "--calibration",
+            str(bundle),
+            "--frames",
+            "2",
+            "--no-dashboard",
+            "--json",
+        ],
         limit_s=110,
     )
     assert found["status"] == 0, found["err"]

@@ -1,4 +1,4 @@
-"""A calibration bundle for the simulated sensor seen with few pixels: the shipped network, told where pixels lie now."""
+"""A bundle for the simulated sensor seen with few pixels: the shipped network, told where the pixels lie now."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,7 +8,11 @@ import onnx
 from onnx import numpy_helper
 
 from gellight.calibration import Calibration, load_calibration, write_calibration
+from gellight.shutter import Shutter
 from gellight.simulated import open_simulated
+
+TIMING = {"readout_us": Shutter().readout_us, "delay_us": Shutter().readout_us + Shutter().transfer_us}
+"""the virtual camera sends a picture when all of it was read and transferred, not while its first rows are read"""
 
 
 def tiny_bundle(folder: Path, geometry: Mapping[str, float | int | str]) -> Calibration:
@@ -26,7 +30,7 @@ def tiny_bundle(folder: Path, geometry: Mapping[str, float | int | str]) -> Cali
         network=rescaled(shipped.network, shipped.image_shape[1] / reference.shape[1]),
         metrics={},
         led=shipped.manifest.led,
-        camera={"exposure_us": 8000.0, "gain": 0.0, "white_balance_k": 4600.0},
+        camera={"exposure_us": 8000.0, "gain": 0.0, "white_balance_k": 4600.0, **TIMING},
     )
 
 
