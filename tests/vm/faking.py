@@ -43,40 +43,42 @@ def set_fault(device: Device, name: str, value: int) -> None:
     device.ask(v.S_CTRL, v.Control(id=description.id, value=value))
 
 
-def stream(fault: str, value: int, count: int) -> dict[str, Any]:
-    """Stream while a fault is on; return counts and what the pictures say of themselves."""
+def stream(before: dict[str, int], during: dict[str, int], count: int) -> dict[str, Any]:
+    """Stream with faults that are set before the start or after the first picture; return what came."""
     node = _node()
-    with V4l2Camera(node, CaptureOptions.model_validate(OPTIONS)) as camera, Device(node) as other:
-        camera.picture()
-        if fault:
-            set_fault(other, fault, value)
+    with Device(node) as other:
+        _set(other, before)
         try:
-            pictures = [camera.picture() for _ in range(count)]
+            with V4l2Camera(node, CaptureOptions.model_validate(OPTIONS)) as camera:
+                camera.picture()
+                _set(other, during)
+                pictures = [camera.picture() for _ in range(count)]
+                return {
+                    "counts": camera.counts.as_json(),
+                    "gain": camera.controls.read("gain"),
+                    "mode": str(camera.mode),
+                    "sound": [picture.stamp_is_sound for picture in pictures],
+                    "steps": [later.sequence - first.sequence for first, later in itertools.pairwise(pictures)],
+                }
         finally:
-            if fault:
-                set_fault(other, fault, 0)
-        return {
-            "counts": camera.counts.as_json(),
-            "gain": camera.controls.read("gain"),
-            "mode": str(camera.mode),
-            "sound": [picture.stamp_is_sound for picture in pictures],
-            "steps": [later.sequence - first.sequence for first, later in itertools.pairwise(pictures)],
-        }
+            _set(other, dict.fromkeys({**before, **during}, 0))
 
 
-def complaint(fault: str, value: int) -> dict[str, Any]:
-    """Stream while a fault is on until capture gives up; return its words, and how soon they came."""
+def _set(device: Device, faults: dict[str, int]) -> None:
+    for name, value in faults.items():
+        set_fault(device, name, value)
+
+
+def disconnect() -> dict[str, Any]:
+    """Let the device disconnect while it streams; return what capture says, and how soon."""
     node = _node()
     with V4l2Camera(node, CaptureOptions.model_validate(OPTIONS)) as camera, Device(node) as other:
         camera.read()
-        set_fault(other, fault, value)
+        set_fault(other, "Disconnect", 1)
         begun_s = time.monotonic()
         try:
-            for _ in range(1000):
+            for _ in range(100):
                 camera.read()
         except CameraError as error:
             return {"error": type(error).__name__, "text": str(error), "seconds": time.monotonic() - begun_s}
-        finally:
-            if fault != "Disconnect":  # it ends by itself when the last program lets go
-                set_fault(other, fault, 0)
-    raise TimeoutError(f"nothing was said of {fault}")
+    raise TimeoutError("nothing was said of the disconnection")
