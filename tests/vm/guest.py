@@ -1,7 +1,5 @@
 """What the guest can be asked to do with its own kernel: plug in, look around, wait. Runs in the guest."""
 
-import contextlib
-import os
 import socket
 import struct
 import subprocess
@@ -78,12 +76,10 @@ def links() -> list[str]:
     return sorted(f"{path} -> {path.resolve()}" for path in found)
 
 
-def pull(port: int) -> None:
-    """Let the kernel pull its end of a cable."""
-    with contextlib.suppress(OSError):
-        descriptor = os.open(vhci.CONTROLLER / "detach", os.O_WRONLY)
-        os.write(descriptor, str(port).encode())
-        os.close(descriptor)
+def owners(serial: str) -> dict[str, list[str]]:
+    """Return group and permissions of a sensor's nodes."""
+    nodes = {"camera": video_link(serial), "ring": serial_link(serial)}
+    return {name: [node.group(), f"{node.stat().st_mode & 0o777:o}"] for name, node in nodes.items()}
 
 
 def clock_offset(server: int, rounds: int = 60) -> float:

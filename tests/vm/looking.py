@@ -1,5 +1,6 @@
 """What the guest does with cameras: the product's own capture on the real driver. Runs in the guest."""
 
+import os
 import statistics
 import time
 from pathlib import Path
@@ -9,6 +10,7 @@ from urllib.parse import parse_qsl, urlencode
 import cv2
 
 from gellight.errors import CameraError, GellightError
+from gellight.sensor_checks import check_rate
 from gellight.v4l2.decoding import decode
 from gellight.v4l2.video_camera import V4l2Camera, open_v4l2
 from gellight.virtual.encoding import read_mark
@@ -68,8 +70,9 @@ def _settled(camera: V4l2Camera) -> float:
     return float([camera.read() for _ in range(6)][-1].image.mean())
 
 
-def complaint(serial: str, options: str) -> str:
-    """Open a camera and read; return the message of the error that it is."""
+def complaint(serial: str, options: str, user: int = 0) -> str:
+    """Open a camera as a user and read; return the message of the error that it is."""
+    os.setuid(user)
     try:
         with opened(serial, options) as camera:
             for _ in range(30):
@@ -85,6 +88,12 @@ def read_frames(serial: str, options: str, count: int) -> dict[str, int]:
         for _ in range(count):
             camera.read()
         return camera.counts.as_json()
+
+
+def rate(serial: str, count: int = 45) -> dict[str, str]:
+    """Return what the check of the frame rate, as in `gellight doctor`, says of the kernel's time stamps."""
+    with opened(serial) as camera:
+        return check_rate(camera, [camera.picture() for _ in range(count)]).as_json()
 
 
 def watch(serial: str) -> dict[str, Any]:

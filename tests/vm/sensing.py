@@ -13,7 +13,8 @@ from gellight.errors import GellightError
 from gellight.sensor_camera import open_sensor
 from gellight.session import open_session  # noqa: F401  (imported for `gellight run`, which would do it late)
 from tests.vm.agent import report
-from tests.vm.looking import FIXED
+from tests.vm.guest import settle, video_link, wait_for
+from tests.vm.looking import FIXED, opened
 
 
 def sensors() -> dict[str, Any]:
@@ -67,6 +68,14 @@ def recover(number: str) -> dict[str, Any]:
             "sequences": [*before, frame.sequence],
             "status": camera.status(),
         }
+
+
+def await_stream(number: str) -> dict[str, Any]:
+    """Wait until a sensor is plugged in and take a picture."""
+    wait_for(lambda: video_link(number).exists(), "the camera's link", limit_s=80)
+    settle()
+    with opened(number) as camera:
+        return {"mode": str(camera.mode), "shape": camera.read().image.shape}
 
 
 def gellight(arguments: list[str]) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """A camera that lies: what each fault of the virtual sensor looks like to the product's capture on the real driver."""
 
+import re
+
 import numpy as np
 
 from gellight.virtual.device import VirtualSensor
@@ -47,3 +49,18 @@ def test_a_control_that_does_not_hold_is_an_error_that_names_it(guest: Guest, on
     message = guest.run("looking:complaint", serial=ONE, options="exposure_us=4000")
     assert message.startswith("CameraError")
     assert "does not keep its settings: exposure_us was set to 4000 and is 8000" in message
+
+
+def test_time_stamps_that_wander_show_in_the_jitter(guest: Guest, one: VirtualSensor) -> None:
+    honest = jitter_ms(guest.run("looking:rate", serial=ONE)["text"])
+    one.inject(Faults(late_ms=40))
+    lying = jitter_ms(guest.run("looking:rate", serial=ONE)["text"])
+    print(f"jitter of the stamps (95 %): honest {honest} ms, held back up to 40 ms {lying} ms")
+    assert lying > 10
+    assert lying > 1.5 * honest
+
+
+def jitter_ms(text: str) -> float:
+    found = re.search(r"jitter ([0-9.]+) ms", text)
+    assert found, text
+    return float(found[1])

@@ -70,3 +70,19 @@ def test_a_slow_program_gets_far_newer_pictures_than_from_opencv(
     print("age of a picture, s:", found)
     assert found["ours median"] > 0.02, "the exposure itself takes so long: else the clocks are compared wrongly"
     assert found["ours median"] <= found["OpenCV median"] / 4
+
+
+def test_a_camera_that_somebody_else_uses_is_told_with_his_name(guest: Guest, bench: Bench, one: VirtualSensor) -> None:
+    watching = guest.start("looking:watch", serial=ONE)
+    watching.event("streaming")
+    message = guest.aside.run("looking:complaint", serial=ONE, options="")
+    bench.unplug("one", aside=True)
+    watching.result()
+    assert message.startswith("BusyError")
+    assert "python" in message
+
+
+def test_a_camera_that_one_may_not_use_is_told_with_the_remedy(guest: Guest, one: VirtualSensor) -> None:
+    message = guest.run("looking:complaint", serial=ONE, options="", user=65534)
+    assert message.startswith("DeniedError")
+    assert "gellight install-udev" in message

@@ -75,6 +75,23 @@ def test_doctor_finds_the_sensor_well(guest: Guest, bench: Bench) -> None:
     assert ("usb", "ok") in findings
 
 
+def test_the_udev_rule_gives_the_sensor_to_the_video_group(guest: Guest, bench: Bench) -> None:
+    assert guest.run("sensing:gellight", arguments=["install-udev"], limit_s=60)["status"] == 0
+    bench.plug("one", 0)
+    assert guest.run("guest:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
+
+
+def test_the_guest_can_plug_a_virtual_sensor_into_itself(guest: Guest, bench: Bench) -> None:
+    number = "00000000000000D4"
+    options = ["--sensor", "sim://?board=0&programme=0&fps=5", "--size", "32x24", "--serial", number, "--port", "4"]
+    plugged = guest.start("sensing:gellight", arguments=["virtual-sensor", *options, "--seconds", "12"], limit_s=100)
+    seen = guest.aside.run("sensing:await_stream", number=number, limit_s=90)
+    found = plugged.result()
+    assert found["status"] == 0, found["err"]
+    assert f"virtual sensor {number} at virtual USB port 4" in found["out"]
+    assert seen == {"mode": "MJPG 32x24 at 5 fps", "shape": [24, 32, 3]}
+
+
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bundle") / "tiny"
@@ -106,4 +123,6 @@ def test_run_streams_the_depth_of_what_is_pressed_into_the_virtual_sensor(
     print(f"run: {found['seconds']:.0f} s in the guest, {summary}")
     assert summary["frames"] == 2
     assert summary["error"] is None
+    board = bench.sensors["lit"]._body.board
+    assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the program has ended"
     assert summary["indentation_mm"] == pytest.approx(1.0, abs=0.15), "a ball 1 mm deep, at 0.47 mm a pixel"
