@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import serial
 import usb.core
-import usb.util
 from serial.tools import list_ports
+from usb.backend import libusb1
 
 from gellight.errors import BoardError
 from gellight.ring import LightRing, connect
-from gellight.transport import PRODUCT, VENDOR
+from gellight.transport import PRODUCT, VENDOR, UsbTransport
 from tests.vm.agent import report
 from tests.vm.guest import serial_link, video_link
 from tests.vm.looking import opened
@@ -25,10 +25,15 @@ def usb_parent(device: str, subsystem: str) -> str:
     return next(folder.name for folder in (place, *place.parents) if (folder / "idVendor").exists())
 
 
+def libusb() -> Any:
+    """Return pyusb's way to libusb, which was unpacked after the machine's list of libraries was made."""
+    return libusb1.get_backend(find_library=lambda name: "libusb-1.0.so.0")
+
+
 def identity(number: str) -> dict[str, Any]:
     """Return what sysfs, pyserial and pyusb say of a sensor."""
     ports = [port for port in list_ports.comports() if port.serial_number == number]
-    devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT) or [])
+    devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=libusb()) or [])
     return {
         "camera parent": usb_parent(str(video_link(number)), "video4linux"),
         "ring parent": usb_parent(str(serial_link(number)), "tty"),
@@ -107,5 +112,5 @@ def refused(url: str) -> str:
 
 def ring_through_pyusb(number: str) -> str:
     """Return the unique id that the firmware tells over libusb, with the kernel's driver detached."""
-    with connect(f"usb://{number}") as ring:
+    with LightRing(UsbTransport(number, url=f"usb://{number}", backend=libusb())) as ring:
         return ring.hello.unique_id.hex().upper()

@@ -26,6 +26,12 @@ def load(modules: list[str]) -> str:
     return node
 
 
+def unload() -> None:
+    """Take the driver out again, so that discovery meets USB devices alone."""
+    subprocess.run(["busybox", "rmmod", "vivid"], check=True)
+    settle()
+
+
 def _node() -> str:
     names = sorted(Path("/sys/class/video4linux").glob("video*/name"))
     return next((f"/dev/{name.parent.name}" for name in names if name.read_text().startswith("vivid")), "")

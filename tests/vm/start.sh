@@ -4,7 +4,6 @@ export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root PYTHONDONTWRITEBYTECODE=1 O
 value() { sed -n "s/.*guest\.$1=\([^ ]*\).*/\1/p" /proc/cmdline; }
 for module in $(cat "$(value modules)"); do busybox insmod "$module" || echo "cannot load $module"; done
 /lib/systemd/systemd-udevd --daemon
-{ ldconfig; echo "guest: libraries listed after $(cut -d' ' -f1 /proc/uptime) s"; } &
 echo "guest: drivers and udevd after $(cut -d' ' -f1 /proc/uptime) s"
 PYTHONPATH=$(value path) "$(value python)" -m tests.vm.agent "$(value agent)" 2>&1
 echo "guest: agent ended with $?"

@@ -1,15 +1,18 @@
 """The kernel's own fake camera: faults that no USB device can cause, seen by the product's capture."""
 
+from collections.abc import Iterator
+
 import pytest
 
 from tests.vm.machine import Guest
 
 
 @pytest.fixture(scope="module")
-def vivid(guest: Guest) -> Guest:
+def vivid(guest: Guest) -> Iterator[Guest]:
     modules = (guest.folder / "on-demand.txt").read_text().split()
     assert guest.run("faking:load", modules=modules).startswith("/dev/video")
-    return guest
+    yield guest
+    guest.run("faking:unload")
 
 
 HONEST = {"Timestamp Source": 1}
