@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import socket
 import subprocess
 import sys
@@ -138,21 +139,14 @@ def qemu(base: Path, folder: Path, console: Path, port: int) -> list[str]:
     """Return the command that boots the guest."""
     kernel = next((base / "kernel/boot").glob("vmlinuz-*"))
     write_first_files(base, folder, kernel.name.removeprefix("vmlinuz-"))
+    write_start(folder, port)
     program = Path("usr/bin/qemu-system-x86_64")
     tools = base / "tools" if (base / "tools" / program).exists() else Path("/")
-    words = {
-        "start": ROOT / "tests/vm/start.sh",
-        "modules": folder / "modules.txt",
-        "path": os.pathsep.join(str(ROOT / part) for part in ("host", "models", ".")),
-        "python": sys.executable,
-        "agent": port,
-    }
-    told = " ".join(f"guest.{name}={value}" for name, value in words.items())
     return [
         str(tools / program), "-L", str(tools / "usr/share/qemu"), "-L", str(tools / "usr/share/seabios"),
         *processor(), "-m", "1536", "-smp", "2", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot",
         "-serial", f"file:{console}", "-kernel", str(kernel), "-initrd", str(folder / "initramfs.gz"),
-        "-append", f"console=ttyS0 quiet panic=-1 net.ifnames=0 mitigations=off {told}",
+        "-append", f"console=ttyS0 quiet panic=-1 net.ifnames=0 mitigations=off guest.start={folder}/start.sh",
         "-netdev", "user,id=net", "-device", "virtio-net-pci,netdev=net,romfile=",
         *share("machine", Path("/")), *share("tools", base / "tools"),
     ]  # fmt: skip
@@ -183,6 +177,18 @@ def write_first_files(base: Path, folder: Path, release: str) -> None:
     later = [path for path in plain(load_order(modules, ON_DEMAND), folder) if path not in at_boot]
     (folder / "modules.txt").write_text("".join(f"{path}\n" for path in at_boot))
     (folder / "on-demand.txt").write_text("".join(f"{path}\n" for path in later))
+
+
+def write_start(folder: Path, port: int) -> None:
+    """Write the guest's first script, with what it has to know before it."""
+    known = {
+        "FOLDER": folder,
+        "PORT": port,
+        "PYTHON": sys.executable,
+        "PYTHONPATH": os.pathsep.join(str(ROOT / part) for part in ("host", "models", ".")),
+    }
+    told = "".join(f"export {name}={shlex.quote(str(value))}\n" for name, value in known.items())
+    (folder / "start.sh").write_text(told + (ROOT / "tests/vm/start.sh").read_text())
 
 
 def plain(modules: list[Path], folder: Path) -> list[Path]:

@@ -4,12 +4,14 @@ The folder's name is a digest of every package and its version, so that a new ke
 machine has installed already is not unpacked again: the guest sees the machine's own files beneath.
 """
 
+import contextlib
 import hashlib
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 TOOLS = ("qemu-system-x86", "busybox-static", "udev", "libusb-1.0-0")
@@ -72,15 +74,22 @@ def unpacked() -> Path:
 def _unpacked() -> Path:
     packages = wanted()
     folder = cache_folder() / hashlib.sha256("\n".join((*packages, *KERNEL_PARTS)).encode()).hexdigest()[:16]
-    if not (folder / "complete").exists():
-        shutil.rmtree(folder, ignore_errors=True)
-        download(packages, folder / "packages")
-        for package in sorted((folder / "packages").glob("*.deb")):
-            unpack(package, folder)
-        merge_usr(folder / "tools")
-        shutil.rmtree(folder / "packages")
-        (folder / "complete").write_text("\n".join(packages))
+    if not folder.exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as draft:
+            fill(Path(draft), packages)
+            with contextlib.suppress(OSError):  # somebody else has made the same meanwhile
+                (Path(draft) / "files").rename(folder)
     return folder
+
+
+def fill(draft: Path, packages: list[str]) -> None:
+    """Download packages and unpack them into `draft`/files."""
+    (draft / "files").mkdir()
+    download(packages, draft / "packages")
+    for package in sorted((draft / "packages").glob("*.deb")):
+        unpack(package, draft / "files")
+    merge_usr(draft / "files/tools")
 
 
 def download(packages: list[str], folder: Path) -> None:

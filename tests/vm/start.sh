@@ -1,11 +1,9 @@
-#!/bin/sh
 # The guest's first program on the machine's files: drivers, the real udevd, then the agent that does what tests ask.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root PYTHONDONTWRITEBYTECODE=1 OPENBLAS_NUM_THREADS=1 LC_ALL=C.UTF-8
-value() { sed -n "s/.*guest\.$1=\([^ ]*\).*/\1/p" /proc/cmdline; }
-for module in $(cat "$(value modules)"); do busybox insmod "$module" || echo "cannot load $module"; done
+for module in $(cat "$FOLDER/modules.txt"); do busybox insmod "$module" || echo "cannot load $module"; done
 /lib/systemd/systemd-udevd --daemon
 echo "guest: drivers and udevd after $(cut -d' ' -f1 /proc/uptime) s"
-PYTHONPATH=$(value path) "$(value python)" -m tests.vm.agent "$(value agent)" 2>&1
+"$PYTHON" -m tests.vm.agent "$PORT" 2>&1
 echo "guest: agent ended with $?"
 echo o > /proc/sysrq-trigger
 sleep 10
