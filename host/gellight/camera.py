@@ -23,6 +23,7 @@ from gellight.frames import CameraFrame
 
 if TYPE_CHECKING:
     from gellight.calibration import Calibration
+    from gellight.lighting.timing import CameraTiming
     from gellight.ring import LightRing
     from gellight.selfcheck import SelfCheck
 
@@ -96,6 +97,11 @@ class Camera(Protocol):
     controls: CameraControls | None = None
     """exposure, gain and white balance; None where there is nothing to set"""
 
+    @property
+    def timing(self) -> "CameraTiming | None":
+        """When its rows are exposed, for labels of light; None where it is not known."""
+        return None
+
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
 
@@ -105,6 +111,10 @@ class Camera(Protocol):
     def status(self) -> dict[str, object]:
         """Return what is known of the device, ready for JSON; nothing where there is none."""
         return {}
+
+    def adopt(self, calibration: "Calibration") -> None:
+        """Set and light the sensor as another bundle says; nothing where nothing can be set. Raises as opening does."""
+        return
 
     def close(self) -> None:
         """Release the device; reading afterwards raises CameraError."""
@@ -132,7 +142,7 @@ def open_camera(
     made; without one its LEDs stay dark. Raises CameraError, BoardError, InputError or ConfigError with the remedy.
     """
     text = str(url)
-    scheme = text.split("://")[0]
+    scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:
         camera: Camera = import_module("gellight.simulated").open_simulated(text, geometry or {})
         return camera

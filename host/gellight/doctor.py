@@ -14,8 +14,8 @@ from pathlib import Path
 from gellight import udev
 from gellight.discovery import Discovery, Node, Sensor
 from gellight.errors import GellightError
+from gellight.holders import holders
 from gellight.sensor_camera import Surroundings
-from gellight.v4l2.errors import holders
 
 HIGH_SPEED_MBPS = 480.0
 ISOCHRONOUS_BYTES_S = 3 * 1024 * 8000
@@ -72,7 +72,10 @@ def failure(check: str, error: GellightError) -> Finding:
 def examine(
     name: str | None = None, *, surroundings: Surroundings, folder: Path, rules: Path = udev.FOLDER
 ) -> Iterator[Finding]:
-    """Check the computer, then every sensor, or the one called `name`; `folder` is where recordings go."""
+    """Check the computer, then every sensor, or what `name` says: a serial number, a USB port, a camera's node.
+
+    `folder` is where recordings go.
+    """
     from gellight.sensor_checks import check_sensor
 
     yield check_rule(rules)
@@ -80,13 +83,23 @@ def examine(
     yield from check_clock(surroundings.sysfs)
     found = surroundings.look()
     yield from check_found(found, name)
-    for sensor in found.sensors:
-        if name in (None, sensor.name, sensor.port):
-            yield from check_speed(found, sensor)
-            reachable = [check_permission(node) for node in (sensor.camera, sensor.ring) if node]
-            yield from reachable
-            if all(finding.level is Level.OK for finding in reachable):
-                yield from check_sensor(sensor, surroundings)
+    for sensor in _chosen(found, name):
+        yield from check_speed(found, sensor)
+        reachable = [check_permission(node) for node in (sensor.camera, sensor.ring) if node]
+        yield from reachable
+        if all(finding.level is not Level.PROBLEM for finding in reachable):
+            yield from check_sensor(sensor, surroundings)
+
+
+def _chosen(found: Discovery, name: str | None) -> list[Sensor]:
+    """Return the sensors to examine: all, or the one with a name, a USB port, or a camera at a path."""
+    alone = [Sensor(camera=camera, ring=None) for camera in found.cameras]
+    if name is None:
+        return list(found.sensors)
+    return [
+        sensor for sensor in (*found.sensors, *alone)
+        if name in (sensor.name, sensor.port, sensor.camera.path, sensor.camera.stable)
+    ]  # fmt: skip
 
 
 def check_rule(folder: Path) -> Finding:
@@ -127,11 +140,13 @@ def check_found(found: Discovery, name: str | None) -> Iterator[Finding]:
     for text in found.ambiguities:
         what, _, remedy = text.rpartition(": ")
         yield problem("sensors", what, remedy)
-    try:
-        _ = found.called(name) if name else found.sensors or found.only()
-    except GellightError as error:
-        yield failure("sensors", error)
-    for sensor in found.sensors:
+    chosen = _chosen(found, name)
+    if not chosen:
+        try:
+            _ = found.called(name) if name else found.only()
+        except GellightError as error:
+            yield failure("sensors", error)
+    for sensor in {*found.sensors, *chosen}:
         ring = sensor.ring.stable if sensor.ring else "none"
         yield ok("sensors", f"{sensor.name} at USB {sensor.port}: camera {sensor.camera.stable}, ring {ring}")
 
@@ -147,7 +162,7 @@ def check_permission(node: Node) -> Finding:
     others = holders(node.path)
     if others:
         names = ", ".join(f"{command} (process {number})" for number, command in others)
-        return problem("permission", f"{node.path} is in use by {names}", "end that programme")
+        return warning("permission", f"{node.path} is also open in {names}", "end that programme if frames do not come")
     return ok("permission", f"{node.path} may be used and is free")
 
 

@@ -18,6 +18,7 @@ from gellight.camera import Camera, CameraControls, ReconnectingError
 from gellight.discovery import DEV, SYSFS, Discovery, Node, Sensor, discover
 from gellight.errors import BoardError, CameraError, GellightError
 from gellight.frames import CameraFrame
+from gellight.lighting.timing import CameraTiming
 from gellight.ring import LightRing, connect
 from gellight.v4l2.errors import StalledError, UnpluggedError
 from gellight.v4l2.kernel import Kernel, LinuxKernel
@@ -71,8 +72,8 @@ class SensorCamera(Camera):
         self.url = url
         self.stage = self.ring = None
         self._sensor, self._by_serial = sensor, by_serial
-        self._options = (options or CaptureOptions()).over(calibration.manifest.camera if calibration else {})
-        self._calibration = calibration
+        self._given = options or CaptureOptions()
+        self._remember(calibration)
         self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
         self._clock = self._surroundings.kernel.clock
         self._closing = threading.Event()
@@ -83,6 +84,33 @@ class SensorCamera(Camera):
         self._connect(sensor)
 
     # ---- connecting ----
+
+    def _remember(self, calibration: Calibration | None) -> None:
+        self._calibration = calibration
+        self._options = self._given.over(calibration.manifest.camera if calibration else {})
+
+    def adopt(self, calibration: Calibration) -> None:
+        """Set and light the sensor as another bundle of the same image size says, from now on.
+
+        Frames are of the new light after that. Raises CameraError, BoardError or InputError; then the sensor is set as
+        before, or looked for.
+        """
+        before = self._calibration
+        self._remember(calibration)
+        try:
+            self._apply()
+        except GellightError:
+            if before is not None:
+                self._remember(before)
+                self._apply()
+            raise
+
+    def _apply(self) -> None:
+        """Set controls and light of the sensor that is connected; one that is away gets them when it is back."""
+        if self._camera is not None:
+            self._camera.controls.lock(self._options.controls(), power_line_hz=int(self._options.power_line_hz))
+            self._light(self.ring)
+            self._lit_s = self._clock()
 
     def _connect(self, sensor: Sensor) -> None:
         """Open ring and camera of `sensor`, set and light them."""
@@ -129,11 +157,20 @@ class SensorCamera(Camera):
 
     def _light(self, ring: LightRing | None) -> None:
         """Light the LEDs as they were when the bundle was made, and wait until they are."""
-        if ring is not None and self._calibration is not None and self._calibration.manifest.led:
-            colours = np.array([led.rgb for led in self._calibration.manifest.led], np.uint8)
-            ring.wait_for_light(ring.set_leds(colours).light_id)
+        if ring is None or self._calibration is None:
+            return
+        if not self._calibration.manifest.led:
+            logger.warning("%s does not tell the colours of its LEDs: they stay dark", self._calibration.source)
+            return
+        colours = np.array([led.rgb for led in self._calibration.manifest.led], np.uint8)
+        ring.wait_for_light(ring.set_leds(colours).light_id)
 
     # ---- reading ----
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When its rows are exposed; None while the sensor is away."""
+        return self._camera.timing if self._camera else None
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
         """Return None: nobody knows what was really pressed."""
@@ -180,6 +217,8 @@ class SensorCamera(Camera):
         node = self._sensor.ring.path if self._sensor.ring else None
         if node is not None and self._options.ring is None and not Path(node).exists():
             raise UnpluggedError(f"the light ring at {node} was unplugged: plug it in again")
+        if self.ring is not None:
+            self.ring.clock()  # BoardError where the board has died: its LEDs are dark then
         wrong = self._camera.controls.deviations()
         if wrong:
             raise StalledError(

@@ -160,16 +160,17 @@ def test_a_setting_that_comes_loose_is_found(clinic: Clinic, tmp_path: Path) -> 
     assert "automatic exposure_us" in wrong(clinic.examine(tmp_path))["settings"].text
 
 
-def test_a_node_that_may_not_be_used_or_is_busy_is_found_without_opening_it(
+def test_a_node_that_others_have_open_is_told_and_one_that_may_not_be_used_is_not_opened(
     clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clinic.plug("1-2", "GL0001")
     monkeypatch.setattr(doctor, "holders", lambda path: [(4711, "cheese")])
     found = wrong(clinic.examine(tmp_path))
-    assert "in use by cheese (process 4711)" in found["permission"].text
+    assert "also open in cheese (process 4711)" in found["permission"].text
+    assert len(clinic.rings) == 1, "having it open is not yet using it: the checks go on"
     monkeypatch.setattr(doctor.os, "access", lambda path, mode: False)
     assert "install-udev" in wrong(clinic.examine(tmp_path))["permission"].remedy
-    assert not clinic.rings
+    assert len(clinic.rings) == 1
 
 
 def test_a_fault_of_the_sensor_is_a_finding_too(clinic: Clinic, tmp_path: Path) -> None:
@@ -206,6 +207,19 @@ def test_ambiguous_and_missing_sensors_are_findings(clinic: Clinic, tmp_path: Pa
     found = [finding for finding in clinic.examine(tmp_path, "1-2") if finding.level is Level.PROBLEM]
     assert [finding.remedy for finding in found] == ["tell them apart as sensor://1-2 or sensor://1-3"]
     assert "no sensor is called GL0001" in wrong(clinic.examine(tmp_path, "GL0001"))["sensors"].text + str(found)
+
+
+def test_a_camera_without_a_ring_can_be_examined_by_its_node(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001")
+    node = next(iter(clinic.kernel.cameras))
+    clinic.usb.unplug("1-2")
+    (camera,) = clinic.usb.plug("1-2", serial="CAM", ids=WEBCAM, cameras=1)
+    clinic.kernel.cameras[camera] = clinic.kernel.cameras.pop(node)
+    findings = clinic.examine(tmp_path, camera)
+    assert wrong(findings) == {}
+    assert "rate" in {finding.check for finding in findings}
+    assert "board" not in {finding.check for finding in findings}
+    assert "shares a USB parent" in wrong(clinic.examine(tmp_path))["sensors"].text
 
 
 # ---- the verbs ----

@@ -32,6 +32,11 @@ class FakeRing:
         self.hello = SimpleNamespace(unique_id=bytes.fromhex(unique_id))
         self.lit_s = 0.0
         self.refusal: BoardError | None = None
+        self.mute = False
+
+    def clock(self) -> None:
+        if self.mute:
+            raise BoardError("the board did not answer CLOCK")
 
     def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
         if self.refusal:
@@ -118,6 +123,36 @@ def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Cali
     assert not bench.kernel.opened
     with pytest.raises(CameraError, match="is closed"):
         camera.read()
+
+
+def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnection(
+    bench: Bench, bundle: Calibration, tmp_path: Path
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    darker = tuple(
+        LedSetting(colour=led.colour, rgb=(led.rgb[0] // 2, led.rgb[1] // 2, 0)) for led in bundle.manifest.led
+    )
+    other = write_calibration(
+        tmp_path / "other", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, led=darker,
+        camera={"exposure_us": 16000, "format": "YUYV"},
+    )  # fmt: skip
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        camera.adopt(other)
+        assert camera.read().time_s > bench.rings[0].lit_s
+        assert device.controls[c.EXPOSURE].value == 160
+        assert (bench.rings[0].lit == [led.rgb for led in darker]).all()
+        bench.rings[0].refusal = BoardError("over the current limit")
+        with pytest.raises(BoardError):
+            camera.adopt(bundle)
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        device = bench.plug("1-2", "GL0001")
+        camera.read()
+        assert device.controls[c.EXPOSURE].value == 160
+        assert (bench.rings[-1].lit == [led.rgb for led in darker]).all()
 
 
 def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Calibration) -> None:
@@ -248,6 +283,32 @@ def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundl
         bench.kernel.sleep(3)
         with pytest.raises(ReconnectingError, match=r"light ring at .* was unplugged"):
             camera.read()
+
+
+def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.rings[0].mute = True
+        bench.kernel.sleep(3)
+        with pytest.raises(ReconnectingError, match="did not answer CLOCK"):
+            camera.read()
+        camera.read()
+        assert len(bench.rings) == 2
+        assert bench.rings[1].lit.any()
+
+
+def test_a_bundle_that_does_not_tell_its_light_is_told(
+    bench: Bench, bundle: Calibration, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.plug("1-2", "GL0001")
+    unlit = write_calibration(
+        tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
+    )  # fmt: skip
+    with bench.open("auto", unlit):
+        assert not bench.rings[0].lit.any()
+    assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 
 
 def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: Bench, bundle: Calibration) -> None:

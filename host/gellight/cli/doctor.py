@@ -11,7 +11,9 @@ if TYPE_CHECKING:
 
 
 def command(
-    sensor: Annotated[str | None, typer.Argument(help="Serial number or USB port. [default: every sensor]")] = None,
+    sensor: Annotated[
+        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0. [default: every sensor]")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check computer, USB, camera, light ring and frames; exits with 1 when something prevents use."""

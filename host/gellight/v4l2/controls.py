@@ -6,12 +6,13 @@ another. Every value is read back from the device; one that does not hold is an 
 
 import errno
 import os
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gellight.errors import CameraError, InputError
 from gellight.v4l2 import structures as v
-from gellight.v4l2.errors import told
+from gellight.v4l2.errors import explained, told
 from gellight.v4l2.formats import Ask
 
 _USER, _CAMERA = 0x00980900, 0x009A0900
@@ -22,6 +23,8 @@ EXPOSURE_AUTO, EXPOSURE, DYNAMIC_RATE = _CAMERA + 1, _CAMERA + 2, _CAMERA + 3
 FOCUS_AUTO = _CAMERA + 12
 
 EXPOSURE_MANUAL = 1
+REFUSALS = (errno.EINVAL, errno.ERANGE, errno.EACCES, errno.EIO, errno.EPIPE)
+"""what a driver or a camera answers to a value that it does not take"""
 POWER_LINE_VALUES = {0: 0, 50: 1, 60: 2}
 """frequency in Hz of the mains -> value of the control; 0: the camera does not follow any"""
 
@@ -65,6 +68,8 @@ class V4l2Controls:
     def __init__(self, ask: Ask, path: str) -> None:
         """Use `ask` for ioctls; `path` is for messages."""
         self._ask, self._path = ask, path
+        self._changing = threading.RLock()
+        """held while a value is set, so that nobody finds it changed and not yet noted"""
         self._wanted: dict[int, tuple[str, float, int]] = {}
         """number -> name, scale and the value that was set"""
         self.period_us = float("inf")
@@ -128,8 +133,7 @@ class V4l2Controls:
         for number, value, words in FIXED:
             if self.has(number):
                 self._put(number, value, words)
-        if self.has(POWER_LINE):
-            self._put(POWER_LINE, POWER_LINE_VALUES[power_line_hz], "the power line filter")
+        self._set_power_line(power_line_hz)
         for name, knob in KNOBS.items():
             self._manual(name, knob)
         for name, setting in values.items():
@@ -139,9 +143,15 @@ class V4l2Controls:
             if self.exposure_us > self.period_us:
                 raise CameraError(exposure_too_long(self.exposure_us, self.period_us))
 
+    def _set_power_line(self, hz: int) -> None:
+        """Set the filter against mains flicker; one that cannot be off stays as it is, for inside there is none."""
+        if self.has(POWER_LINE) and (hz or not self._describe(POWER_LINE).minimum):
+            self._put(POWER_LINE, POWER_LINE_VALUES[hz], "the power line filter")
+
     def deviations(self) -> list[Deviation]:
         """Read everything back that was set, and return what does not hold."""
-        found = [(name, scale, value, self.get(number)) for number, (name, scale, value) in self._wanted.items()]
+        with self._changing:
+            found = [(name, scale, value, self.get(number)) for number, (name, scale, value) in self._wanted.items()]
         return [Deviation(name, value * scale, now * scale) for name, scale, value, now in found if now != value]
 
     def verify(self) -> None:
@@ -171,24 +181,28 @@ class V4l2Controls:
             self._put(knob.automatic, knob.manual, f"automatic {name}")
 
     def _put(self, number: int, value: int, name: str, scale: float = 1.0) -> None:
+        """Set a control and read it back; CameraError where it is refused or does not hold."""
+        with self._changing:
+            self._wanted.pop(number, None)
+            self._send(number, value, f"{name} = {value * scale:g}")
+            found = self.get(number)
+            if found != value:
+                raise CameraError(
+                    f"{self._path} does not keep its settings: {Deviation(name, value * scale, found * scale)}; use a "
+                    "camera whose settings can be fixed"
+                )
+            self._wanted[number] = name, scale, value
+
+    def _send(self, number: int, value: int, text: str) -> None:
         try:
             self._ask(v.S_CTRL, v.Control(id=number, value=value))
         except OSError as error:
-            if error.errno not in (errno.EINVAL, errno.ERANGE, errno.EACCES, errno.EIO, errno.EPIPE):
-                with told(self._path, f"to set {name}"):
-                    raise
+            if error.errno not in REFUSALS:
+                raise explained(self._path, f"to set {text}", error) from error
             raise CameraError(
-                f"{self._path} refuses {name} = {value * scale:g} ({os.strerror(error.errno)}): choose another value, "
-                "or a camera whose settings can be fixed"
+                f"{self._path} refuses {text} ({os.strerror(error.errno)}): choose another value, or a camera whose "
+                "settings can be fixed"
             ) from error
-        self._wanted[number] = name, scale, value
-        found = self.get(number)
-        if found != value:
-            del self._wanted[number]
-            raise CameraError(
-                f"{self._path} does not keep its settings: {Deviation(name, value * scale, found * scale)}; use a "
-                "camera whose settings can be fixed"
-            )
 
     def _knob(self, name: str) -> Knob:
         if name not in KNOBS or not self.has(KNOBS[name].number):

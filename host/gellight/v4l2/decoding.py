@@ -17,6 +17,8 @@ _START, _END = b"\xff\xd8", b"\xff\xd9"
 _FLAGS = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 _BLOCK_PX = 8
 _UNFILLED = 128
+_FILLING_BYTES = 4096
+"""some cameras fill their last packet with anything"""
 
 
 class CorruptPictureError(ValueError):
@@ -39,11 +41,11 @@ def decode(data: bytes, mode: Mode) -> Image:
 
 
 def _decode_jpeg(data: bytes, mode: Mode) -> Image:
-    whole = data.rstrip(b"\0")  # some cameras fill their last packet
-    if not whole.startswith(_START) or not whole.endswith(_END):
+    end = data.rfind(_END, -_FILLING_BYTES)
+    if not data.startswith(_START) or end < 0:
         raise CorruptPictureError("a JPEG without its start or its end")
     try:
-        image = cv2.imdecode(np.frombuffer(whole, np.uint8), _FLAGS)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8, end + len(_END)), _FLAGS)
     except cv2.error as error:
         raise CorruptPictureError(str(error)) from error
     if image is None or image.shape != (mode.height, mode.width, 3):

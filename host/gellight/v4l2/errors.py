@@ -4,9 +4,9 @@ import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from gellight.errors import CameraError
+from gellight.holders import holders_text
 
 GONE = {errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN}
 _DISTURBED = {errno.EIO, errno.EPROTO, errno.EPIPE, errno.ETIMEDOUT, errno.EILSEQ, errno.EOVERFLOW}
@@ -51,40 +51,11 @@ def explained(path: str, doing: str, error: OSError) -> CameraError:
         )
     if error.errno == errno.EBUSY:
         return BusyError(f"{path} is in use by {holders_text(path)}: end that programme")
+    if error.errno == errno.ENOSPC:
+        return CameraError(
+            f"the USB bus of {path} has no bandwidth left: use format=MJPG, a lower fps or size, or a port of another "
+            "USB controller than the other cameras"
+        )
     reason = os.strerror(error.errno) if error.errno else str(error)
     kind = StalledError if error.errno in _DISTURBED else CameraError
     return kind(f"{path} fails {doing} ({reason}): unplug the sensor and plug it in, then try `gellight doctor`")
-
-
-def holders(path: str | Path, *, proc: Path = Path("/proc")) -> list[tuple[int, str]]:
-    """Return process number and command of everyone else who has a device open, as far as this user may see."""
-    target = os.path.realpath(path)
-    found = []
-    for folder in sorted(proc.glob("[0-9]*"), key=lambda place: int(place.name)):
-        if int(folder.name) != os.getpid() and _has_open(folder / "fd", target):
-            found.append((int(folder.name), _command(folder)))
-    return found
-
-
-def holders_text(path: str | Path, *, proc: Path = Path("/proc")) -> str:
-    """Return in words who has a device open."""
-    found = holders(path, proc=proc)
-    if found:
-        return ", ".join(f"{command} (process {number})" for number, command in found)
-    return (
-        "a programme that this user may not see (`sudo gellight doctor` names it)" if os.getuid() else "this programme"
-    )
-
-
-def _has_open(folder: Path, target: str) -> bool:
-    try:
-        return any(str(entry.readlink()) == target for entry in folder.iterdir())
-    except OSError:  # another user's process, or one that has just ended
-        return False
-
-
-def _command(folder: Path) -> str:
-    try:
-        return (folder / "comm").read_text().strip()
-    except OSError:
-        return "unknown"

@@ -17,8 +17,11 @@ delay is taken as 0, and the readout as a whole frame period where it is needed.
 from dataclasses import dataclass
 from pathlib import Path
 
+from gellight.lighting.timing import CameraTiming
 from gellight.v4l2.stream import Picture
 
+STAMP_ERROR_S = 0.002
+"""of a stamp whose meaning is known: scheduling of the USB and of the interrupt"""
 START, FIRST_PACKET, END, ARRIVAL = "start", "first packet", "end", "arrival"
 
 
@@ -31,8 +34,10 @@ class Timing:
     period_s: float
     exposure_s: float | None = None
     """None where the camera does not tell: then a whole period is taken, the longest it can be"""
-    delay_s: float = 0.0
+    delay_s: float | None = None
+    """None where it was not measured: then 0 is taken, the shortest it can be"""
     readout_s: float | None = None
+    """None where it was not measured: then a whole period is taken, the longest it can be"""
 
     def meaning(self, picture: Picture) -> str:
         """Return what the stamp of a picture means."""
@@ -46,13 +51,27 @@ class Timing:
         """Return when the exposure of the first row began, s on the clock of `time.monotonic`."""
         exposure_s = self.period_s if self.exposure_s is None else self.exposure_s
         readout_s = self.period_s if self.readout_s is None else self.readout_s
+        delay_s = self.delay_s or 0.0
         meaning = self.meaning(picture)
         if meaning == START:
-            return picture.stamp_s - self.delay_s
+            return picture.stamp_s - delay_s
         if meaning == FIRST_PACKET:
-            return picture.stamp_s - exposure_s - self.delay_s
+            return picture.stamp_s - exposure_s - delay_s
         end_s = picture.stamp_s if meaning == END else picture.arrived_s
-        return end_s - readout_s - exposure_s - self.delay_s
+        return end_s - readout_s - exposure_s - delay_s
+
+    def for_light(self) -> CameraTiming:
+        """Return what the labels of frames go by: a whole period of doubt for each time that was not measured.
+
+        Cameras hold a picture back for at most about a period; a camera that stamps the start needs no delay.
+        """
+        unknown = [self.exposure_s, self.readout_s, 0.0 if self.hardware_stamps else self.delay_s].count(None)
+        return CameraTiming(
+            exposure_s=self.period_s if self.exposure_s is None else self.exposure_s,
+            readout_s=self.period_s if self.readout_s is None else self.readout_s,
+            period_s=self.period_s,
+            stamp_error_s=STAMP_ERROR_S + unknown * self.period_s,
+        )
 
 
 def hardware_stamps(driver: str, *, sysfs: Path = Path("/sys")) -> bool:

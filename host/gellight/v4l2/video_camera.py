@@ -5,6 +5,7 @@ from pathlib import Path
 from gellight.camera import Camera
 from gellight.errors import CameraError
 from gellight.frames import CameraFrame
+from gellight.lighting.timing import CameraTiming
 from gellight.v4l2.controls import V4l2Controls
 from gellight.v4l2.decoding import CorruptPictureError, decode
 from gellight.v4l2.device import Device
@@ -64,17 +65,20 @@ class V4l2Camera(Camera):
         return self._device.path
 
     @property
-    def timing(self) -> Timing:
+    def dating(self) -> Timing:
         """How the start of an exposure follows from a time stamp, as the camera is set now."""
-        exposure_us = self.controls.exposure_us
-        readout_us = self._options.readout_us
         return Timing(
             hardware_stamps=self._hardware_stamps,
             period_s=1 / self.mode.fps,
-            exposure_s=None if exposure_us is None else exposure_us * 1e-6,
-            delay_s=self._options.delay_us * 1e-6,
-            readout_s=None if readout_us is None else readout_us * 1e-6,
+            exposure_s=_seconds(self.controls.exposure_us),
+            delay_s=_seconds(self._options.delay_us),
+            readout_s=_seconds(self._options.readout_us),
         )
+
+    @property
+    def timing(self) -> CameraTiming:
+        """Exposure, readout and period as they are now, with the doubt about each frame's start."""
+        return self.dating.for_light()
 
     @property
     def offers(self) -> tuple[Offer, ...]:
@@ -104,7 +108,7 @@ class V4l2Camera(Camera):
                 self.counts.corrupt += 1
                 continue
             self._prove()
-            time_s = self.timing.start_s(picture)
+            time_s = self.dating.start_s(picture)
             return CameraFrame(image=image, time_s=time_s, sequence=picture.sequence, source=self.url)
         raise StalledError(
             f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
@@ -130,3 +134,7 @@ def open_v4l2(url: str, *, kernel: Kernel | None = None) -> V4l2Camera:
     """Open the camera of a `v4l2://` URL, without reconnection or light; raises as `V4l2Camera` does."""
     path, options = parse_url(url)
     return V4l2Camera(path, options, url=url, kernel=kernel)
+
+
+def _seconds(microseconds: float | None) -> float | None:
+    return None if microseconds is None else microseconds * 1e-6
