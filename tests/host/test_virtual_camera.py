@@ -113,6 +113,35 @@ def test_exposure_and_gain_scale_the_picture_and_white_balance_its_colours(clien
     assert red < 0.7 < 0.95 < green < 1.05 < 1.3 < blue
 
 
+class OwnControls:
+    """Controls of a camera itself; its gain ends at 4."""
+
+    def __init__(self) -> None:
+        self.values = {"exposure_us": 8000.0, "gain": 1.0}
+
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.values)
+
+    def range(self, name: str) -> tuple[float, float, float]:
+        return (100.0, 30000.0, 100.0) if name == "exposure_us" else (1.0, 4.0, 0.1)
+
+    def read(self, name: str) -> float:
+        return self.values[name]
+
+    def set(self, name: str, value: float) -> float:
+        self.values[name] = value
+        return value
+
+
+def test_a_camera_with_controls_of_its_own_is_set_instead(client: UsbClient, camera: CardCamera) -> None:
+    camera.controls = OwnControls()
+    client.set_control(CAMERA, EXPOSURE, 4, 40)
+    client.set_control(PROCESSING, GAIN, 2, 112)
+    client.start()
+    assert settled(client).mean() == pytest.approx(camera.card.mean(), abs=2), "the picture is as the camera gives it"
+    assert camera.controls.values == {"exposure_us": 4000.0, "gain": 4.0}
+
+
 def test_a_new_value_acts_on_the_second_picture_after_it(sensor: VirtualSensor, client: UsbClient) -> None:
     client.start()
     settled(client)

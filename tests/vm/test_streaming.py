@@ -54,7 +54,7 @@ def test_controls_reach_the_device_hold_and_act(guest: Guest, one: VirtualSensor
         "auto_exposure": 1, "dynamic_frame_rate": 0, "exposure_us": 40, "gain": 4, "power_line": 0,
         "white_balance_k": 4600, "auto_white_balance": 0,
     }  # fmt: skip
-    assert found["ranges"]["gain"] == [0, 255, 1]
+    assert found["ranges"]["gain"] == [0, 112, 1]
     assert found["brighter"] == pytest.approx(0.5 * 1.25, rel=0.05)
 
 

@@ -37,7 +37,7 @@ CONTROLS = (
     Control(name="dynamic_frame_rate", unit=CAMERA_UNIT, selector=3, size=1, least=0, most=1, step=1, default=1),
     Control(name="exposure_us", unit=CAMERA_UNIT, selector=4, size=4, least=1, most=5000, step=1, default=80,
             automatic="auto_exposure"),
-    Control(name="gain", unit=PROCESSING_UNIT, selector=4, size=2, least=0, most=255, step=1, default=0),
+    Control(name="gain", unit=PROCESSING_UNIT, selector=4, size=2, least=0, most=112, step=1, default=0),
     Control(name="power_line", unit=PROCESSING_UNIT, selector=5, size=1, least=0, most=2, step=1, default=1),
     Control(name="white_balance_k", unit=PROCESSING_UNIT, selector=10, size=2, least=2800, most=6500, step=10,
             default=4600, automatic="auto_white_balance"),

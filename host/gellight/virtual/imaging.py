@@ -1,8 +1,12 @@
-"""How exposure, gain and white balance act on the picture, and what the camera's automatics do with them."""
+"""How exposure, gain and white balance act on the picture, and what the camera's automatics do with them.
+
+A camera that has these controls itself is set by them; the picture of any other is changed after it was taken.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.camera import CameraControls
 from gellight.virtual.controls import APERTURE_PRIORITY, ControlState
 
 NOMINAL_EXPOSURE, NOMINAL_WHITE_BALANCE_K = 80, 4600
@@ -28,6 +32,20 @@ def channel_gains(values: dict[str, int]) -> NDArray[np.float32]:
     level = values["exposure_us"] / NOMINAL_EXPOSURE * (1 + values["gain"] / 16)
     warmth = values["white_balance_k"] / NOMINAL_WHITE_BALANCE_K
     return np.array([level * warmth, level, level / warmth], np.float32)
+
+
+def set_up(camera: CameraControls, values: dict[str, int]) -> None:
+    """Set a camera that has controls of its own to the values, as near as its ranges allow."""
+    wanted = {
+        "exposure_us": values["exposure_us"] * 100.0,
+        "gain": 1 + values["gain"] / 16,
+        "white_balance_k": float(values["white_balance_k"]),
+    }
+    for name in wanted.keys() & set(camera.names()):
+        low, high, _ = camera.range(name)
+        nearest = min(max(wanted[name], low), high)
+        if camera.read(name) != nearest:
+            camera.set(name, nearest)
 
 
 def run_automatics(controls: ControlState, image: NDArray[np.uint8], period: int) -> None:

@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 from gellight.camera import Camera
 from gellight.frames import CameraFrame
@@ -18,7 +19,7 @@ from gellight.virtual.descriptors import (
 )  # fmt: skip
 from gellight.virtual.encoding import Mark, binned, to_jpeg, to_yuyv
 from gellight.virtual.faults import Faults
-from gellight.virtual.imaging import developed, run_automatics
+from gellight.virtual.imaging import developed, run_automatics, set_up
 from gellight.virtual.link import UsbLink
 from gellight.virtual.negotiation import HEADER_BYTES, Mode, Negotiation
 
@@ -98,16 +99,20 @@ class VideoFunction:
 
     def _expose(self, mode: Mode) -> tuple[dict[str, int], CameraFrame]:
         """Take the next picture at the negotiated rate, and let the automatics see it."""
+        self._values.append(self.controls.snapshot())
+        values = self._values[0]
+        if self._camera.controls is not None:
+            set_up(self._camera.controls, values)
         for _ in range(round(mode.interval / self._modes.intervals[0])):
             frame = self._camera.read()
             self._taken += 1
-        self._values.append(self.controls.snapshot())
-        values = self._values[0]
-        run_automatics(self.controls, developed(frame.image, values), mode.interval // 1000)
+        if self._camera.controls is None:
+            frame = replace(frame, image=developed(frame.image, values))
+        run_automatics(self.controls, frame.image, mode.interval // 1000)
         return values, frame
 
     def _encode(self, frame: CameraFrame, mode: Mode, values: dict[str, int]) -> bytes:
-        image = developed(binned(frame.image, self._modes.sizes[mode.size_index - 1]), values)
+        image = binned(frame.image, self._modes.sizes[mode.size_index - 1])
         if mode.format == MJPG:
             return to_jpeg(image, Mark(self._taken, frame.time_s, values["exposure_us"] * 100))
         return to_yuyv(image)
