@@ -28,6 +28,7 @@ HOST_DOORS = {
         "server.py",
         "messages.py",
         "decoding.py",
+        "encoding.py",
         "opencv_camera.py",
     },
     "onnxruntime": {"gelnet.py", "bench.py"},

@@ -19,6 +19,7 @@ from gellight.cli import (
     ring,
     selfcheck,
     sim,
+    virtual_sensor,
 )
 from gellight.cli import (
     run as run_verb,
@@ -53,6 +54,7 @@ app.add_typer(optimize.app, name="optimize")
 app.add_typer(ring.app)
 app.add_typer(firmware.app)
 app.command("sim")(sim.command)
+app.command("virtual-sensor")(virtual_sensor.command)
 
 
 def run() -> None:
