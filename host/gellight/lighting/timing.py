@@ -51,7 +51,7 @@ class CameraTiming:
 
 
 def timing_of(camera: "Camera", known: CameraTiming | None = None) -> CameraTiming:
-    """Return `known` (default: what the camera tells of itself) with the exposure that its controls tell, where they do.
+    """Return `known` (default: what the camera tells of itself) with the exposure its controls tell, where they do.
 
     Readout, frame period and the meaning of the stamp stay as known: `shutter_meter.measure_shutter` measures them.
     Raises InputError where the exposure is longer than the frame period.
