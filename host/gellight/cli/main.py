@@ -5,7 +5,25 @@ import sys
 
 import typer
 
-from gellight.cli import bench, calibrate, config, demo, firmware, optimize, reconstruct, ring, selfcheck, sim
+from gellight.cli import (
+    bench,
+    calibrate,
+    config,
+    demo,
+    doctor,
+    find,
+    firmware,
+    install_udev,
+    optimize,
+    reconstruct,
+    ring,
+    selfcheck,
+    sim,
+    virtual_sensor,
+)
+from gellight.cli import (
+    run as run_verb,
+)
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -23,6 +41,10 @@ def gellight() -> None:
 
 
 app.command("demo")(demo.command)
+app.command("run")(run_verb.command)
+app.command("find")(find.command)
+app.command("doctor")(doctor.command)
+app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
 app.add_typer(calibrate.app)
@@ -32,6 +54,7 @@ app.add_typer(optimize.app, name="optimize")
 app.add_typer(ring.app)
 app.add_typer(firmware.app)
 app.command("sim")(sim.command)
+app.command("virtual-sensor")(virtual_sensor.command)
 
 
 def run() -> None:

@@ -72,7 +72,7 @@ class Hold:
                 "or open the sensor that has one"
             )
         self._camera, self._ring = camera, camera.ring
-        self._timing = timing or CameraTiming()
+        self._timing = timing or camera.timing or CameraTiming()
         self._check = check
         self.discarded = 0
         """frames that were thrown away because they began before the light had settled"""

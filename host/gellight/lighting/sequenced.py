@@ -85,7 +85,7 @@ class SequencedCamera(Camera):
         self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
         self.ring = self._ring = camera.ring
         self.controls, self._camera, self.mode = camera.controls, camera, mode
-        self.timing, self._check = timing or timing_of(camera), check
+        self._timing, self._check = timing or timing_of(camera), check
         self._groups = [np.asarray(group, np.uint8) for group in groups]
         error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
         self.frames = frames or hold_frames(self.timing, locked=True, clock_error_s=error_s)
@@ -180,6 +180,11 @@ class SequencedCamera(Camera):
             self._ring.trim(phase_us=trim.phase_us, period=trim.period)
             self._trim = trim
             self.counters.trims += 1
+
+    @property
+    def timing(self) -> CameraTiming:
+        """Exposure, readout and period that the labels go by."""
+        return self._timing
 
     def stop(self) -> None:
         """End the sequence and give back the light of before (dark if there was none); the camera stays open."""

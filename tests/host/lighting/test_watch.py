@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -89,8 +90,10 @@ def test_on_the_simulated_sensor_no_clean_label_is_wrong_even_if_the_board_stand
 
 def test_the_exposure_of_the_timing_is_the_one_the_camera_tells() -> None:
     controls = SimpleNamespace(names=lambda: ("exposure_us",), read=lambda name: 5000.0)
-    assert timing_of(SimpleNamespace(controls=controls)).exposure_s == pytest.approx(0.005)
-    assert timing_of(SimpleNamespace(controls=None)) == CameraTiming()
+    assert timing_of(SimpleNamespace(controls=controls, timing=None)).exposure_s == pytest.approx(0.005)
+    assert timing_of(SimpleNamespace(controls=None, timing=None)) == CameraTiming()
+    known = CameraTiming(readout_s=0.02)
+    assert timing_of(SimpleNamespace(controls=controls, timing=known)) == replace(known, exposure_s=0.005)
     controls.read = lambda name: 50_000.0
     with pytest.raises(InputError, match="exposure of 50 ms is longer than the frame period of 33"):
-        timing_of(SimpleNamespace(controls=controls))
+        timing_of(SimpleNamespace(controls=controls, timing=None))
