@@ -60,10 +60,11 @@ class VirtualHand:
 def spread(seed: int, number: int) -> tuple[float, float, float]:
     """Return the `number`-th point in the unit cube of a sequence that fills it evenly, shifted by the seed.
 
-    The additive recurrence of Roberts (2018), with the real root g of g^4 = g + 1: every stretch of it is even.
+    Additive recurrences: that of Roberts (2018) in two dimensions, with the real root g of g^3 = g + 1, and the golden
+    ratio in the third. Every stretch of them is even.
     """
-    g = 1.2207440846057596
-    steps = np.array([1 / g, 1 / g**2, 1 / g**3])
+    g, golden = 1.324717957244746, (1 + 5**0.5) / 2
+    steps = np.array([1 / g, 1 / g**2, 1 / golden])
     shift: NDArray[np.float64] = np.random.default_rng(seed).random(3)
     u, v, w = ((shift + steps * number) % 1.0).tolist()
     return u, v, w

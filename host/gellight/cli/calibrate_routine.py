@@ -203,6 +203,8 @@ def _screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> "Renderabl
     progress = snapshot["progress"]
     if progress.get("done") is not None:
         lines.append(Text(f"{progress['done']} of {progress['wanted']} {progress['unit']}", style="cyan"))
+    if snapshot["awaiting"]:
+        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[snapshot["awaiting"]], style="bold green"))
     press = snapshot["press"]
     if press:
         circle = ", ".join(f"{press[k]:.1f}" for k in ("center_x_px", "center_y_px", "contact_radius_px"))
