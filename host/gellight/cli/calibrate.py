@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gellight.cli import calibrate_detect
+
 if TYPE_CHECKING:
     from gellight.presses import Ball, Press
     from gellight.training import Progress, Reference, TrainingOptions
@@ -18,6 +20,8 @@ app = typer.Typer(
     help="Train GelNet on ball presses, and measure what it is worth.",
     no_args_is_help=True,
 )
+
+app.command("detect")(calibrate_detect.command)
 
 Presses = Annotated[
     Path,
