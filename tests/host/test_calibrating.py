@@ -1,6 +1,7 @@
 """The calibration routine from end to end on the simulated sensor, and what it does with bad input."""
 
 import json
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -267,22 +268,24 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         again.join(20)
 
 
-def test_a_calibration_that_does_not_pass_replaces_nothing(
+def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
     calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    strict = options(tmp_path, limits=Limits(depth_mm=1e-5))
-    with camera() as sensor:
+    shutil.copytree(calibrated[0] / "state", tmp_path / "state")
+    place = tmp_path / "state/state.json"
+    state = json.loads(place.read_text())
+    place.write_text(json.dumps({**state, "finished": False, "checks": []}))
+    with camera(LIT) as sensor:
         assert sensor.stage is not None
-        routine = Routine(
-            sensor, strict, tmp_path / "state", hand=VirtualHand(sensor.stage), install=lambda bundle: 1 / 0
-        )
-        snapshot = finished(routine)
-    assert snapshot["step"] == "finished"
+        strict = options(tmp_path, limits=Limits(depth_mm=1e-5))
+        hand = VirtualHand(sensor.stage)
+        snapshot = finished(Routine(sensor, strict, tmp_path / "state", hand=hand, install=lambda bundle: 1 / 0))
+    assert snapshot["step"] == "finished", snapshot["problem"]
     assert not snapshot["verdict"]["passed"]
     assert "Nothing was replaced" in snapshot["verdict"]["text"]
     assert snapshot["bundle"] == ""
     assert not (tmp_path / "bundle").exists()
-    state = json.loads((tmp_path / "state/state.json").read_text())
+    state = json.loads(place.read_text())
     assert state["extra_presses"] > 0
     assert "fit" not in state["steps"]
 

@@ -15,10 +15,12 @@ BALL_DEPTHS_MM = (0.2, 2.0)
 alone would teach that brightness means slope."""
 DEPTH_POWER = 1.5
 """more light presses than deep ones: a deep one shows ten times the pixels"""
-MARGIN = 0.95
-"""of the contact radius: ball centres stay so far inside the picture that its border is reached, and hardly cut"""
-CHECK_MARGIN = 1.15
-"""a fresh press is whole"""
+MARGIN = 1.1
+"""in contact radii: a circle that the border of the picture cuts would be refused"""
+CHECK_MARGIN = 1.2
+STRETCH = 0.08
+"""so much of the even sequence falls beyond the border and is pressed at it: what lies outside of all presses is
+learnt worst"""
 BALL_RADIUS_MM = 4.0
 CHECK_SEED = 1000
 
@@ -50,6 +52,7 @@ class VirtualHand:
 
     def _press(self, seed: int, number: int, margin: float, size_mm: float, shape: tuple[int, int]) -> None:
         u, v, w = spread(seed, number)
+        u, v = (min(max((1 + 2 * STRETCH) * share - STRETCH, 0.0), 1.0) for share in (u, v))
         low, high = BALL_DEPTHS_MM
         depth = round(min(low + (high - low) * w**DEPTH_POWER, self._stage.max_depth_mm), 1)
         inside_mm = margin * sqrt(BALL_RADIUS_MM * depth)  # Hertz: the radius of the contact is sqrt(R d)
