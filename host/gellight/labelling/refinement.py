@@ -45,6 +45,14 @@ class Refined:
     coefficients: Array
     """(K, 3) the shared response"""
 
+    def record(self) -> dict[str, object]:
+        """Return what a bundle says of it."""
+        return {
+            "rms_shift_px": round(self.rms_shift_px, 3),
+            "offset_px": [round(float(value), 3) for value in self.offset],
+            "kept_images": self.kept,
+        }
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
@@ -127,11 +135,12 @@ def _normal_equations(fit: _Fit, ball: Ball, extent: tuple[float, float]) -> tup
 
 
 def _sum(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    return np.sum([part[0] for part in parts], axis=0), np.sum([part[1] for part in parts], axis=0)
+    square, right = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+    return np.asarray(square), np.asarray(right)
 
 
 def _solve(square: Array, right: Array) -> Array:
-    solution: Array = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), right)
+    solution: Array = np.asarray(np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), right), np.float64)
     return solution
 
 
