@@ -20,7 +20,17 @@ HOST_DOORS = {
         *("timing.py", "report.py"),
         "optimize.py",
     },
-    "cv2": {"camera.py", "presses.py", "pictures.py", "calibration.py", "server.py", "messages.py"},
+    "cv2": {
+        "camera.py",
+        "presses.py",
+        "pictures.py",
+        "calibration.py",
+        "server.py",
+        "messages.py",
+        "decoding.py",
+        "encoding.py",
+        "opencv_camera.py",
+    },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }
 

@@ -34,7 +34,9 @@ class SensorSettings(Section):
     """Which sensor."""
 
     url: str = Field(
-        default="sim://", min_length=1, description="where the camera is: `sim://`, a device, or a folder of images"
+        default="sim://",
+        min_length=1,
+        description="where the camera is: `sim://`, `auto`, `sensor://NAME`, `v4l2:///dev/...` or a folder of images",
     )
     calibration: str = Field(
         default="synthetic", min_length=1, description="calibration bundle: a folder, a .gelcal file, or `synthetic`"

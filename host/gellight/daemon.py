@@ -2,7 +2,8 @@
 
 The camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
 as dropped, so what comes out is as fresh as the machine allows. What ends either thread (the last image of a folder, a
-camera that fails) is raised where frames are waited for.
+camera that fails) is raised where frames are waited for. A sensor that was unplugged ends nothing: while it is away the
+status says so, and nobody gets a frame from before.
 """
 
 import logging
@@ -11,7 +12,7 @@ import time
 from types import TracebackType
 from typing import Self
 
-from gellight.camera import Camera, EndOfStream, PressStage
+from gellight.camera import Camera, EndOfStream, PressStage, ReconnectingError
 from gellight.errors import CameraError
 from gellight.frames import CameraFrame, TactileFrame
 from gellight.mailbox import Mailbox
@@ -40,6 +41,11 @@ class Daemon:
         self._delivered: Mailbox[TactileFrame] = Mailbox()
         self._stopping = threading.Event()
         self._error: str | None = None
+        self._away: str | None = None
+        self._newest = self._void = -1
+        """camera sequence numbers: the last that came, and the last from before the sensor was away"""
+        self._presence = threading.Lock()
+        """held while a frame is handed on or the sensor is found to be away"""
         jobs = [self._capture, self._reconstruct, *([self._check_now_and_then] if selfcheck else [])]
         self._threads = [threading.Thread(target=job, name=job.__name__.strip("_"), daemon=True) for job in jobs]
 
@@ -100,13 +106,19 @@ class Daemon:
             "sensor": self._camera.url,
             **self._statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
-            "error": self._error,
+            "error": self._error or self._away,
+            "camera": getattr(self._camera, "status", dict)(),
         }
 
     def _capture(self) -> None:
         try:
             while not self._stopping.is_set():
-                frame = self._camera.read()
+                try:
+                    frame = self._camera.read()
+                except ReconnectingError as error:
+                    self._leave(str(error))
+                    continue
+                self._away, self._newest = None, frame.sequence
                 self._statistics.note_captured(frame)
                 self._captured.put(frame)
         except Exception as error:
@@ -121,13 +133,26 @@ class Daemon:
                     number, frame = self._captured.take(number, POLL_S)
                 except TimeoutError:
                     continue
-                tactile = self._reconstructor.reconstruct(frame)
-                self._statistics.note_delivered(tactile, time.monotonic())
-                self._delivered.put(tactile)
+                self._deliver(self._reconstructor.reconstruct(frame))
         except Exception as error:
             self._note(error)
             self._delivered.close(error)
             self._stopping.set()
+
+    def _leave(self, why: str) -> None:
+        """Note that the sensor is away, and throw away what was not taken yet: it is not true any more."""
+        with self._presence:
+            if self._away is None:
+                logger.warning("%s", why)
+            self._away, self._void = why, self._newest
+            self._captured.clear()
+            self._delivered.clear()
+
+    def _deliver(self, frame: TactileFrame) -> None:
+        with self._presence:
+            if frame.camera_frame.sequence > self._void:
+                self._statistics.note_delivered(frame, time.monotonic())
+                self._delivered.put(frame)
 
     def _check_now_and_then(self) -> None:
         number = 0

@@ -14,11 +14,11 @@ from gellight.selfcheck import SelfCheckResult
 def open_session(settings: Settings) -> Daemon:
     """Return the daemon (not yet started) of the sensor and the calibration that `settings` name.
 
-    Raises CameraError, InputError, ConfigError or CalibrationError; the camera is closed again when something does
-    not fit.
+    Raises CameraError, BoardError, InputError, ConfigError or CalibrationError; the camera is closed again, and its
+    LEDs are dark, when something does not fit.
     """
     bundle = load_calibration(settings.sensor.calibration)
-    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
+    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), calibration=bundle)
     try:
         height, width = bundle.image_shape
         if camera.image_shape != bundle.image_shape:
