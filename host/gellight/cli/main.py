@@ -8,6 +8,7 @@ import typer
 from gellight.cli import (
     bench,
     calibrate,
+    calibrate_routine,
     config,
     demo,
     doctor,
@@ -47,6 +48,7 @@ app.command("doctor")(doctor.command)
 app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
+calibrate_routine.attach(calibrate.app)
 app.add_typer(calibrate.app)
 app.command("bench")(bench.command)
 app.add_typer(config.app, name="config")
