@@ -21,12 +21,16 @@ static void send_event(struct controller *controller, enum event type, const voi
         controller->counters.events_dropped++;
 }
 
-static void report_light(struct controller *controller, uint64_t first_bit_us, uint64_t latched_us)
+struct latched {
+    uint64_t first_bit_us, latched_us;
+};
+
+static void report_light(struct controller *controller, const struct latched *latched)
 {
     const struct port *port = controller->port;
     struct light_event event = {
-        .first_bit_us = first_bit_us,
-        .latched_us = latched_us,
+        .first_bit_us = latched->first_bit_us,
+        .latched_us = latched->latched_us,
         .light_id = controller->shown_id,
         .repetition = controller->shown.repetition,
         .loop = controller->shown.loop,
@@ -71,8 +75,9 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     if (!ring_limit(&controller->limits, limited, &scale))
         return false;
     ring_wire_order(limited, slot->wire);
-    slot->current_ma = ring_current_ma(&controller->limits, limited);
-    slot->shines = ring_current_ua(&controller->limits, limited) > LED_COUNT * controller->limits.quiescent_ua;
+    uint32_t current_ua = ring_current_ua(&controller->limits, limited);
+    slot->current_ma = ring_ma(current_ua);
+    slot->shines = current_ua > LED_COUNT * controller->limits.quiescent_ua;
     slot->busy = true;
     return true;
 }
@@ -115,19 +120,21 @@ static void darken(struct controller *controller, enum dark reason)
     report_dark(controller);
 }
 
-static void finish_light(struct controller *controller)
+/* Take note of a light that was latched; false if none was. */
+static bool finish_light(struct controller *controller, struct latched *latched)
 {
     const struct port *port = controller->port;
     struct controller_slot *slot = &controller->slot;
-    uint64_t first_bit_us = 0, latched_us = 0;
-    enum port_light result = slot->busy ? port->light_result(port->context, &first_bit_us, &latched_us) : PORT_LIGHT_NONE;
+    enum port_light result = PORT_LIGHT_NONE;
+    if (slot->busy)
+        result = port->light_result(port->context, &latched->first_bit_us, &latched->latched_us);
     if (result == PORT_LIGHT_DISTURBED) {
         controller->counters.lights_disturbed++;
         slot->start_us = 0;
         hand_over(controller);
     }
     if (result != PORT_LIGHT_LATCHED)
-        return;
+        return false;
     slot->busy = false;
     controller->counters.lights++;
     controller->shown = slot->at;
@@ -137,10 +144,10 @@ static void finish_light(struct controller *controller)
     if (slot->shines)
         controller->dark = DARK_NOT_DARK;
     if (slot->began && controller->sequencer.running)
-        sequencer_began(&controller->sequencer, first_bit_us);
+        sequencer_began(&controller->sequencer, latched->first_bit_us);
     if (!controller->sequencer.running)
         port->trigger(port->context, false, false);
-    report_light(controller, first_bit_us, latched_us);
+    return true;
 }
 
 static void plan_still(struct controller *controller)
@@ -264,15 +271,19 @@ void controller_start(struct controller *controller, const struct port *port)
     controller_poll(controller);
 }
 
+/* The next light is planned before the last one is reported: its time may be near, the report can wait. */
 void controller_poll(struct controller *controller)
 {
-    finish_light(controller);
+    struct latched latched;
+    bool finished = finish_light(controller, &latched);
     watch_host(controller);
     watch_trigger(controller);
     if (!controller->slot.busy && controller->still_wanted)
         plan_still(controller);
     else if (!controller->slot.busy && controller->sequencer.running)
         plan_sequence(controller);
+    if (finished)
+        report_light(controller, &latched);
     report_telemetry(controller);
     watch_restart(controller);
 }

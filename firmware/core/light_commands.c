@@ -6,9 +6,8 @@
 static enum status limit(struct call *call, uint8_t colours[COLOUR_BYTES], uint16_t *current_ma, uint16_t *scale)
 {
     const struct ring_limits *limits = &call->controller->limits;
-    uint16_t asked_ma = ring_current_ma(limits, colours);
     if (!ring_limit(limits, colours, scale))
-        return refuse(call, STATUS_OVER_CURRENT, asked_ma);
+        return refuse(call, STATUS_OVER_CURRENT, ring_current_ma(limits, colours));
     *current_ma = ring_current_ma(limits, colours);
     return STATUS_OK;
 }
@@ -72,16 +71,14 @@ enum status handle_set_step(struct call *call)
 static enum status playable(struct call *call, const struct sequencer_table *table, uint8_t step_count)
 {
     const struct controller *controller = call->controller;
+    const struct ring_limits *limits = &controller->limits;
     for (uint8_t i = 0; i < step_count; i++) {
         const struct set_step *step = &table->steps[i];
-        uint8_t colours[COLOUR_BYTES];
-        uint16_t current_ma, scale;
+        const uint8_t *colours = table->groups[step->group];
         if (!step->repeat || (controller->sync.mode == SYNC_MODE_FREE && !step->dwell_us))
             return refuse(call, STATUS_OUT_OF_RANGE, i);
-        bytes_copy(colours, table->groups[step->group], COLOUR_BYTES);
-        enum status status = limit(call, colours, &current_ma, &scale);
-        if (status != STATUS_OK)
-            return status;
+        if (limits->policy == POLICY_REJECT && !ring_within(limits, colours))
+            return refuse(call, STATUS_OVER_CURRENT, ring_current_ma(limits, colours));
     }
     return STATUS_OK;
 }

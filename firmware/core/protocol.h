@@ -7,7 +7,7 @@
 
 #define PROTOCOL_MAJOR 1u
 #define PROTOCOL_MINOR 0u
-#define SCHEMA_CRC 0x11ce64d2u
+#define SCHEMA_CRC 0xbf1d6217u
 #define LED_COUNT 12u
 #define COLOUR_BYTES 36u
 #define GROUP_COUNT 16u
@@ -17,7 +17,7 @@
 #define EVENT 64u
 #define TICK_HZ 1000000u
 #define WIRE_US 360u
-#define DWELL_MIN_US 1000u
+#define DWELL_MIN_US 2000u
 #define DWELL_MAX_US 60000000u
 #define CURRENT_CAP_MA 450u
 #define CURRENT_CAP_EXTERNAL_MA 2000u

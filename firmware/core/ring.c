@@ -24,9 +24,22 @@ uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours
     return quiescent_ua(limits) + channels_ua(limits, sum(colours));
 }
 
+uint16_t ring_ma(uint32_t current_ua)
+{
+    return (uint16_t)((current_ua + 999u) / 1000u);
+}
+
 uint16_t ring_current_ma(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
 {
-    return (uint16_t)((ring_current_ua(limits, colours) + 999u) / 1000u);
+    return ring_ma(ring_current_ua(limits, colours));
+}
+
+/* Without a division: a processor that has none would spend most of a sequence's time on it. */
+bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
+{
+    uint32_t limit_ua = limits->limit_ma * 1000u;
+    return quiescent_ua(limits) <= limit_ua &&
+           sum(colours) * limits->channel_ua <= (limit_ua - quiescent_ua(limits)) * 255u;
 }
 
 /* The factor that brings a sum of values to what the limit leaves for them, in 1 / FULL_SCALE. */
@@ -43,7 +56,7 @@ static uint16_t scale_for(const struct ring_limits *limits, uint32_t values)
 bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale)
 {
     *scale = FULL_SCALE;
-    if (ring_current_ua(limits, colours) <= limits->limit_ma * 1000u)
+    if (ring_within(limits, colours))
         return true;
     if (limits->policy == POLICY_REJECT)
         return false;

@@ -17,6 +17,10 @@ struct ring_limits {
 
 uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
 uint16_t ring_current_ma(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
+uint16_t ring_ma(uint32_t current_ua); /* rounded up */
+
+/* Whether the light needs no more than the limit: exactly where ring_current_ua() says so. */
+bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
 
 /*
  * Bring colours under the limit: false if they are above it and the policy is to reject.

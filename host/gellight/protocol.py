@@ -39,7 +39,8 @@ EVENT = 0x40
 TICK_HZ = 1_000_000
 WIRE_US = 360
 """12 LEDs of 24 bits of 1.25 us"""
-DWELL_MIN_US = 1_000
+DWELL_MIN_US = 2_000
+"""the light takes 660 us on the wire and to latch, and the longest command holds the board up for less than the rest"""
 DWELL_MAX_US = 60_000_000
 CURRENT_CAP_MA = 450
 """the most that a USB port may be asked for, unless the board has its own supply"""

@@ -137,7 +137,7 @@ class CoreModel:
             if not low <= value <= high:
                 return Status.OUT_OF_RANGE, value, None
         for duration in (record.dwell_us, record.blank_us):
-            if duration and not 1000 <= duration <= 60_000_000:
+            if duration and not 2000 <= duration <= 60_000_000:
                 return Status.OUT_OF_RANGE, duration, None
         self.staged.steps[record.step] = record
         return OK
@@ -199,7 +199,7 @@ class CoreModel:
         self.running = True
         self._showings = self.active.showings()
         if self.mode == SyncMode.FREE:
-            self._planned = self._free(self.now_us + 1000)
+            self._planned = self._free(self.now_us + 2000)
             self._next = next(self._planned)
         return OK
 

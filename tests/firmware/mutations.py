@@ -53,7 +53,7 @@ IMAGE = (
 
 LOGIC = (
     Mutation("no blank on timeout", f"{CORE}/controller.c", "    darken(controller, DARK_HOST_SILENT);", ""),
-    Mutation("limit off", f"{CORE}/ring.c", "<= limits->limit_ma * 1000u)", "<= 4000000u)"),
+    Mutation("limit off", f"{CORE}/ring.c", "(limit_ua - quiescent_ua(limits)) * 255u", "4000000000u"),
     Mutation("scale too generous", f"{CORE}/ring.c", "left_ua / limits->channel_ua * 255u", "left_ua / limits->channel_ua * 256u"),
     Mutation("repeats executed", f"{CORE}/controller.c", "request->sequence == kept->sequence", "false"),
     Mutation("hello from the cache", f"{CORE}/controller.c", "request->type != COMMAND_HELLO && ", ""),

@@ -193,14 +193,14 @@ def test_a_lower_limit_darkens_what_is_above_it(core: VirtualBoard) -> None:
 
 
 def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 2, 3000, 1500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
+    load(core, [RED, GREEN], [p.SetStep(0, 0, 2, 3000, 2500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
     sync(core, SyncMode.FREE)
     core.ok("START")
-    start = core.now_us + 1000
+    start = core.now_us + 2000
     core.advance(60_000)
-    pass_ = [(0, RED), (3000, BLACK), (4500, RED), (7500, BLACK), (9000, GREEN)]
-    expected = [(start + at + 14_000 * k, colours) for k in range(2) for at, colours in pass_]
-    expected.append((start + 28_000, BLACK))
+    pass_ = [(0, RED), (3000, BLACK), (5500, RED), (8500, BLACK), (11_000, GREEN)]
+    expected = [(start + at + 16_000 * k, colours) for k in range(2) for at, colours in pass_]
+    expected.append((start + 32_000, BLACK))
     assert [(at, colours) for at, _, colours in core.lights()[1:]] == expected
     assert status(core).dark == Dark.SEQUENCE_ENDED
     assert counters(core).late_steps == 0
@@ -210,7 +210,7 @@ def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> Non
     load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
     sync(core, SyncMode.FREE)
     core.ok("START")
-    start = core.now_us + 1000
+    start = core.now_us + 2000
     core.ok("TRIM", p.Trim(250, round(3.3e-5 * 2**32)))
     for _ in range(10):
         core.advance(200_000)
