@@ -143,6 +143,7 @@ class Watch:
     """Time the stages of one frame."""
 
     def __init__(self) -> None:
+        """Start now."""
         self.seconds: dict[str, float] = {}
         self._last = time.perf_counter()
 

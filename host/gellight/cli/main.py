@@ -5,7 +5,19 @@ import sys
 
 import typer
 
-from gellight.cli import bench, calibrate, config, demo, firmware, optimize, reconstruct, ring, selfcheck, sim
+from gellight.cli import (
+    bench,
+    calibrate,
+    calibrate_lights,
+    config,
+    demo,
+    firmware,
+    optimize,
+    reconstruct,
+    ring,
+    selfcheck,
+    sim,
+)
 from gellight.errors import GellightError
 
 app = typer.Typer(
@@ -25,6 +37,7 @@ def gellight() -> None:
 app.command("demo")(demo.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
+calibrate.app.command("lights")(calibrate_lights.command)
 app.add_typer(calibrate.app)
 app.command("bench")(bench.command)
 app.add_typer(config.app, name="config")

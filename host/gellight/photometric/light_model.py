@@ -12,7 +12,6 @@ unknown factor rho takes it up. So R_k is kept as exp(polynomial of the position
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -50,7 +49,7 @@ class LightModel:
     brightest_grey: float = 0.0
     """of one LED in its own channel, above black, as measured"""
     pattern_residual: float = 0.0
-    """root mean square of what the polynomials miss, as a share of R; of this much the noise of the pictures is part"""
+    """root mean square of what the polynomials miss over 8 x 8 pixels, as a share of R"""
 
     def references(self, dtype: type[np.floating] = np.float32) -> NDArray[np.floating]:
         """(K, H, W) R_k in grey levels."""
@@ -76,11 +75,11 @@ class LightModel:
 
     def unmixing(self, group: NDArray[np.uint8]) -> tuple[list[int], Array]:
         """Return which LEDs a light group (K, 3) lights and the (LEDs, 3) matrix from light to their signals."""
-        lit = np.flatnonzero(group.any(axis=1)).tolist()
+        lit: list[int] = np.flatnonzero(group.any(axis=1)).tolist()
         channels = [self.ring.channels[led] for led in lit]
         if len(set(channels)) != len(channels):
             raise ValueError(f"LEDs {lit} of one light group have the same colour: a camera cannot tell them apart")
-        return cast("list[int]", lit), np.linalg.pinv(self.crosstalk[:, channels])
+        return lit, np.asarray(np.linalg.pinv(self.crosstalk[:, channels]), np.float64)
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,9 @@ def signals_of(
     deviation = np.zeros(leds)
     total = np.zeros((3, pixels), np.float32)
     for group, taken in zip(groups, pictures, strict=True):
-        light = sum((model.linear(image) for image in taken), np.zeros((3, pixels), np.float32)) / np.float32(len(taken))
+        light = sum((model.linear(image) for image in taken), np.zeros((3, pixels), np.float32)) / np.float32(
+            len(taken)
+        )
         unclipped = np.all([image.reshape(-1, 3).max(axis=1) < CLIPPED for image in taken], axis=0)
         total += light
         lit, matrix = model.unmixing(group)

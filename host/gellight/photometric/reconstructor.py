@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from gellight.calibration import Calibration
 from gellight.contact import THRESHOLD_MM, find_contact
-from gellight.frames import ExposureReport, TactileFrame
+from gellight.errors import InputError
+from gellight.frames import CameraFrame, ExposureReport, TactileFrame
 from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.photometric import static_scene
 from gellight.photometric.light_model import Bools, Floats, LightModel, Signals, signals_of
@@ -57,7 +58,9 @@ class PhotometricReconstructor:
         calibration are of different image sizes.
         """
         if model.image_shape != calibration.image_shape:
-            raise ValueError(f"the lights are for {model.image_shape} pixels, the calibration {calibration.image_shape}")
+            raise ValueError(
+                f"the lights are for {model.image_shape} pixels, the calibration {calibration.image_shape}"
+            )
         self.calibration = calibration
         self.model = model
         self.smoothing_px = smoothing_px
@@ -73,26 +76,31 @@ class PhotometricReconstructor:
         """Return the mode and what the last series said about its scene, ready for JSON."""
         return {"mode": "photometric", "exposures": self._last.as_json() if self._last else None}
 
-    def reconstruct(self, series: ExposureSeries) -> TactileFrame:
+    def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Reconstruct gradient, normal and depth map and the contact from one series.
 
         The frame carries a report: whether the scene rested, and how many lights each pixel saw. Its picture is the sum
-        of the exposures, that is what the whole ring would show at once.
+        of the exposures, that is what the whole ring would show at once. Raises InputError for what is no series.
         """
-        watch = Watch()
+        if not isinstance(camera_frame, ExposureSeries):
+            raise InputError(
+                f"{camera_frame.source or 'the image'} is one picture, photometric stereo needs one for each light group: "
+                "use --mode network"
+            )
+        series, watch = camera_frame, Watch()
         noise = self.calibration.manifest.noise_grey
         signals = signals_of(series.pictures, series.groups, self.model, noise)
         watch.lap("signals")
         scaled = np.einsum("kip,kp->ip", self._projection, signals.grey)
         gradient_map = self._gradient_map(scaled)
         watch.lap("slopes")
-        depth = self._depth(gradient_map, signals)
+        depth = self._depth(gradient_map, scaled, signals)
         watch.lap("depth")
         used, predicted = signals.valid, signals.grey
         for _ in range(REFINEMENTS):
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map = self._gradient_map(scaled)
-            depth = self._depth(gradient_map, signals)
+            depth = self._depth(gradient_map, scaled, signals)
         watch.lap("refined")
         self._last = report = self._report(series, signals, used, predicted)
         watch.lap("still")
@@ -116,23 +124,27 @@ class PhotometricReconstructor:
         planes = slopes(scaled).reshape(2, *self._shape)
         return smoothed(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32), self.smoothing_px)
 
-    def _depth(self, gradient_map: Floats, signals: Signals) -> Floats:
-        rest = far_from_touch(self._touched(gradient_map, signals))
+    def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
+        rest = far_from_touch(self._touched(gradient_map, scaled, signals))
         depth = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=rest)
         return depth.astype(np.float32, copy=False)
 
-    def _touched(self, gradient_map: Floats, signals: Signals) -> Bools:
+    def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
         height, width = (n // _CELL * _CELL for n in self._shape)
-        cells = gradient_map[:height, :width].reshape(height // _CELL, _CELL, width // _CELL, _CELL, 2).mean(axis=(1, 3))
-        noise = float(signals.deviation.max()) * self._slope_noise / _CELL
+        cells = (
+            gradient_map[:height, :width].reshape(height // _CELL, _CELL, width // _CELL, _CELL, 2).mean(axis=(1, 3))
+        )
+        # The length of the scaled normal is the exposure in units of that of the light model.
+        brightness = max(float(np.median(scaled[2, ::97])), 1e-3)
+        noise = float(signals.deviation.max()) * self._slope_noise / brightness / _CELL
         standing = (np.abs(cells) > _SIGNIFICANT * noise).any(axis=2)
         touched = np.zeros(self._shape, np.bool_)
         touched[:height, :width] = np.repeat(np.repeat(standing, _CELL, axis=0), _CELL, axis=1)
         return touched
 
     def _refined(self, scaled: Floats, depth: Floats, signals: Signals) -> tuple[Floats, Bools, Floats]:
-        """Solve again where the gel is not flat or a light is missing; return scaled normals, lights used, predictions."""
+        """Solve again where gel is not flat or a light is missing; return scaled normals, lights used, predictions."""
         scaled, used = scaled.copy(), signals.valid.copy()
         predicted = predict(self._flat_rows, scaled)
         heights = depth.reshape(-1)
@@ -181,6 +193,6 @@ def gel_points(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float])
 def _flat_solution(rows: NDArray[np.floating]) -> tuple[Floats, float]:
     """Return the (K, 3, P) product that solves every pixel with all lights, and its slope noise per grey level."""
     inverted = inverse(normal_matrix(rows, rows))
-    # n / n_z of the flat gel: a grey level of noise in each light gives the square root of this in a slope, rho being 1.
+    # n / n_z of the flat gel: a grey level of noise in each light is the root of this in a slope, rho being 1.
     noise = float(np.sqrt(max(np.median(inverted[0, 0]), np.median(inverted[1, 1]))))
     return np.ascontiguousarray(np.einsum("ijp,kjp->kip", inverted, rows), np.float32), noise

@@ -37,8 +37,8 @@ class RingGeometry:
         """Refuse a ring that cannot light the gel."""
         if self.height_mm <= 0 or self.ring_radius_mm <= 0:
             raise ConfigError(
-                f"LEDs {self.height_mm:g} mm above the gel on a radius of {self.ring_radius_mm:g} mm: both must be above "
-                "0; correct camera_height_mm, mounting_height_mm and ring_radius_mm in [geometry]"
+                f"LEDs {self.height_mm:g} mm above the gel on a radius of {self.ring_radius_mm:g} mm: both must be "
+                "above 0; correct camera_height_mm, mounting_height_mm and ring_radius_mm in [geometry]"
             )
         if any(self.led_colours.count(colour) == 0 for colour in "RGB"):
             raise ConfigError(f"led_colours {self.led_colours!r}: photometric stereo needs red, green and blue LEDs")

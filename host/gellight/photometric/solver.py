@@ -80,7 +80,8 @@ def solve_robustly(signals: Floats, rows: Floats, valid: Bools, deviation: Float
 
     A light counts as shadowed where its signal is below the prediction by more than `SHADOW_SHARE` of it and four
     standard deviations (`deviation`, (K,)): what darkens a picture beyond its noise is an occluder, while nothing
-    brightens it. Points that would keep fewer than three lights stay as they are. Returns (3, N) and what was used (K, N).
+    brightens it. Points that would keep fewer than three lights stay as they are. Returns (3, N) and what was
+    used (K, N).
     """
     scaled = solve(signals, rows, valid)
     predicted = predict(rows, scaled)
@@ -120,7 +121,7 @@ def _times(matrix: Floats, vector: Floats) -> Floats:
 
 
 def slopes(scaled: Floats) -> Floats:
-    """Return (2, N) d(depth)/dx, d(depth)/dy from scaled normals (3, N), bounded to `STEEPEST`; 0 where there is none."""
+    """Return (2, N) d(depth)/dx, d(depth)/dy from scaled normals (3, N), bounded by `STEEPEST`; 0 where none."""
     sideways = np.hypot(scaled[0], scaled[1])
     upright = np.maximum(scaled[2], sideways / STEEPEST)
-    return np.divide(-scaled[:2], upright, out=np.zeros_like(scaled[:2]), where=upright > 0)
+    return np.asarray(np.divide(-scaled[:2], upright, out=np.zeros_like(scaled[:2]), where=upright > 0))

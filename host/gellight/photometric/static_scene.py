@@ -46,7 +46,9 @@ def repetition_limit(noise_grey: float) -> float:
     return float(LIMIT_DEVIATIONS * np.sqrt(2 * (noise_grey**2 + 1 / 12)) / BLOCK_PX)
 
 
-def misfit(signals: Floats, valid: Bools, predicted: Floats, deviation: NDArray[np.float64], shape: tuple[int, int]) -> float:
+def misfit(
+    signals: Floats, valid: Bools, predicted: Floats, deviation: NDArray[np.float64], shape: tuple[int, int]
+) -> float:
     """Return by how much blocks of signals (K, P) differ from their prediction at worst, 1 being the limit.
 
     Only blocks that every light reached are judged: at the edge of a shadow a mean is of two scenes.
