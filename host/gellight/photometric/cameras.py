@@ -27,7 +27,8 @@ LOOK_EVERY = 5
 """frames between two looks at whether the scene rests"""
 LOOKS_AT_REST = 3
 """so many looks in a row without a change are a scene at rest"""
-MEASURE_EVERY_S = 3.0
+MEASURE_EVERY_S = 10.0
+"""from the end of one series to the next: what the stream pauses for stays a small share"""
 
 
 class RingCamera(Camera):
@@ -147,8 +148,9 @@ class RestingCamera(RingCamera):
             self._look(frame)
         if self._looks_at_rest < LOOKS_AT_REST or time.monotonic() < self._due_s:
             return replace(frame, sequence=self._numbered(frame))
+        series = self._series(frame)
         self._due_s = time.monotonic() + MEASURE_EVERY_S
-        return self._series(frame)
+        return series
 
     def _look(self, frame: CameraFrame) -> None:
         small = _small(frame.image)

@@ -7,16 +7,21 @@ columns of C whose colours are lit.
 
 Pattern. R_k, the light of LED k on the untouched gel, differs from LED to LED only in how it falls off: what they have
 in common, such as the tint and dirt of the coating and the vignetting of the lens, cancels in photometric stereo, whose
-unknown factor rho takes it up. So R_k is kept as exp(polynomial of the position), which has no noise and no pixels.
+unknown factor rho takes it up. So R_k is kept as exp(polynomial of the position), which has no noise and no pixels. It
+is kept twice: as it is found in pictures of single LEDs, and in pictures of three, taken apart by the same unmixing
+that is used later. So an error of the crosstalk or of gamma, which would tilt and bend a gel at rest, cancels there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
+from gellight.light_groups import colour_triples, single_leds
 from gellight.photometric.ring_geometry import RingGeometry
 
 Array = NDArray[np.float64]
@@ -29,6 +34,15 @@ DEGREE = 8
 """of the pattern's polynomial; the paper's sensor is met to 0.03 % at every pixel"""
 
 
+class LightGroups(StrEnum):
+    """What is lit together in one exposure."""
+
+    TRIPLES = "triples"
+    """a red, a green and a blue LED: 4 exposures for 12 LEDs"""
+    SINGLES = "singles"
+    """one LED: 12 exposures"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class LightModel:
     """The light of a sensor."""
@@ -37,7 +51,7 @@ class LightModel:
     colours: NDArray[np.uint8]
     """(K, 3) RGB of each LED while it was measured, and is to be lit"""
     image_shape: tuple[int, int]
-    pattern: Array
+    patterns: Mapping[LightGroups, Array]
     """(K, d + 1, d + 1) Chebyshev coefficients of log R_k, R_k in grey levels, rows and columns from -1 to 1"""
     crosstalk: Array
     """(3, 3): column = colour of the LED, row = channel, 1 on the diagonal"""
@@ -51,12 +65,17 @@ class LightModel:
     pattern_residual: float = 0.0
     """root mean square of what the polynomials miss over 8 x 8 pixels, as a share of R"""
 
-    def references(self, dtype: type[np.floating] = np.float32) -> NDArray[np.floating]:
-        """(K, H, W) R_k in grey levels."""
-        degree = self.pattern.shape[1] - 1
+    def groups(self, kind: LightGroups) -> NDArray[np.uint8]:
+        """(G, K, 3) uint8: which LEDs are lit together."""
+        return colour_triples(self.colours) if kind is LightGroups.TRIPLES else single_leds(self.colours)
+
+    def references(self, kind: LightGroups) -> Array:
+        """(K, H, W) R_k in grey levels, as pictures of such groups show them."""
+        pattern = self.patterns[kind]
+        degree = pattern.shape[1] - 1
         down, across = (chebyshev.chebvander(np.linspace(-1, 1, n), degree) for n in self.image_shape)
-        logs = np.einsum("hi,kij,wj->khw", down, self.pattern, across, optimize=True)
-        return np.asarray(np.exp(logs), dtype)
+        logs = np.einsum("hi,kij,wj->khw", down, pattern, across, optimize=True)
+        return np.asarray(np.exp(logs))
 
     def linear(self, image: NDArray[np.uint8]) -> Floats:
         """(H, W, 3) uint8 -> (3, H * W) light in grey levels of a linear camera, 0 at black."""
@@ -75,11 +94,16 @@ class LightModel:
 
     def unmixing(self, group: NDArray[np.uint8]) -> tuple[list[int], Array]:
         """Return which LEDs a light group (K, 3) lights and the (LEDs, 3) matrix from light to their signals."""
-        lit: list[int] = np.flatnonzero(group.any(axis=1)).tolist()
-        channels = [self.ring.channels[led] for led in lit]
-        if len(set(channels)) != len(channels):
-            raise ValueError(f"LEDs {lit} of one light group have the same colour: a camera cannot tell them apart")
-        return lit, np.asarray(np.linalg.pinv(self.crosstalk[:, channels]), np.float64)
+        return unmixing(group, self.ring, self.crosstalk)
+
+
+def unmixing(group: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> tuple[list[int], Array]:
+    """Return which LEDs a light group (K, 3) lights, and the (LEDs, 3) matrix that takes their light apart."""
+    lit: list[int] = np.flatnonzero(group.any(axis=1)).tolist()
+    channels = [ring.channels[led] for led in lit]
+    if len(set(channels)) != len(channels):
+        raise ValueError(f"LEDs {lit} of one light group have the same colour: a camera cannot tell them apart")
+    return lit, np.asarray(np.linalg.pinv(crosstalk[:, channels]), np.float64)
 
 
 @dataclass(frozen=True)
@@ -98,6 +122,9 @@ class Signals:
 
 SHADOW_DEVIATIONS = 3.0
 """a signal at most so many standard deviations above black is a shadow"""
+SHADOW_PX = 5
+"""over so many pixels a side the signal is averaged before it is judged: to leave out single dim pixels because noise
+made them dimmer would make the others of their kind too bright on average, and bend a gel at rest"""
 
 
 def signals_of(
@@ -119,11 +146,13 @@ def signals_of(
         light = sum((model.linear(image) for image in taken), np.zeros((3, pixels), np.float32)) / np.float32(
             len(taken)
         )
-        unclipped = np.all([image.reshape(-1, 3).max(axis=1) < CLIPPED for image in taken], axis=0)
+        unclipped = np.all([(image < CLIPPED)[..., c] for image in taken for c in range(3)], axis=0).ravel()
         total += light
         lit, matrix = model.unmixing(group)
         noise = np.sqrt((noise_grey**2 + 1 / 12) / len(taken))
         deviation[lit] = noise * np.linalg.norm(matrix, axis=1)
         found[lit] = matrix.astype(np.float32) @ light
-        valid[lit] = (found[lit] > SHADOW_DEVIATIONS * deviation[lit, None]) & unclipped
+        for led in lit:
+            around = uniform_filter(found[led].reshape(model.image_shape), SHADOW_PX).ravel()
+            valid[led] = (around > SHADOW_DEVIATIONS / SHADOW_PX * deviation[led]) & unclipped
     return Signals(found, valid, deviation, total)

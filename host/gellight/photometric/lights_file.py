@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from gellight.calibration import Calibration, extend_calibration
 from gellight.errors import CalibrationError
-from gellight.photometric.light_model import LightModel
+from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.ring_geometry import RingGeometry
 
 FILE_NAME = "lights.json"
@@ -34,15 +34,17 @@ class LightRecord(BaseModel):
     exposure_us: Annotated[float, Field(gt=0)] | None
     brightest_grey: Annotated[float, Field(ge=0)]
     pattern_residual: Annotated[float, Field(ge=0)]
-    pattern: list[list[list[Number]]]
+    patterns: dict[LightGroups, list[list[list[Number]]]]
 
     @model_validator(mode="after")
     def _is_one_ring(self) -> "LightRecord":
         leds = len(str(self.ring.get("led_colours", "")))
-        if not leds == len(self.colours) == len(self.pattern) or len(self.crosstalk) != 3:
-            raise ValueError(f"{leds} LEDs, {len(self.colours)} colours and {len(self.pattern)} patterns")
-        if np.array(self.pattern).ndim != 3:
-            raise ValueError("the patterns are of different degrees")
+        if leds != len(self.colours) or len(self.crosstalk) != 3 or set(self.patterns) != set(LightGroups):
+            raise ValueError(f"{leds} LEDs, {len(self.colours)} colours, patterns for {', '.join(self.patterns)}")
+        for kind, pattern in self.patterns.items():
+            rows = {len(row) for led in pattern for row in led} | {len(led) for led in pattern}
+            if len(pattern) != leds or len(rows) != 1:
+                raise ValueError(f"{len(pattern)} patterns of {kind} for {leds} LEDs, or not all of one degree")
         return self
 
 
@@ -83,7 +85,7 @@ def _model(record: LightRecord) -> LightModel:
         ring=RingGeometry(**ring),
         colours=np.array(record.colours, np.uint8),
         image_shape=(record.image_height_px, record.image_width_px),
-        pattern=np.array(record.pattern),
+        patterns={kind: np.array(values) for kind, values in record.patterns.items()},
         crosstalk=np.array(record.crosstalk),
         black_grey=np.array(record.black_grey),
         gamma=record.gamma,
@@ -106,6 +108,6 @@ def _record(model: LightModel) -> LightRecord:
             "exposure_us": model.exposure_us,
             "brightest_grey": model.brightest_grey,
             "pattern_residual": model.pattern_residual,
-            "pattern": model.pattern.round(7).tolist(),
+            "patterns": {kind: values.round(7).tolist() for kind, values in model.patterns.items()},
         }
     )

@@ -3,16 +3,12 @@
 from enum import StrEnum
 from math import floor
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gellight.calibration import Calibration
 from gellight.camera import Camera
 from gellight.config import ReconstructionSettings
-from gellight.light_groups import colour_triples, single_leds
 from gellight.photometric.cameras import EXPOSURE, RestingCamera, SeriesCamera
 from gellight.photometric.hybrid import HybridReconstructor
-from gellight.photometric.light_model import LightModel
+from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.lights_file import read_lights
 from gellight.photometric.reconstructor import PhotometricReconstructor
 from gellight.pipeline import FramePath, Reconstructor
@@ -33,13 +29,6 @@ class Mode(StrEnum):
     HYBRID = "hybrid"
 
 
-class LightGroups(StrEnum):
-    """What is lit together in one exposure of photometric stereo."""
-
-    TRIPLES = "triples"
-    SINGLES = "singles"
-
-
 def tactile_path(
     camera: Camera, calibration: Calibration, settings: ReconstructionSettings, network: Reconstructor
 ) -> tuple[Camera, FramePath]:
@@ -51,8 +40,9 @@ def tactile_path(
     if mode is Mode.NETWORK:
         return camera, network
     model = read_lights(calibration)
-    groups = light_groups(model, LightGroups(settings.light_groups))
-    stereo = PhotometricReconstructor(calibration, model, smoothing_px=settings.smoothing_px)
+    kind = LightGroups(settings.light_groups)
+    groups = model.groups(kind)
+    stereo = PhotometricReconstructor(calibration, model, kind, smoothing_px=settings.smoothing_px)
     exposure = bright_exposure_us(camera, model)
     if mode is Mode.PHOTOMETRIC:
         return SeriesCamera(camera, groups, exposure_us=exposure, frames=settings.frames_per_light), stereo
@@ -66,11 +56,6 @@ def tactile_path(
         noise_grey=calibration.manifest.noise_grey,
     )
     return resting, HybridReconstructor(network, stereo)
-
-
-def light_groups(model: LightModel, kind: LightGroups) -> NDArray[np.uint8]:
-    """Return the (G, 12, 3) light groups of a ring."""
-    return colour_triples(model.colours) if kind is LightGroups.TRIPLES else single_leds(model.colours)
 
 
 def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:

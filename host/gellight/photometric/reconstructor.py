@@ -16,7 +16,7 @@ from gellight.errors import InputError
 from gellight.frames import CameraFrame, ExposureReport, TactileFrame
 from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.photometric import static_scene
-from gellight.photometric.light_model import Bools, Floats, LightModel, Signals, signals_of
+from gellight.photometric.light_model import Bools, Floats, LightGroups, LightModel, Signals, signals_of
 from gellight.photometric.series import ExposureSeries
 from gellight.photometric.solver import (
     LEAST_LIGHTS,
@@ -34,8 +34,8 @@ from gellight.reconstruction import integrate, normals
 STAGES = ("signals", "slopes", "depth", "refined", "still", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path."""
 REFINEMENTS = 2
-FLAT_MM = 0.005
-"""depth below which the light is taken to be that on the flat gel: slopes are then wrong by 0.03 % at most"""
+FLAT_MM = 0.01
+"""depth below which the light is taken to be that on the flat gel: slopes are then wrong by some 0.0004"""
 BLOCK_POINTS = 8192
 _CELL = 4
 _SIGNIFICANT = 6.0
@@ -48,14 +48,15 @@ class PhotometricReconstructor:
         self,
         calibration: Calibration,
         model: LightModel,
+        kind: LightGroups,
         *,
         smoothing_px: int = SMOOTHING_PX,
         contact_threshold_mm: float = THRESHOLD_MM,
     ) -> None:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
 
-        smoothing_px: half width of the smoothing of the gradient map, as for GelNet. Raises ValueError where model and
-        calibration are of different image sizes.
+        kind: the light groups of the series. smoothing_px: half width of the smoothing of the gradient map, as for
+        GelNet. Raises ValueError where model and calibration are of different image sizes.
         """
         if model.image_shape != calibration.image_shape:
             raise ValueError(
@@ -67,7 +68,7 @@ class PhotometricReconstructor:
         self.contact_threshold_mm = contact_threshold_mm
         self._shape = model.image_shape
         self._points = gel_points(self._shape, calibration.pixel_size_mm)
-        self._references = model.references().reshape(len(model.colours), -1)
+        self._references = model.references(kind).astype(np.float32).reshape(len(model.colours), -1)
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
         self._last: ExposureReport | None = None
@@ -84,14 +85,14 @@ class PhotometricReconstructor:
         """
         if not isinstance(camera_frame, ExposureSeries):
             raise InputError(
-                f"{camera_frame.source or 'the image'} is one picture, photometric stereo needs one for each light group: "
-                "use --mode network"
+                f"{camera_frame.source or 'the image'} is one picture, photometric stereo needs one for each light "
+                "group: use --mode network"
             )
         series, watch = camera_frame, Watch()
         noise = self.calibration.manifest.noise_grey
         signals = signals_of(series.pictures, series.groups, self.model, noise)
         watch.lap("signals")
-        scaled = np.einsum("kip,kp->ip", self._projection, signals.grey)
+        scaled = self._flat(signals)
         gradient_map = self._gradient_map(scaled)
         watch.lap("slopes")
         depth = self._depth(gradient_map, scaled, signals)
@@ -119,6 +120,10 @@ class PhotometricReconstructor:
             exposures=report,
             stage_seconds=watch.seconds,
         )
+
+    def _flat(self, signals: Signals) -> Floats:
+        """Solve every pixel with all lights, on the flat gel: scaled normals (3, P)."""
+        return np.asarray(np.einsum("kip,kp->ip", self._projection, signals.grey))
 
     def _gradient_map(self, scaled: Floats) -> Floats:
         planes = slopes(scaled).reshape(2, *self._shape)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gellight.errors import CalibrationError
-from gellight.photometric.light_model import CLIPPED, DEGREE, WHITE, LightModel
+from gellight.light_groups import colour_triples, single_leds
+from gellight.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.solver import Points, light_rows
 from gellight.photometric.static_scene import block_means
@@ -36,6 +37,8 @@ class ReferencePictures:
     """with all LEDs off: the median of frames, not the mean, which noise that is cut off at 0 would lift"""
     singles: tuple[Array, ...]
     """each LED alone"""
+    triples: tuple[Array, ...]
+    """a red, a green and a blue LED each, as `light_groups.colour_triples` has them"""
     whole: Array
     """the whole ring"""
 
@@ -54,25 +57,29 @@ def light_model(
     or where the LEDs shine from other places than `ring` says.
     """
     black = np.median(pictures.dark.reshape(-1, 3), axis=0)
-    raised = [np.maximum(image - black, 0) for image in (*pictures.singles, pictures.whole)]
-    _check_brightness(pictures, raised, ring)
-    gamma = find_gamma(np.stack(raised[:-1]), raised[-1])
-    linear = WHITE * (np.stack(raised[:-1]) / (WHITE - black)) ** gamma
-    crosstalk = find_crosstalk(linear, ring)
-    channels = list(ring.channels)
-    unmixed = np.linalg.pinv(crosstalk[:, channels].T[:, :, None])[:, 0]
-    levels = np.einsum("khwc,kc->khw", linear, unmixed)
-    pattern, residual = fit_pattern(levels)
+    singles, triples, whole = (
+        np.maximum(np.stack(images) - black, 0) for images in (pictures.singles, pictures.triples, (pictures.whole,))
+    )
+    _check_brightness(pictures, singles, ring)
+    gamma = find_gamma(singles, whole[0])
+    taken = {
+        kind: WHITE * (images / (WHITE - black)) ** gamma
+        for kind, images in ((LightGroups.SINGLES, singles), (LightGroups.TRIPLES, triples))
+    }
+    crosstalk = find_crosstalk(taken[LightGroups.SINGLES], ring)
+    lit = {LightGroups.SINGLES: single_leds(colours), LightGroups.TRIPLES: colour_triples(colours)}
+    fits = {kind: fit_pattern(_levels(images, lit[kind], ring, crosstalk)) for kind, images in taken.items()}
+    residual = max(missed for _, missed in fits.values())
     model = LightModel(
         ring=ring,
         colours=colours,
-        image_shape=(levels.shape[1], levels.shape[2]),
-        pattern=pattern,
+        image_shape=(whole.shape[1], whole.shape[2]),
+        patterns={kind: pattern for kind, (pattern, _) in fits.items()},
         crosstalk=crosstalk,
         black_grey=black,
         gamma=gamma,
         exposure_us=exposure_us,
-        brightest_grey=max(float(raised[k][..., channel].max()) for k, channel in enumerate(channels)),
+        brightest_grey=max(float(singles[k][..., channel].max()) for k, channel in enumerate(ring.channels)),
         pattern_residual=residual,
     )
     if residual > LARGEST_RESIDUAL:
@@ -116,6 +123,15 @@ def find_crosstalk(linear: Array, ring: RingGeometry) -> Array:
     return np.stack(columns, axis=1)
 
 
+def _levels(linear: Array, groups: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> Array:
+    """(K, H, W) light of each LED from linear pictures (G, H, W, 3) of light groups (G, K, 3)."""
+    levels = np.zeros((groups.shape[1], *linear.shape[1:3]))
+    for image, group in zip(linear, groups, strict=True):
+        lit, matrix = unmixing(group, ring, crosstalk)
+        levels[lit] = np.moveaxis(image @ matrix.T, 2, 0)
+    return levels
+
+
 def fit_pattern(levels: Array) -> tuple[Array, float]:
     """Fit the light of each LED (K, H, W), as `LightModel` keeps it; return coefficients and relative residual.
 
@@ -138,7 +154,7 @@ def check_places(model: LightModel, pixel_size_mm: tuple[float, float]) -> None:
 
     Patterns are compared as logarithms, without what they have in common, on a coarse grid.
     """
-    measured = _relative(np.log(model.references(np.float64)[:, ::16, ::16]))
+    measured = _relative(np.log(model.references(LightGroups.SINGLES)[:, ::16, ::16]))
     height, width = model.image_shape
     x = (np.arange(0, width, 16) - (width - 1) / 2) * pixel_size_mm[0]
     y = (np.arange(0, height, 16) - (height - 1) / 2) * pixel_size_mm[1]
@@ -173,14 +189,14 @@ def _relative(logs: Array) -> Array:
     return np.asarray(own / np.linalg.norm(own, axis=(1, 2), keepdims=True))
 
 
-def _check_brightness(pictures: ReferencePictures, raised: list[Array], ring: RingGeometry) -> None:
+def _check_brightness(pictures: ReferencePictures, singles: Array, ring: RingGeometry) -> None:
     if pictures.whole.max() >= CLIPPED:
         raise CalibrationError(
             f"the picture under the whole ring reaches {pictures.whole.max():.0f} of 255 grey levels: "
             "shorten the exposure and take the lights again"
         )
     for led, channel in enumerate(ring.channels):
-        own = float(np.median(raised[led][..., channel]))
+        own = float(np.median(singles[led][..., channel]))
         if own < LEAST_GREY:
             raise CalibrationError(
                 f"LED {led} alone shows {own:.1f} grey levels above black in its own channel "

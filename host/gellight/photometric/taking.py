@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gellight.camera import Camera
 from gellight.errors import CameraError
-from gellight.light_groups import single_leds
+from gellight.light_groups import colour_triples, single_leds
 from gellight.lighting.hold import Hold
 from gellight.photometric.cameras import EXPOSURE
 from gellight.photometric.light_model import LightModel
@@ -34,7 +34,8 @@ def take_lights(
     """
     if camera.ring is None:
         raise CameraError(f"{camera.url} has no light ring whose LEDs could be lit one by one: connect its board")
-    groups = [np.zeros_like(colours), *single_leds(colours), colours]
+    singles, triples = single_leds(colours), colour_triples(colours)
+    groups = [np.zeros_like(colours), *singles, *triples, colours]
     stage = camera.stage
     pressed = stage.status() if stage else {}
     if stage:
@@ -52,5 +53,10 @@ def take_lights(
             stage.press(*(pressed[name] for name in ("object", "depth_mm", "x_mm", "y_mm")))  # type: ignore[arg-type]
     controls = camera.controls
     exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
-    pictures = ReferencePictures(dark=taken[0], singles=tuple(taken[1:-1]), whole=taken[-1])
+    pictures = ReferencePictures(
+        dark=taken[0],
+        singles=tuple(taken[1 : 1 + len(singles)]),
+        triples=tuple(taken[1 + len(singles) : -1]),
+        whole=taken[-1],
+    )
     return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
