@@ -9,6 +9,7 @@ from gellight.cli import (
     bench,
     calibrate,
     calibrate_lights,
+    calibrate_routine,
     config,
     demo,
     firmware,
@@ -38,6 +39,7 @@ app.command("demo")(demo.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
 calibrate.app.command("lights")(calibrate_lights.command)
+calibrate_routine.attach(calibrate.app)
 app.add_typer(calibrate.app)
 app.command("bench")(bench.command)
 app.add_typer(config.app, name="config")
