@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.camera import Camera
-from gellight.errors import CameraError
+from gellight.errors import BoardError, CameraError
 from gellight.frames import CameraFrame
-from gellight.lighting.hold import Hold
+from gellight.lighting.hold import MOST_ATTEMPTS, Hold, still_lit
 from gellight.photometric.series import ExposureSeries
 from gellight.photometric.static_scene import block_means, repetition_limit
 from gellight.selfcheck import SelfCheck
@@ -62,8 +62,7 @@ class RingCamera(Camera):
 
     def _expose(self, hold: Hold, index: int) -> tuple[CameraFrame, ...]:
         """Take the frames of one group; the light stays on after the first."""
-        first = hold.expose(self._groups[index], index)
-        return first, *(replace(self._camera.read(), label=first.label) for _ in range(self._frames - 1))
+        return frames_under(hold, self._camera, self._groups[index], index, self._frames)
 
     def _set_exposure(self, exposure_us: float | None) -> float | None:
         """Set it, wait until frames show it, and return what holds now; None where the camera does not tell."""
@@ -92,8 +91,8 @@ class SeriesCamera(RingCamera):
         """Take the exposures of all groups; raises what camera and ring raise."""
         hold = self._begun()
         opening = self._next or hold.expose(self._groups[0], 0)
-        more = tuple(self._camera.read() for _ in range(self._frames - 1))
-        frames = ((opening, *more), *(self._expose(hold, index) for index in range(1, len(self._groups))))
+        first = (opening,) if self._frames == 1 else self._expose(hold, 0)
+        frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
         self._next = closing = hold.expose(self._groups[0], 0)
         number = self._numbered(opening)
         self._skipped += closing.sequence - opening.sequence - 1
@@ -176,6 +175,27 @@ class RestingCamera(RingCamera):
         number = self._numbered(opening)
         self._skipped += closing.sequence - opening.sequence
         return as_series(opening, closing, frames, self._groups, number=number, exposure_us=held)
+
+
+def frames_under(
+    hold: Hold, camera: Camera, group: NDArray[np.uint8], index: int, frames: int
+) -> tuple[CameraFrame, ...]:
+    """Light `group` (12, 3) and take frames wholly under it, of which the first is waited for.
+
+    Raises BoardError where the light does not stay on, and what `Hold.expose` raises.
+    """
+    assert camera.ring is not None
+    for _ in range(MOST_ATTEMPTS):
+        first = hold.expose(group, index)
+        light_id = camera.ring.status().light_id
+        more = tuple(replace(camera.read(), label=first.label) for _ in range(frames - 1))
+        if not more or still_lit(camera.ring, light_id):
+            return first, *more
+        logger.warning("light group %d went out while %d frames of it were taken; they are taken again", index, frames)
+    raise BoardError(
+        f"light group {index} did not stay on for {frames} frames in {MOST_ATTEMPTS} attempts: does another program use "
+        "the ring?"
+    )
 
 
 def as_series(

@@ -103,7 +103,11 @@ def unmixing(group: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> 
     channels = [ring.channels[led] for led in lit]
     if len(set(channels)) != len(channels):
         raise ValueError(f"LEDs {lit} of one light group have the same colour: a camera cannot tell them apart")
-    return lit, np.asarray(np.linalg.pinv(crosstalk[:, channels]), np.float64)
+    # One LED alone is read in its own channel: the others are nearly dark, where cut-off noise looks like light.
+    matrix = np.linalg.inv(crosstalk[np.ix_(channels, channels)])
+    result = np.zeros((len(lit), 3))
+    result[:, channels] = matrix
+    return lit, result
 
 
 @dataclass(frozen=True)
@@ -120,8 +124,9 @@ class Signals:
     """(3, P) sum of all exposures: what the whole ring would show"""
 
 
-SHADOW_DEVIATIONS = 3.0
-"""a signal at most so many standard deviations above black is a shadow"""
+SHADOW_DEVIATIONS = 1.0
+"""a signal is a shadow when its mean over a few pixels is at most so many standard deviations of one pixel above black;
+noise that is cut off at 0 has a mean of 0.4 by itself"""
 SHADOW_PX = 5
 """over so many pixels a side the signal is averaged before it is judged: to leave out single dim pixels because noise
 made them dimmer would make the others of their kind too bright on average, and bend a gel at rest"""
@@ -154,5 +159,5 @@ def signals_of(
         found[lit] = matrix.astype(np.float32) @ light
         for led in lit:
             around = uniform_filter(found[led].reshape(model.image_shape), SHADOW_PX).ravel()
-            valid[led] = (around > SHADOW_DEVIATIONS / SHADOW_PX * deviation[led]) & unclipped
+            valid[led] = (around > SHADOW_DEVIATIONS * deviation[led]) & unclipped
     return Signals(found, valid, deviation, total)

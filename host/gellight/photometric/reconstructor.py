@@ -16,6 +16,7 @@ from gellight.errors import InputError
 from gellight.frames import CameraFrame, ExposureReport, TactileFrame
 from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.photometric import static_scene
+from gellight.photometric.level import find_level
 from gellight.photometric.light_model import Bools, Floats, LightGroups, LightModel, Signals, signals_of
 from gellight.photometric.series import ExposureSeries
 from gellight.photometric.solver import (
@@ -81,7 +82,8 @@ class PhotometricReconstructor:
         """Reconstruct gradient, normal and depth map and the contact from one series.
 
         The frame carries a report: whether the scene rested, and how many lights each pixel saw. Its picture is the sum
-        of the exposures, that is what the whole ring would show at once. Raises InputError for what is no series.
+        of the exposures, as bright as the reference image: what this exposure would show under the whole ring, dimmed
+        to the `light` of the frame. Raises InputError for what is no series.
         """
         if not isinstance(camera_frame, ExposureSeries):
             raise InputError(
@@ -109,9 +111,11 @@ class PhotometricReconstructor:
         watch.lap("normals")
         contact = find_contact(depth, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
         watch.lap("contact")
-        image = self.model.grey(signals.light * np.float32(self._to_reference(series)))
+        share = self._share_of_exposure(series)
+        image = self.model.grey(signals.light * np.float32(share))
+        light = np.rint(self.model.colours * share).astype(np.uint8)
         return TactileFrame(
-            camera_frame=replace(series.opening, image=image, light=self.model.colours),
+            camera_frame=replace(series.opening, image=image, light=light),
             difference=np.subtract(image, self.calibration.reference, dtype=np.float32),
             gradient_map=gradient_map,
             normal_map=normal_map,
@@ -131,8 +135,10 @@ class PhotometricReconstructor:
 
     def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
         rest = far_from_touch(self._touched(gradient_map, scaled, signals))
-        depth = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=rest)
-        return depth.astype(np.float32, copy=False)
+        depth = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
+        points = replace(self._points, z_mm=depth.reshape(-1))
+        level = find_level(signals, self._references, points, self.model.ring)
+        return depth + np.float32(level.correction_mm)
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
@@ -180,8 +186,8 @@ class PhotometricReconstructor:
             least_lights=LEAST_LIGHTS,
         )
 
-    def _to_reference(self, series: ExposureSeries) -> float:
-        """Share of the exposure at which the reference image was taken, from the whole-ring picture of the model."""
+    def _share_of_exposure(self, series: ExposureSeries) -> float:
+        """How long the reference image was exposed, as a share of the exposure of the series."""
         ours = self.model.exposure_us
         return 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
 

@@ -17,7 +17,7 @@ from gellight.light_groups import colour_triples, single_leds
 from gellight.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.solver import Points, light_rows
-from gellight.photometric.static_scene import block_means
+from gellight.photometric.static_scene import BLOCK_PX, block_means
 
 Array = NDArray[np.float64]
 GAMMAS = (0.3, 4.0)
@@ -137,16 +137,22 @@ def fit_pattern(levels: Array) -> tuple[Array, float]:
 
     The residual is that of means of 8 x 8 pixels, which leave little of the noise of the pictures.
     """
-    floor = np.maximum(levels, 1.0)
-    logs = np.log(floor)
+    # Means first, logarithms then: the logarithm of noise is not 0 on average.
+    logs = np.log(np.maximum(block_means(levels.astype(np.float32)).astype(np.float64), 0.5))
     common = logs.mean(axis=0)
-    down, across = (np.linalg.pinv(chebyshev.chebvander(np.linspace(-1, 1, n), DEGREE)) for n in common.shape)
+    tall, wide = (chebyshev.chebvander(_block_places(pixels), DEGREE) for pixels in levels.shape[1:])
+    down, across = np.linalg.pinv(tall), np.linalg.pinv(wide)
     # What all LEDs have in common is fitted apart: its dirt and texture then do not count as a residual.
     own = np.einsum("ih,khw,jw->kij", down, logs - common, across, optimize=True)
     shared = down @ common @ across.T
-    tall, wide = (chebyshev.chebvander(np.linspace(-1, 1, n), DEGREE) for n in common.shape)
     missed = logs - common - np.einsum("hi,kij,wj->khw", tall, own, wide, optimize=True)
-    return own + shared, float(np.sqrt((block_means(missed.astype(np.float32)) ** 2).mean()))
+    return own + shared, float(np.sqrt((missed**2).mean()))
+
+
+def _block_places(pixels: int) -> Array:
+    """Centres of the blocks of `block_means` along an axis of so many pixels, which is from -1 to 1."""
+    centres = np.arange(pixels // BLOCK_PX) * BLOCK_PX + (BLOCK_PX - 1) / 2
+    return np.asarray(2 * centres / (pixels - 1) - 1)
 
 
 def check_places(model: LightModel, pixel_size_mm: tuple[float, float]) -> None:

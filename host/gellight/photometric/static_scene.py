@@ -21,6 +21,8 @@ LIMIT_DEVIATIONS = 7.0
 """of the noise of a block's mean: of 14400 blocks one passes it by chance in 10^8 series"""
 MODEL_ERROR = 0.02
 """share of the signal by which near-field model and block means may be wrong on a scene at rest"""
+MOVED_BLOCKS = 8
+"""so many blocks have to misfit: what moves is larger, a steep edge is smaller"""
 
 
 def block_means(planes: Floats) -> Floats:
@@ -49,13 +51,14 @@ def repetition_limit(noise_grey: float) -> float:
 def misfit(
     signals: Floats, valid: Bools, predicted: Floats, deviation: NDArray[np.float64], shape: tuple[int, int]
 ) -> float:
-    """Return by how much blocks of signals (K, P) differ from their prediction at worst, 1 being the limit.
+    """Return by how much blocks of signals (K, P) differ from their prediction, 1 being the limit.
 
-    Only blocks that every light reached are judged: at the edge of a shadow a mean is of two scenes.
+    It is that of the block which is worst but for seven others. Only blocks that every light reached are judged: at the edge of a shadow a mean is of two scenes.
     """
     lights = len(signals)
     whole = block_means(valid.reshape(lights, *shape).astype(np.float32)).min(axis=0) == 1
     wrong = np.abs(block_means((signals - predicted).reshape(lights, *shape)))
     level = block_means(predicted.reshape(lights, *shape))
     allowed = LIMIT_DEVIATIONS * deviation[:, None, None] / BLOCK_PX + MODEL_ERROR * np.abs(level)
-    return float((wrong / allowed)[:, whole].max(initial=0.0))
+    worst = np.sort((wrong / allowed)[:, whole].max(axis=0, initial=0.0))
+    return float(worst[-MOVED_BLOCKS]) if len(worst) >= MOVED_BLOCKS else 0.0

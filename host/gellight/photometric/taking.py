@@ -9,7 +9,7 @@ from gellight.camera import Camera
 from gellight.errors import CameraError
 from gellight.light_groups import colour_triples, single_leds
 from gellight.lighting.hold import Hold
-from gellight.photometric.cameras import EXPOSURE
+from gellight.photometric.cameras import EXPOSURE, frames_under
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.reference_light import ReferencePictures, light_model
 from gellight.photometric.ring_geometry import RingGeometry
@@ -44,8 +44,7 @@ def take_lights(
     try:
         with Hold(camera) as hold:
             for index, group in enumerate(groups):
-                first = hold.expose(group, index)
-                images = [first.image, *(camera.read().image for _ in range(frames - 1))]
+                images = [frame.image for frame in frames_under(hold, camera, group, index, frames)]
                 taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
                 progress(index + 1, len(groups))
     finally:
