@@ -90,8 +90,8 @@ class SeriesCamera(RingCamera):
     def read(self) -> ExposureSeries:
         """Take the exposures of all groups; raises what camera and ring raise."""
         hold = self._begun()
-        opening = self._next or hold.expose(self._groups[0], 0)
-        first = (opening,) if self._frames == 1 else self._expose(hold, 0)
+        first = (self._next,) if self._next and self._frames == 1 else self._expose(hold, 0)
+        opening = first[0]
         frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
         self._next = closing = hold.expose(self._groups[0], 0)
         number = self._numbered(opening)
@@ -193,8 +193,8 @@ def frames_under(
             return first, *more
         logger.warning("light group %d went out while %d frames of it were taken; they are taken again", index, frames)
     raise BoardError(
-        f"light group {index} did not stay on for {frames} frames in {MOST_ATTEMPTS} attempts: does another program use "
-        "the ring?"
+        f"light group {index} did not stay on for {frames} frames in {MOST_ATTEMPTS} attempts: does another program "
+        "use the ring?"
     )
 
 

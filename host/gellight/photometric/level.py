@@ -11,11 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gellight.photometric.light_model import Bools, Floats, Signals
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.solver import Points, light_rows, predict, solve_robustly
 
+Indices = NDArray[np.intp]
 SAMPLES = 2500
 """pixels that are asked; they tell the height to 0.007 mm"""
 LEAST_LIGHTS = 8
@@ -59,16 +61,16 @@ def find_level(signals: Signals, references: Floats, points: Points, ring: RingG
     return Level(offset, float(np.sqrt(2 / curvature)))
 
 
-def samples(valid: Bools) -> np.ndarray:
+def samples(valid: Bools) -> Indices:
     """Return some `SAMPLES` indices of pixels that at least eight lights reach, evenly over the view."""
     # An odd stride, which does not fall into step with the rows of the picture.
     stride = max(1, valid.shape[1] // SAMPLES) | 1
     chosen = np.arange(0, valid.shape[1], stride)
-    return chosen[valid[:, chosen].sum(axis=0) >= LEAST_LIGHTS]
+    return np.asarray(chosen[valid[:, chosen].sum(axis=0) >= LEAST_LIGHTS])
 
 
 def _misfit_at(
-    chosen: np.ndarray, signals: Signals, references: Floats, points: Points, ring: RingGeometry
+    chosen: Indices, signals: Signals, references: Floats, points: Points, ring: RingGeometry
 ) -> Callable[[float], float]:
     """Return the function from an offset in mm to the sum of squared residuals in units of the noise."""
     grey, valid, light = signals.grey[:, chosen], signals.valid[:, chosen], references[:, chosen]

@@ -53,7 +53,8 @@ def misfit(
 ) -> float:
     """Return by how much blocks of signals (K, P) differ from their prediction, 1 being the limit.
 
-    It is that of the block which is worst but for seven others. Only blocks that every light reached are judged: at the edge of a shadow a mean is of two scenes.
+    It is that of the block which is worst but for seven others. Only blocks that every light reached are judged: at the
+    edge of a shadow a mean is of two scenes.
     """
     lights = len(signals)
     whole = block_means(valid.reshape(lights, *shape).astype(np.float32)).min(axis=0) == 1
