@@ -68,7 +68,13 @@ def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:
     if controls is None or EXPOSURE not in controls.names() or model.exposure_us is None:
         return None
     lowest, highest, step = controls.range(EXPOSURE)
-    highest = min(highest, LONGEST_US)
-    wanted = model.exposure_us * (BRIGHT_GREY / model.brightest_grey) ** model.gamma
-    stepped = lowest + floor((min(wanted, highest) - lowest) / step) * step if step else min(wanted, highest)
+    wanted = min(bright_exposure_of(model), highest)
+    stepped = lowest + floor((wanted - lowest) / step) * step if step else wanted
     return float(max(stepped, lowest))
+
+
+def bright_exposure_of(model: LightModel) -> float:
+    """Return the exposure, us, that makes the brightest pixel `BRIGHT_GREY`; ValueError where the model has none."""
+    if model.exposure_us is None:
+        raise ValueError("the light model does not know its exposure")
+    return min(model.exposure_us * (BRIGHT_GREY / model.brightest_grey) ** model.gamma, LONGEST_US)
