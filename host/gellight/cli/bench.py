@@ -24,7 +24,7 @@ class Subject(StrEnum):
 def command(
     subject: Annotated[
         Subject,
-        typer.Argument(help="frames: time; integrator: depth scale; presses: accuracy; photometric: of its modes."),
+        typer.Argument(help="frames: time; integrator: depth scale; presses, photometric: accuracy."),
     ] = (Subject.FRAMES),
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
     rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,
@@ -77,17 +77,14 @@ def _time_table(times: "Sequence[FrameTimes]") -> str:
 
 
 def _way_table(ways: "Sequence[Figures]") -> str:
-    lines = [
-        "pressed                    seen by                  exposure  normal error, deg    of GelNet's  depth error"
-    ]
-    lines.append(
-        "                                                             contact   all        in contact   contact, mm"
-    )
+    columns = ("exposure", "contact, deg", "all, deg", "x GelNet's", "depth, mm")
+    lines = [f"{'errors':24}" + "".join(f"{name:>14}" for name in columns)]
     for w in ways:
-        lines.append(
-            f"{w.presses:2} x {w.objects:20}  {w.way:22}  {w.exposure_us / 1e3:5.1f} ms  {w.contact_normal_deg:7.3f}  "
-            f"{w.whole_normal_deg:7.3f}  {w.over_network:8.2f}  {w.contact_depth_mm:14.4f}"
-        )
+        if w.exposures == 1:
+            lines.append(f"{w.presses} presses, {w.objects}")
+        figures = (w.contact_normal_deg, w.whole_normal_deg, w.over_network)
+        row = "".join(f"{value:14.3f}" for value in figures)
+        lines.append(f"  {w.way:22}{w.exposure_us / 1e3:11.1f} ms{row}{w.contact_depth_mm:14.4f}")
     return "\n".join(lines)
 
 

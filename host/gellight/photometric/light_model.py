@@ -13,7 +13,7 @@ that is used later. So an error of the crosstalk or of gamma, which would tilt a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -124,12 +124,16 @@ class Signals:
     """(3, P) sum of all exposures: what the whole ring would show"""
 
 
-SHADOW_DEVIATIONS = 1.0
+DARK_DEVIATIONS = 1.0
 """a signal is a shadow when its mean over a few pixels is at most so many standard deviations of one pixel above black;
 noise that is cut off at 0 has a mean of 0.4 by itself"""
+SHADOW_DEVIATIONS = 3.0
+SHADOW_SHARE = 0.2
+"""a single pixel is in shadow, too, when it is at most 3 standard deviations above black and below a fifth of what the
+untouched gel shows there: the edge of a shadow is sharper than a mean, and a LED far away is dim without one"""
 SHADOW_PX = 5
-"""over so many pixels a side the signal is averaged before it is judged: to leave out single dim pixels because noise
-made them dimmer would make the others of their kind too bright on average, and bend a gel at rest"""
+"""over so many pixels a side the signal is averaged before it is judged: to leave out single pixels under a dim light
+because noise made them dimmer would make the others of their kind too bright on average, and bend a gel at rest"""
 
 
 def signals_of(
@@ -159,5 +163,14 @@ def signals_of(
         found[lit] = matrix.astype(np.float32) @ light
         for led in lit:
             around = uniform_filter(found[led].reshape(model.image_shape), SHADOW_PX).ravel()
-            valid[led] = (around > SHADOW_DEVIATIONS * deviation[led]) & unclipped
+            valid[led] = (around > DARK_DEVIATIONS * deviation[led]) & unclipped
     return Signals(found, valid, deviation, total)
+
+
+def without_shadows(signals: Signals, references: Floats) -> Signals:
+    """Return signals of which those are invalid, too, that are far darker than on the untouched gel, (K, P)."""
+    step = 97
+    brightness = np.median(signals.grey[:, ::step]) / np.median(references[:, ::step])
+    noise = SHADOW_DEVIATIONS * signals.deviation[:, None].astype(np.float32)
+    lit = signals.grey > np.minimum(noise, np.float32(SHADOW_SHARE * brightness) * references)
+    return replace(signals, valid=signals.valid & lit)

@@ -77,4 +77,4 @@ def bright_exposure_of(model: LightModel) -> float:
     """Return the exposure, us, that makes the brightest pixel `BRIGHT_GREY`; ValueError where the model has none."""
     if model.exposure_us is None:
         raise ValueError("the light model does not know its exposure")
-    return min(model.exposure_us * (BRIGHT_GREY / model.brightest_grey) ** model.gamma, LONGEST_US)
+    return float(min(model.exposure_us * (BRIGHT_GREY / model.brightest_grey) ** model.gamma, LONGEST_US))

@@ -17,7 +17,15 @@ from gellight.frames import CameraFrame, ExposureReport, TactileFrame
 from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.photometric import static_scene
 from gellight.photometric.level import find_level
-from gellight.photometric.light_model import Bools, Floats, LightGroups, LightModel, Signals, signals_of
+from gellight.photometric.light_model import (
+    Bools,
+    Floats,
+    LightGroups,
+    LightModel,
+    Signals,
+    signals_of,
+    without_shadows,
+)
 from gellight.photometric.series import ExposureSeries
 from gellight.photometric.solver import (
     LEAST_LIGHTS,
@@ -93,6 +101,7 @@ class PhotometricReconstructor:
         series, watch = camera_frame, Watch()
         noise = self.calibration.manifest.noise_grey
         signals = signals_of(series.pictures, series.groups, self.model, noise)
+        signals = without_shadows(signals, self._references)
         watch.lap("signals")
         scaled = self._flat(signals)
         gradient_map = self._gradient_map(scaled)

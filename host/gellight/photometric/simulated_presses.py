@@ -62,8 +62,8 @@ def compare_ways(
     """
     bench = _Bench(calibration, noise_grey, seed)
     random = np.random.default_rng([seed, 1])
-    result = bench.measure("BALL, 1 mm", list(ball_presses(bench.geometry, balls, random)))
-    return result + bench.measure("10 objects, 0.6 to 0.9 mm", list(object_presses(random)))
+    result = bench.measure("4 mm ball", list(ball_presses(bench.geometry, balls, random)))
+    return result + bench.measure("10 objects", list(object_presses(random)))
 
 
 def ball_presses(geometry: SensorGeometry, count: int, random: np.random.Generator) -> list[Press]:
