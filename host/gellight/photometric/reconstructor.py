@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, uniform_filter
 
 from gellight.calibration import Calibration
 from gellight.contact import THRESHOLD_MM, find_contact
@@ -46,6 +47,8 @@ REFINEMENTS = 2
 FLAT_MM = 0.01
 """depth below which the light is taken to be that on the flat gel: slopes are then wrong by some 0.0004"""
 BLOCK_POINTS = 8192
+CALM_PX = 9
+CALM_MARGIN_PX = 12
 _CELL = 4
 _SIGNIFICANT = 6.0
 
@@ -103,17 +106,7 @@ class PhotometricReconstructor:
         signals = signals_of(series.pictures, series.groups, self.model, noise)
         signals = without_shadows(signals, self._references)
         watch.lap("signals")
-        scaled = self._flat(signals)
-        gradient_map = self._gradient_map(scaled)
-        watch.lap("slopes")
-        depth = self._depth(gradient_map, scaled, signals)
-        watch.lap("depth")
-        used, predicted = signals.valid, signals.grey
-        for _ in range(REFINEMENTS):
-            scaled, used, predicted = self._refined(scaled, depth, signals)
-            gradient_map = self._gradient_map(scaled)
-            depth = self._depth(gradient_map, scaled, signals)
-        watch.lap("refined")
+        gradient_map, depth, used, predicted = self._solved(signals, watch)
         self._last = report = self._report(series, signals, used, predicted)
         watch.lap("still")
         normal_map = normals(gradient_map)
@@ -134,6 +127,21 @@ class PhotometricReconstructor:
             stage_seconds=watch.seconds,
         )
 
+    def _solved(self, signals: Signals, watch: Watch) -> tuple[Floats, Floats, Bools, Floats]:
+        """Return gradient map, depth map, the lights used and what they should have shown, (K, P) each."""
+        scaled = self._flat(signals)
+        gradient_map = self._gradient_map(scaled)
+        watch.lap("slopes")
+        depth, touched = self._depth(gradient_map, scaled, signals)
+        watch.lap("depth")
+        used, predicted = signals.valid, signals.grey
+        for _ in range(REFINEMENTS):
+            scaled, used, predicted = self._refined(scaled, depth, signals)
+            gradient_map = self._gradient_map(scaled)
+            depth, touched = self._depth(gradient_map, scaled, signals)
+        watch.lap("refined")
+        return calmed(gradient_map, touched), depth, used, predicted
+
     def _flat(self, signals: Signals) -> Floats:
         """Solve every pixel with all lights, on the flat gel: scaled normals (3, P)."""
         return np.asarray(np.einsum("kip,kp->ip", self._projection, signals.grey))
@@ -142,12 +150,14 @@ class PhotometricReconstructor:
         planes = slopes(scaled).reshape(2, *self._shape)
         return smoothed(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32), self.smoothing_px)
 
-    def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
-        rest = far_from_touch(self._touched(gradient_map, scaled, signals))
+    def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> tuple[Floats, Bools]:
+        """Integrate, and set the height by the gel at rest or by the light; return also what is touched."""
+        touched = self._touched(gradient_map, scaled, signals)
+        rest = far_from_touch(touched)
         depth = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
         points = replace(self._points, z_mm=depth.reshape(-1))
         level = find_level(signals, self._references, points, self.model.ring)
-        return depth + np.float32(level.correction_mm)
+        return depth + np.float32(level.correction_mm), touched
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
@@ -199,6 +209,16 @@ class PhotometricReconstructor:
         """How long the reference image was exposed, as a share of the exposure of the series."""
         ours = self.model.exposure_us
         return 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
+
+
+def calmed(gradient_map: Floats, touched: Bools) -> Floats:
+    """Replace the slopes (H, W, 2) well away from what is `touched` (H, W) by means over 9 x 9 pixels.
+
+    Around a contact the gel bulges gently over many millimetres: the mean keeps that, and leaves a ninth of the noise.
+    """
+    near = maximum_filter(touched, 2 * CALM_MARGIN_PX + 1)
+    means = np.stack([uniform_filter(gradient_map[..., axis], CALM_PX) for axis in range(2)], axis=2)
+    return np.where(near[..., None], gradient_map, means)
 
 
 def gel_points(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:
