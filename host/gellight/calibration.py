@@ -5,6 +5,7 @@ reference.png    16-bit RGB, grey level * 256: the mean of many frames of the un
 network.onnx     GelNet (its file name is in the manifest)
 metrics.json     measured error of the network
 presses.npz      the table of ball presses it was trained on (optional)
+lights.json      the light of each LED alone, for photometric stereo (optional)
 """
 
 import errno
@@ -219,6 +220,26 @@ def write_calibration(
         raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
     try:
         write_folder(target, {**files, _MANIFEST: _manifest_toml(manifest)})
+    except OSError as error:
+        raise _not_written(target, error) from error
+    return load_calibration(folder)
+
+
+def extend_calibration(
+    calibration: Calibration, folder: str | Path, files: Mapping[str, bytes], *, overwrite: bool = False
+) -> Calibration:
+    """Write a bundle again as a folder with more files, or newer ones of the same names, and return it.
+
+    Raises CalibrationError; then the folder is as before.
+    """
+    target = Path(folder)
+    if target.exists() and not overwrite:
+        raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
+    content = {**calibration.files, **files}
+    digests = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(content.items())}
+    manifest = _manifest(target, **{**calibration.manifest.model_dump(), "files": digests})
+    try:
+        write_folder(target, {**content, _MANIFEST: _manifest_toml(manifest)})
     except OSError as error:
         raise _not_written(target, error) from error
     return load_calibration(folder)

@@ -16,7 +16,7 @@ from gellight.camera import Camera, EndOfStream, PressStage, ReconnectingError
 from gellight.errors import CameraError
 from gellight.frames import CameraFrame, TactileFrame
 from gellight.mailbox import Mailbox
-from gellight.pipeline import Reconstructor
+from gellight.pipeline import FramePath
 from gellight.selfcheck import SelfCheck, SelfCheckResult
 from gellight.statistics import Statistics
 
@@ -30,7 +30,7 @@ SELFCHECK_PERIOD_S = 1.0
 class Daemon:
     """Runs a camera and a reconstructor; a context manager that stops its threads and closes the camera."""
 
-    def __init__(self, camera: Camera, reconstructor: Reconstructor, *, selfcheck: SelfCheck | None = None) -> None:
+    def __init__(self, camera: Camera, reconstructor: FramePath, *, selfcheck: SelfCheck | None = None) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth."""
         self._camera = camera
         self._reconstructor = reconstructor
@@ -104,6 +104,7 @@ class Daemon:
         result = self._selfcheck_result
         return {
             "sensor": self._camera.url,
+            **self._reconstructor.status(),
             **self._statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
             "error": self._error or self._away,

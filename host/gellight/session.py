@@ -7,6 +7,7 @@ from gellight.camera import open_camera
 from gellight.config import Settings
 from gellight.daemon import Daemon
 from gellight.errors import CalibrationError, InputError
+from gellight.photometric.modes import tactile_path
 from gellight.pipeline import Reconstructor
 from gellight.selfcheck import SelfCheckResult
 
@@ -27,7 +28,8 @@ def open_session(settings: Settings) -> Daemon:
                 f"{bundle.source} is for {width}x{height}: choose the bundle of this sensor"
             )
         judge = camera.selfcheck(bundle.pixel_size_mm)
-        return Daemon(camera, reconstructor_for(bundle, settings), selfcheck=judge)
+        camera, path = tactile_path(camera, bundle, settings.reconstruction, reconstructor_for(bundle, settings))
+        return Daemon(camera, path, selfcheck=judge)
     except BaseException:
         camera.close()
         raise
