@@ -113,7 +113,7 @@ class SeriesCamera(RingCamera):
     _exposure_us: float | None = None
 
     def read(self) -> ExposureSeries:
-        """Take the exposures of all groups; raises what camera and ring raise, ReconnectingError while they are away."""
+        """Take the exposures of all groups; raises what they raise, ReconnectingError while they are away."""
         try:
             return self._take()
         except (BoardError, ReconnectingError):
