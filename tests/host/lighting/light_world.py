@@ -134,7 +134,7 @@ class World:
 
     def labels(self) -> Iterator[tuple[int, LightLabel]]:
         """Yield the number of each frame that was not dropped, and the label that the host gives it."""
-        plan = (lambda last, event: last.first_bit_us + self.dwell_us) if self.planned else (lambda last, event: None)
+        plan = (lambda last, event: self.dwell_us) if self.planned else (lambda last, event: None)
         self.clock = ClockMap()
         self.light = KnownLight(pulse_period_us=self.timing.pulse_period_s * 1e6, plan=plan)
         self._reported = 0
