@@ -23,6 +23,8 @@ class ObjectParameters:
 
     calibration_ball_radius_mm: float = 4.0
     """section 3.2.3: a ball of 8 mm diameter"""
+    cylinder_radius_mm: float = 4.0
+    """section 3.2.3: a probe of 8 mm diameter, its end flat"""
     relief_mm: float = 1.0
     region_diameter_mm: float = 35.0
     wavelength_mm: float = 2.5
@@ -37,6 +39,11 @@ class ObjectParameters:
 def ball(x: Array, y: Array, p: ObjectParameters) -> Array:
     """Return the calibration ball; below its equator there is nothing."""
     return _cap(np.hypot(x, y), p.calibration_ball_radius_mm)
+
+
+def cylinder(x: Array, y: Array, p: ObjectParameters) -> Array:
+    """Return the flat end of the cylinder probe; beside it there is nothing."""
+    return np.where(np.hypot(x, y) < p.cylinder_radius_mm, 0.0, NO_OBJECT)
 
 
 def triangular_step(x: Array, y: Array, p: ObjectParameters) -> Array:
@@ -133,6 +140,9 @@ OBJECTS: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {
 }
 OBJECT_NAMES = tuple(OBJECTS)
 BENCHMARK_NAMES = OBJECT_NAMES[1:]
+PROBES: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {"CYLINDER": cylinder}
+"""tools of the calibration, no objects of the benchmark"""
+PROBE_NAMES = tuple(PROBES)
 
 
 def object_height(name: str, x_mm: Array, y_mm: Array, parameters: ObjectParameters | None = None) -> Array:
@@ -140,9 +150,10 @@ def object_height(name: str, x_mm: Array, y_mm: Array, parameters: ObjectParamet
 
     Raises ValueError for an unknown name.
     """
-    if name not in OBJECTS:
-        raise ValueError(f"no object {name!r}: choose one of {', '.join(OBJECT_NAMES)}")
-    return OBJECTS[name](x_mm, y_mm, parameters or ObjectParameters())
+    known = OBJECTS | PROBES
+    if name not in known:
+        raise ValueError(f"no object {name!r}: choose one of {', '.join(known)}")
+    return known[name](x_mm, y_mm, parameters or ObjectParameters())
 
 
 def _cap(r: Array, radius: float) -> Array:

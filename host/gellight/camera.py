@@ -59,6 +59,9 @@ class PressStage(Protocol):
     def release(self) -> None:
         """Lift the object off the gel."""
 
+    def take_over(self) -> None:
+        """Lift the object, and let no programme press by itself any more."""
+
     def status(self) -> dict[str, object]:
         """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than a programme presses."""
 

@@ -31,10 +31,15 @@ class Press:
 class Scene:
     """Computes what the camera would see without noise, and keeps what it will need again."""
 
-    def __init__(self, geometry: SensorGeometry, response: CameraResponse) -> None:
-        """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`."""
+    def __init__(self, geometry: SensorGeometry, response: CameraResponse, led_gain: Array | None = None) -> None:
+        """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`.
+
+        led_gain: (12,) how bright each LED really is, as a share of its nominal brightness; it does not move the
+        exposure.
+        """
         self.geometry = geometry
         self.light = ring_light(geometry)
+        self.led_gain = np.ones(len(self.light)) if led_gain is None else led_gain
         self._deformations: OrderedDict[tuple[str, float], Deformation] = OrderedDict()
         self._flat = untouched(geometry).single_precision()
         self._lit: tuple[Press | None, Surface, NDArray[np.float32]] = None, self._flat, self._light_up(self._flat)
@@ -48,7 +53,8 @@ class Scene:
         `light` is (12, 3), or (H, 12, 3) where rows see different light, 0 to 1; default: the ring as designed.
         """
         self.prepare(press)
-        irradiance = under_light(self._lit[2], self.light if light is None else light)
+        shown = (self.light if light is None else light) * self.led_gain[:, None]
+        irradiance = under_light(self._lit[2], shown)
         return linear_grey(irradiance, self.response).astype(np.float32), self._lit[1]
 
     def prepare(self, press: Press | None) -> None:

@@ -82,10 +82,22 @@ class SelfCheckResult:
 class SelfCheck:
     """Compares tactile frames of a simulated sensor with the reference simulator."""
 
-    def __init__(self, geometry: SensorGeometry, response: CameraResponse, pixel_size_mm: tuple[float, float]) -> None:
-        """Judge a sensor of `geometry` with a camera of `response`; the host takes pixels to be `pixel_size_mm`."""
+    def __init__(
+        self,
+        geometry: SensorGeometry,
+        response: CameraResponse,
+        pixel_size_mm: tuple[float, float],
+        *,
+        led_gain: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Judge a sensor of `geometry` with a camera of `response`; the host takes pixels to be `pixel_size_mm`.
+
+        led_gain: (12,) how bright each LED really is, as a share of its nominal brightness.
+        """
         self._pixel_size_mm = pixel_size_mm
-        self._response = response
+        self.response = response
+        """replaced by the camera when its controls are set"""
+        self._led_gain = np.ones(len(geometry.led_colours)) if led_gain is None else led_gain
         self._light_slope = (geometry.camera_height_mm - geometry.mounting_height_mm) / geometry.ring_radius_mm
         self._small = replace(
             geometry,
@@ -124,10 +136,10 @@ class SelfCheck:
 
     def _picture_error_grey(self, frame: TactileFrame) -> float:
         light = frame.camera_frame.light
-        lit = ring_light(self._small) if light is None else light / 255.0
+        lit = (ring_light(self._small) if light is None else light / 255.0) * self._led_gain[:, None]
         depth, gradient = blocks(frame.depth_mm), blocks(frame.gradient_map)
         surface = Surface(depth, gradient, np.zeros(depth.shape, bool))
-        rendered = linear_grey(ring_irradiance(surface, self._small, lit), self._response)
+        rendered = linear_grey(ring_irradiance(surface, self._small, lit), self.response)
         return float(np.abs(rendered - blocks(frame.camera_frame.image)).mean())
 
 

@@ -7,7 +7,9 @@ camera's rate while the scene rests; a scene that changes takes as long as it ta
 time at which it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
-from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board).
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board); and what makes one
+sensor differ from another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
+the LEDs' brightness, as a share), `dim` (all LEDs darker by this share).
 """
 
 import itertools
@@ -27,13 +29,15 @@ from gellight.board.waveform import LED_COUNT
 from gellight.camera import Camera
 from gellight.errors import CameraError, ConfigError, InputError
 from gellight.frames import CameraFrame, GroundTruth
-from gellight.ring import LightRing, connect
+from gellight.ring import LightRing
 from gellight.scene import Array, Press, Scene
 from gellight.selfcheck import SelfCheck
 from gellight.shutter import Shutter, row_weights
+from gellight.simulated_controls import SimulatedControls
+from gellight.transport import open_transport
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES
+from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
 
 RETURN_FRAMES = 300
 """so long after a visitor's last touch the programme goes on"""
@@ -64,6 +68,8 @@ class Stage:
     """Presses objects into the gel, on behalf of a visitor or of the programme."""
 
     objects: tuple[str, ...] = OBJECT_NAMES
+    probes: tuple[str, ...] = PROBE_NAMES
+    """pressed as objects are, to calibrate"""
 
     def __init__(self, geometry: SensorGeometry, *, programme: bool = True) -> None:
         """Start with nothing in the gel; `programme` lets the virtual hand play while no visitor presses."""
@@ -91,8 +97,9 @@ class Stage:
         self._programme = None
 
     def _checked(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> Press | None:
-        if object_name not in self.objects:
-            raise InputError(f"no object {object_name!r}: choose one of {', '.join(self.objects)}")
+        known = self.objects + self.probes
+        if object_name not in known:
+            raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
         if not 0 <= depth_mm <= self.max_depth_mm:
             raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
         if not hypot(x_mm, y_mm) <= self._geometry.gel_diameter_mm / 2:
@@ -105,6 +112,11 @@ class Stage:
     def release(self) -> None:
         """Lift the object off the gel."""
         self._want(None)
+
+    def take_over(self) -> None:
+        """Lift the object; no programme plays afterwards."""
+        self._want(None)
+        self._programme = None
 
     def status(self) -> dict[str, object]:
         """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays)."""
@@ -158,6 +170,9 @@ class SimulatedCamera(Camera):
         self._scene = scene
         self.ring = ring
         self._shutter = Shutter()
+        self._response = scene.response
+        self._judges: list[SelfCheck] = []
+        self.controls = SimulatedControls(self._take_controls)
         self._period_s = 1 / fps
         self._rng = np.random.default_rng(seed)
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
@@ -174,7 +189,25 @@ class SimulatedCamera(Camera):
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""
-        return SelfCheck(self._scene.geometry, self._scene.response, pixel_size_mm)
+        scene = self._scene
+        judge = SelfCheck(scene.geometry, scene.response, pixel_size_mm, led_gain=scene.led_gain)
+        self._judges.append(judge)
+        return judge
+
+    def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
+        """Expose for so long from the next frame on, each channel amplified; the noise is amplified with it."""
+        base = self._response
+        ratio = exposure_us / Shutter().exposure_us
+        rows = np.array(base.crosstalk) * np.array(channel_gain)[:, None]
+        self._scene.response = replace(
+            base,
+            exposure=base.exposure * ratio,
+            crosstalk=tuple(tuple(row) for row in rows.tolist()),
+            noise_grey=base.noise_grey * channel_gain[1],
+        )
+        self._shutter = replace(self._shutter, exposure_us=exposure_us)
+        for judge in self._judges:
+            judge.response = self._scene.response
 
     def read(self) -> CameraFrame:
         """Wait until the next frame is due, expose it and return it with its truth."""
@@ -208,7 +241,7 @@ class SimulatedCamera(Camera):
         return (weights[0] if same else weights), source.light_at(start_us)
 
     def _look(self, press: Press | None, light: Array) -> tuple[NDArray[np.float32], GroundTruth]:
-        key = light.round(9).tobytes()
+        key = light.round(9).tobytes() + repr(self._scene.response).encode()
         if self._shown is None or self._shown[:2] != (press, key):
             grey, surface = self._scene.show(press, light)
             truth = GroundTruth(
@@ -234,6 +267,22 @@ class SimulatedUrl(BaseModel):
     y: float = 0.0
     programme: bool = True
     board: bool = True
+    crosstalk: float = Field(0.1, ge=0, le=0.5)
+    led_spread: float = Field(0.0, ge=0, le=0.5)
+    dim: float = Field(0.0, ge=0, le=0.9)
+
+    def response(self) -> CameraResponse:
+        """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
+        plain = CameraResponse(noise_grey=self.noise)
+        others = np.array(plain.crosstalk) * (1 - np.eye(3)) * (self.crosstalk / 0.1)
+        own = np.diag(1 - others.sum(axis=1))
+        rows = (others + own).tolist() if self.crosstalk != 0.1 else plain.crosstalk
+        return replace(plain, crosstalk=tuple(tuple(row) for row in rows))
+
+    def led_gain(self, count: int) -> Array:
+        """Return (count,) brightness of each LED as a share of the nominal: dimmed, and spread as the seed says."""
+        spread = self.led_spread * np.random.default_rng([self.seed, 2]).standard_normal(count)
+        return np.asarray((1 - self.dim) * np.maximum(1 + spread, 0.0))
 
 
 def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
@@ -251,7 +300,7 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.object_name or wanted.depth:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
-    scene = Scene(sensor, CameraResponse(noise_grey=wanted.noise))
+    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)))
     if wanted.board and len(scene.light) != LED_COUNT:
         raise ConfigError(
             f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "
@@ -263,7 +312,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
 
 def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
     """Start a simulated board and light its LEDs with (12, 3) `colours`; returns when they have shone for a while."""
-    ring = connect("sim://")
+    # A busy computer may keep the emulator from the processor for a while; a real board always answers.
+    ring = LightRing(open_transport("sim://"), timeout_s=1.0)
     try:
         ring.wait_for_light(ring.set_leds(colours).light_id)
         time.sleep(2 * (Shutter().duration_us + Shutter().transfer_us) * 1e-6)

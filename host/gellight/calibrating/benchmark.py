@@ -1,0 +1,73 @@
+"""The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from gellight.calibrating.preparing import apply_calibration
+from gellight.calibration import load_calibration
+from gellight.camera import Camera, open_camera
+from gellight.errors import InputError
+from gellight.evaluation import angle_deg
+from gellight.pipeline import Reconstructor
+from gellight.reconstruction import normals
+
+BALL = "BALL"
+_SETTLE_FRAMES = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectError:
+    """Mean absolute errors on one object, against the simulator's truth."""
+
+    object_name: str
+    normal_deg: float
+    """mean angle between the normals over the whole map"""
+    contact_normal_deg: float
+    depth_mm: float
+    """mean absolute depth error over the whole map"""
+    contact_depth_mm: float
+
+
+def object_errors(calibration: str, url: str, geometry: Mapping[str, Any], press_depth_mm: float) -> list[ObjectError]:
+    """Press every object but the ball in the middle of the view and measure one frame of each.
+
+    Camera and LEDs are set as they were when the bundle was made. Raises InputError for a sensor that knows no truth.
+    """
+    bundle = load_calibration(calibration)
+    reconstructor = Reconstructor(bundle)
+    with open_camera(url, geometry=geometry) as camera:
+        if camera.stage is None:
+            raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
+        apply_calibration(camera, bundle)
+        camera.stage.take_over()
+        for _ in range(_SETTLE_FRAMES):
+            camera.read()
+        names = [name for name in camera.stage.objects if name != BALL]
+        return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
+
+
+def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
+    assert camera.stage is not None
+    camera.stage.press(name, depth_mm, 0.0, 0.0)
+    frame = camera.read()
+    truth = frame.truth
+    assert truth is not None
+    felt = reconstructor.reconstruct(frame)
+    angles = angle_deg(felt.normal_map, normals(truth.gradient_map))
+    depth = np.abs(felt.depth_mm - truth.depth_mm)
+    return ObjectError(
+        object_name=name,
+        normal_deg=float(angles.mean()),
+        contact_normal_deg=float(angles[truth.contact].mean()),
+        depth_mm=float(depth.mean()),
+        contact_depth_mm=float(depth[truth.contact].mean()),
+    )
+
+
+def summary(errors: list[ObjectError]) -> ObjectError:
+    """Return the means over the objects."""
+    names = [f.name for f in fields(ObjectError) if f.name != "object_name"]
+    return ObjectError(object_name="mean", **{n: float(np.mean([getattr(e, n) for e in errors])) for n in names})

@@ -1,0 +1,30 @@
+"""The steps of a calibration in their order; what an earlier run finished is not done again."""
+
+from gellight.calibrating.fitting import fit
+from gellight.calibrating.preparing import prepare, prepare_again
+from gellight.calibrating.pressing import collect_presses
+from gellight.calibrating.probing import measure_pixel_size
+from gellight.calibrating.session import Session
+from gellight.calibrating.untouched import compare_with_reference, take_reference
+from gellight.calibrating.verifying import verify
+from gellight.calibration import Calibration
+
+
+def run_steps(session: Session) -> Calibration | None:
+    """Go through all steps and return the bundle that passed, None where the verdict was bad."""
+    done = session.folder.steps
+    for step, first, again in (
+        ("prepare", prepare, prepare_again),
+        ("reference", take_reference, compare_with_reference),
+        ("pixel_size", measure_pixel_size, None),
+        ("presses", collect_presses, None),
+        ("fit", fit, None),
+    ):
+        session.bulletin.post(step=step, progress={}, problem="", press=None)
+        if step not in done:
+            first(session)
+        elif again:
+            again(session)
+        session.bulletin.note(step, done[step])
+    session.bulletin.post(step="verify", progress={}, problem="", press=None)
+    return verify(session)
