@@ -20,6 +20,7 @@ from gellight.camera import Camera, ImageCamera, open_camera
 from gellight.errors import BoardError, CalibrationError, CameraError, GellightError, InputError
 from gellight.pictures import write_png
 from gellight.simulated import SimulatedCamera
+from gellight.training import TrainingOptions
 
 GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
 URL = "sim://?fps=500&board=0&led_spread=0.05"
@@ -32,7 +33,9 @@ def camera(url: str = URL) -> Camera:
 
 def options(folder: Path, **changes: Any) -> RoutineOptions:
     few = {"presses": 12, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
-    return RoutineOptions(out=folder / "bundle", sensor="one", **{**few, **changes})
+    return RoutineOptions(
+        out=folder / "bundle", sensor="one", **{**few, "training": TrainingOptions(recipe="fast"), **changes}
+    )
 
 
 def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
