@@ -19,6 +19,7 @@ HOST_DOORS = {
         *("studies.py", "geometry.py", "answers.py", "parts.py", "solids.py", "gallery.py", "comparison.py"),
         *("timing.py", "report.py"),
         "optimize.py",
+        "simulated_presses.py",
     },
     "cv2": {
         "camera.py",

@@ -13,7 +13,7 @@ from gellight.camera import read_image
 from gellight.contact import find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame
-from gellight.gelnet import SMOOTHING_PX, smooth
+from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.light_drift import light_drift
 from gellight.pipeline import Reconstructor
 from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
@@ -76,7 +76,7 @@ def baseline_errors(
         difference = read_image(press.image).astype(np.float32) - reference
         if follow_light:
             difference -= light_drift(difference)
-        gradient_map = smooth(baseline.gradient_map(difference), SMOOTHING_PX)
+        gradient_map = smoothed(baseline.gradient_map(difference), SMOOTHING_PX)
         depth_mm = integrate(gradient_map, ball.pixel_size_mm)
         contact = find_contact(depth_mm, ball.pixel_size_mm)
         errors.append(press_error(press, ball, normals(gradient_map), depth_mm, contact.mask))

@@ -30,7 +30,7 @@ Presses = Annotated[
 Untouched = Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
 BallRadius = Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
 PixelSize = Annotated[float, typer.Option(help="mm per pixel on the gel")]
-Recipe = Annotated[str, typer.Option(help="fast, or paper (L1, Adam 1e-6, batch 128, 150 epochs: hours)")]
+Recipe = Annotated[str, typer.Option(help="fast, thorough (three times as long), or paper (hours)")]
 Width = Annotated[int, typer.Option(min=1, help="units in each hidden layer")]
 Seed = Annotated[int, typer.Option(help="the same seed gives the same network")]
 Epochs = Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")]
@@ -47,7 +47,7 @@ def fit(
     pixel_size_mm: PixelSize,
     out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
     sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
-    recipe: Recipe = "fast",
+    recipe: Recipe = "thorough",
     width: Width = 32,
     seed: Seed = 0,
     epochs: Epochs = None,
@@ -127,7 +127,7 @@ def crossvalidate(
     ball_radius_mm: BallRadius,
     pixel_size_mm: PixelSize,
     folds: Annotated[int, typer.Option(min=2, help="parts the presses are divided into")] = 5,
-    recipe: Recipe = "fast",
+    recipe: Recipe = "thorough",
     width: Width = 32,
     seed: Seed = 0,
     epochs: Epochs = None,

@@ -8,6 +8,8 @@ import typer
 from gellight.cli import (
     bench,
     calibrate,
+    calibrate_bundles,
+    calibrate_lights,
     calibrate_routine,
     config,
     demo,
@@ -48,7 +50,9 @@ app.command("doctor")(doctor.command)
 app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
+calibrate.app.command("lights")(calibrate_lights.command)
 calibrate_routine.attach(calibrate.app)
+calibrate_bundles.attach(calibrate.app)
 app.add_typer(calibrate.app)
 app.command("bench")(bench.command)
 app.add_typer(config.app, name="config")

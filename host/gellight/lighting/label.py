@@ -33,18 +33,14 @@ class RowExposures:
 
 
 def row_exposures(clock: ClockMap, timing: CameraTiming, time_s: float, rows: int) -> RowExposures:
-    """Return the bounds for a frame whose stamp is `time_s`, `time.monotonic`."""
+    """Return the bounds for a frame whose stamp is `time_s`, `time.monotonic`; ValueError where `clock` is not sure."""
+    offset_us = clock.offset_us(*timing.span_s(time_s))
     time_s += timing.stamp_delay_s
-    first, last = clock.board_us(time_s), clock.board_us(time_s + timing.duration_s)
-    # Every time between is converted with the wider of both ends' bounds, so that none is cut short.
-    low_us = min(first.low - time_s * 1e6, last.low - (time_s + timing.duration_s) * 1e6)
-    high_us = max(first.high - time_s * 1e6, last.high - (time_s + timing.duration_s) * 1e6)
     begins = (time_s + timing.readout_s * np.arange(rows) / max(rows - 1, 1)) * 1e6
     ends = begins + timing.exposure_s * 1e6
-    error = timing.stamp_error_s * 1e6
-    return RowExposures(
-        begins + low_us - error, begins + high_us + error, ends + low_us - error, ends + high_us + error
-    )
+    error_us = timing.stamp_error_s * 1e6
+    low_us, high_us = offset_us.low - error_us, offset_us.high + error_us
+    return RowExposures(begins + low_us, begins + high_us, ends + low_us, ends + high_us)
 
 
 def light_of_rows(exposed: RowExposures, light: KnownLight, pulse_period_us: float) -> tuple[Rows, set[int]]:

@@ -71,13 +71,14 @@ class LightWatch:
 
     def label(self, time_s: float, rows: int) -> LightLabel:
         """Label a frame by its stamp, after asking the board which light is on; BoardError if it does not answer."""
-        _, end_s = self.timing.span_s(time_s)
+        begin_s, end_s = self.timing.span_s(time_s)
         for attempt in range(ASKED):
             if attempt:
                 time.sleep(0.001)
             self._ask()
             with self._lock:
-                if self.clock.known and self.light.confirmed_us >= self.clock.board_us(end_s).high:
+                sure = self.clock.covers(begin_s, end_s)
+                if sure and self.light.confirmed_us >= end_s * 1e6 + self.clock.offset_us(begin_s, end_s).high:
                     break
         with self._lock:
             return label_frame(self.clock, self.light, self.timing, time_s, rows)
