@@ -21,7 +21,17 @@ HOST_DOORS = {
         "optimize.py",
         "simulated_presses.py",
     },
-    "cv2": {"camera.py", "presses.py", "pictures.py", "calibration.py", "server.py", "messages.py"},
+    "cv2": {
+        "camera.py",
+        "presses.py",
+        "pictures.py",
+        "calibration.py",
+        "server.py",
+        "messages.py",
+        "decoding.py",
+        "encoding.py",
+        "opencv_camera.py",
+    },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }
 

@@ -6,8 +6,8 @@
 #include <stdint.h>
 
 #define PROTOCOL_MAJOR 1u
-#define PROTOCOL_MINOR 0u
-#define SCHEMA_CRC 0xbf1d6217u
+#define PROTOCOL_MINOR 1u
+#define SCHEMA_CRC 0x16d47537u
 #define LED_COUNT 12u
 #define COLOUR_BYTES 36u
 #define GROUP_COUNT 16u
@@ -311,8 +311,9 @@ struct RECORD configuration {
     uint8_t policy; /* enum policy */
     uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450 */
     uint8_t name[16]; /* of the sensor, UTF-8, padded with zeros */
+    uint8_t bundle[8]; /* identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none */
 };
-_Static_assert(sizeof(struct configuration) == 28, "configuration");
+_Static_assert(sizeof(struct configuration) == 36, "configuration");
 
 /* A number that says that this is meant. */
 struct RECORD magic {

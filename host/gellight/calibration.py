@@ -14,7 +14,6 @@ import importlib.util
 import io
 import json
 import logging
-import tomllib
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -23,84 +22,36 @@ from datetime import UTC, datetime
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Required, TypedDict, Unpack
 
 import cv2
 import numpy as np
-import tomli_w
 from numpy.typing import NDArray
-from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gellight.errors import CalibrationError
+from gellight.manifest import (
+    AGAIN,
+    MANIFEST,
+    METRICS,
+    REFERENCE,
+    Control,
+    Manifest,
+    checked_manifest,
+    manifest_toml,
+    parse_manifest,
+    plain_name,
+)
+from gellight.manifest import LedSetting as LedSetting  # part of what a caller of `write_calibration` needs
 from gellight.writing import write_file, write_folder
 
 logger = logging.getLogger(__name__)
 
-SCHEMA_VERSION = 1
 SYNTHETIC = "synthetic"
 """Name of the bundle of the simulated sensor that comes with GelLight."""
 SUFFIX = ".gelcal"
 
-_MANIFEST, _REFERENCE, _METRICS, _PRESSES = "manifest.toml", "reference.png", "metrics.json", "presses.npz"
+_PRESSES = "presses.npz"
 _LARGEST_BYTES = 512 * 1024 * 1024
-_AGAIN = "calibrate the sensor again or restore the bundle from a copy"
-
-
-def _plain_name(name: str) -> str:
-    if not name or name in {".", ".."} or Path(name).name != name or "\\" in name or ":" in name:
-        raise ValueError(f"file name {name!r} leaves the bundle: names have no folders")
-    return name
-
-
-FileName = Annotated[str, AfterValidator(_plain_name)]
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Byte = Annotated[int, Field(ge=0, le=255)]
-Control = bool | int | float | str
-
-
-class LedSetting(BaseModel):
-    """One LED of the ring while the sensor was calibrated; LED i sits at azimuth 30 degrees * i, anticlockwise."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    colour: Literal["R", "G", "B"]
-    rgb: tuple[Byte, Byte, Byte]
-
-
-class Manifest(BaseModel):
-    """The content of `manifest.toml`; an unknown key is an error."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    schema_version: Literal[1] = 1
-    sensor: Annotated[str, Field(min_length=1)]
-    """serial number or name"""
-    created: AwareDatetime
-    software: str
-    image_width_px: Annotated[int, Field(ge=2)]
-    image_height_px: Annotated[int, Field(ge=2)]
-    pixel_size_mm: tuple[Length, Length]
-    """(x, y)"""
-    reference_frames: Annotated[int, Field(ge=1)]
-    """how many frames the reference image is the mean of"""
-    noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    """standard deviation of one pixel of one frame, grey levels"""
-    follow_light: bool = False
-    """take the median over the view off every difference image, because the light of this sensor drifts"""
-    network: FileName = "network.onnx"
-    files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
-    led: tuple[LedSetting, ...] = ()
-    camera: dict[str, Control] = Field(default_factory=dict)
-    """exposure, gain, white balance: the controls that have to be the same when the sensor is used"""
-
-    @model_validator(mode="after")
-    def _lists_what_is_needed(self) -> "Manifest":
-        missing = {_REFERENCE, _METRICS, self.network} - set(self.files)
-        if missing:
-            raise ValueError(f"[files] does not list {', '.join(sorted(missing))}")
-        if self.led and len(self.led) != 12:
-            raise ValueError(f"led has {len(self.led)} entries, the ring has 12")
-        return self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,15 +82,39 @@ class Calibration:
     @cached_property
     def reference(self) -> NDArray[np.float32]:
         """(H, W, 3) RGB, grey levels with fraction: the mean image of the untouched gel."""
-        image = _decode_reference(self.files[_REFERENCE], self.source)
+        image = _decode_reference(self.files[REFERENCE], self.source)
         image.flags.writeable = False
         return image
 
     @cached_property
     def metrics(self) -> dict[str, Any]:
         """Measured error of the network, as written by the calibration."""
-        content: dict[str, Any] = json.loads(self.files[_METRICS])
+        content: dict[str, Any] = json.loads(self.files[METRICS])
         return content
+
+    @property
+    def identity(self) -> str:
+        """16 hexadecimal digits; see `Manifest.identity`."""
+        return self.manifest.identity
+
+    def check_fits(self, camera: str, image_shape: tuple[int, int]) -> None:
+        """Raise CalibrationError unless the images (H, W) of `camera` have the size of this bundle's."""
+        if image_shape != self.image_shape:
+            raise CalibrationError(
+                f"{camera} delivers {image_shape[1]}x{image_shape[0]} pixels, the calibration {self.source} is for "
+                f"{self.image_shape[1]}x{self.image_shape[0]}: choose the bundle of this sensor"
+            )
+
+    def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> "Calibration":
+        """Return this bundle with another reference image, (H, W, 3) RGB, the mean of so many frames; in memory only.
+
+        Raises CalibrationError for grey levels outside 0 to 255 and ValueError for another shape.
+        """
+        if reference.shape != (*self.image_shape, 3):
+            raise ValueError(f"reference image has shape {reference.shape}: give {(*self.image_shape, 3)}")
+        files = {**self.files, REFERENCE: _encode_reference(reference)}
+        manifest = self.manifest.model_copy(update={"files": _digests(files), "reference_frames": frames})
+        return Calibration(manifest=manifest, files=files, source=self.source)
 
     def presses(self) -> dict[str, NDArray[Any]]:
         """The arrays of `presses.npz`; raises CalibrationError where the bundle has none."""
@@ -166,63 +141,70 @@ def load_calibration(path: str | Path) -> Calibration:
             _check_archive(archive, place)
             return _load(str(place), archive.read)
     except (zipfile.BadZipFile, EOFError, OSError) as error:
-        raise CalibrationError(f"{place} is not a whole {SUFFIX} file ({error}): {_AGAIN}") from error
+        raise CalibrationError(f"{place} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
+
+
+class Description(TypedDict, total=False):
+    """What the caller of `write_calibration` says about the sensor, by the names of the manifest."""
+
+    sensor: Required[str]
+    reference_frames: Required[int]
+    noise_grey: Required[float]
+    pixel_size_mm: Required[tuple[float, float]]
+    follow_light: bool
+    bulge: float
+    led: tuple[LedSetting, ...]
+    camera: Mapping[str, Control]
 
 
 def write_calibration(
     folder: str | Path,
     *,
-    sensor: str,
     reference: NDArray[np.floating],
-    reference_frames: int,
-    noise_grey: float,
-    pixel_size_mm: tuple[float, float],
     network: bytes,
     metrics: Mapping[str, Any],
     network_name: str = "network.onnx",
-    follow_light: bool = False,
     presses: Mapping[str, NDArray[Any]] | None = None,
-    led: tuple[LedSetting, ...] = (),
-    camera: Mapping[str, Control] | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     overwrite: bool = False,
+    **description: Unpack[Description],
 ) -> Calibration:
     """Write a bundle as a folder, whole or not at all, and return it as it will be loaded.
 
-    reference: (H, W, 3) RGB, grey levels 0 to 255. noise_grey: grey levels. pixel_size_mm: (x, y). follow_light: the
-    network was trained on difference images without `light_drift`.
-    An existing bundle is replaced only with `overwrite`. Raises CalibrationError; then the folder is as before.
+    reference: (H, W, 3) RGB, grey levels 0 to 255. presses: the arrays of `presses.npz`. The rest is described at
+    `Manifest`. An existing bundle is replaced only with `overwrite`. Raises CalibrationError; then the folder is as
+    before.
     """
-    files = dict(extra_files or {})
-    files[_REFERENCE] = _encode_reference(reference)
-    files[_METRICS] = (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode()
-    files[network_name] = network
-    if presses is not None:
-        files[_PRESSES] = _npz(presses)
-    manifest = _manifest(
+    files = {
+        **(extra_files or {}),
+        REFERENCE: _encode_reference(reference),
+        METRICS: (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
+        network_name: network,
+        **({_PRESSES: _npz(presses)} if presses is not None else {}),
+    }
+    manifest = checked_manifest(
         folder,
-        sensor=sensor,
         created=datetime.now(UTC).replace(microsecond=0),
         software=_software(),
         image_width_px=reference.shape[1],
         image_height_px=reference.shape[0],
-        pixel_size_mm=pixel_size_mm,
-        reference_frames=reference_frames,
-        noise_grey=noise_grey,
-        follow_light=follow_light,
         network=network_name,
-        files={name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())},
-        led=led,
-        camera=dict(camera or {}),
+        files=_digests(files),
+        **description,
     )
+    return save_calibration(Calibration(manifest=manifest, files=files, source=str(folder)), folder, overwrite)
+
+
+def save_calibration(calibration: Calibration, folder: str | Path, overwrite: bool = False) -> Calibration:
+    """Write a bundle as a folder and return it as it will be loaded; otherwise as `write_calibration`."""
     target = Path(folder)
     if target.exists() and not overwrite:
         raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
     try:
-        write_folder(target, {**files, _MANIFEST: _manifest_toml(manifest)})
+        write_folder(target, {**calibration.files, MANIFEST: manifest_toml(calibration.manifest)})
     except OSError as error:
         raise _not_written(target, error) from error
-    return load_calibration(folder)
+    return load_calibration(target)
 
 
 def extend_calibration(
@@ -232,17 +214,9 @@ def extend_calibration(
 
     Raises CalibrationError; then the folder is as before.
     """
-    target = Path(folder)
-    if target.exists() and not overwrite:
-        raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
     content = {**calibration.files, **files}
-    digests = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(content.items())}
-    manifest = _manifest(target, **{**calibration.manifest.model_dump(), "files": digests})
-    try:
-        write_folder(target, {**content, _MANIFEST: _manifest_toml(manifest)})
-    except OSError as error:
-        raise _not_written(target, error) from error
-    return load_calibration(folder)
+    manifest = checked_manifest(folder, **{**calibration.manifest.model_dump(), "files": _digests(content)})
+    return save_calibration(Calibration(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
 
 
 def pack_calibration(calibration: Calibration, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -254,7 +228,7 @@ def pack_calibration(calibration: Calibration, path: str | Path, *, overwrite: b
         raise CalibrationError(f"{target} exists: choose another name or allow overwriting")
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(_MANIFEST, _manifest_toml(calibration.manifest))
+        archive.writestr(MANIFEST, manifest_toml(calibration.manifest))
         for name, content in calibration.files.items():
             archive.writestr(name, content)
     try:
@@ -269,7 +243,7 @@ def _synthetic_folder() -> Path:
     spec = importlib.util.find_spec("gelnet")
     places = list(spec.submodule_search_locations or []) if spec else []
     for place in places:
-        if (Path(place) / SYNTHETIC / _MANIFEST).is_file():
+        if (Path(place) / SYNTHETIC / MANIFEST).is_file():
             return Path(place) / SYNTHETIC
     raise CalibrationError(
         f"the '{SYNTHETIC}' bundle is not installed (looked in {places or 'no gelnet package'}): reinstall gellight"
@@ -278,19 +252,19 @@ def _synthetic_folder() -> Path:
 
 def _load(source: str, read: Callable[[str], bytes]) -> Calibration:
     """Read the manifest, then every file it names."""
-    manifest = _parse_manifest(_read(source, read, _MANIFEST), source)
+    manifest = parse_manifest(_read(source, read, MANIFEST), source)
     files = {name: _verified(source, read, name, digest) for name, digest in manifest.files.items()}
     calibration = Calibration(manifest=manifest, files=files, source=source)
     if calibration.reference.shape[:2] != calibration.image_shape:
         height, width = calibration.reference.shape[:2]
         raise CalibrationError(
-            f"{source}: {_REFERENCE} is {width} x {height} px, the manifest says "
-            f"{manifest.image_width_px} x {manifest.image_height_px}: {_AGAIN}"
+            f"{source}: {REFERENCE} is {width} x {height} px, the manifest says "
+            f"{manifest.image_width_px} x {manifest.image_height_px}: {AGAIN}"
         )
     try:
         calibration.metrics  # noqa: B018  (decoded now, so that a broken one is an error of loading)
     except ValueError as error:
-        raise CalibrationError(f"{source}: {_METRICS} is not JSON ({error}): {_AGAIN}") from error
+        raise CalibrationError(f"{source}: {METRICS} is not JSON ({error}): {AGAIN}") from error
     return calibration
 
 
@@ -298,9 +272,9 @@ def _read(source: str, read: Callable[[str], bytes], name: str) -> bytes:
     try:
         return read(name)
     except (KeyError, FileNotFoundError) as error:
-        raise CalibrationError(f"{source} has no {name}: it is not a whole calibration bundle; {_AGAIN}") from error
+        raise CalibrationError(f"{source} has no {name}: it is not a whole calibration bundle; {AGAIN}") from error
     except (OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise CalibrationError(f"{source}: {name} cannot be read ({error}): {_AGAIN}") from error
+        raise CalibrationError(f"{source}: {name} cannot be read ({error}): {AGAIN}") from error
 
 
 def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str) -> bytes:
@@ -309,7 +283,7 @@ def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str)
     if found != digest:
         raise CalibrationError(
             f"{source}: {name} was changed after calibration (SHA-256 is {found[:12]}…, the manifest says "
-            f"{digest[:12]}…): {_AGAIN}"
+            f"{digest[:12]}…): {AGAIN}"
         )
     return content
 
@@ -318,7 +292,7 @@ def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
     """Refuse names that leave the bundle and archives that would fill the memory."""
     for entry in archive.infolist():
         try:
-            _plain_name(entry.filename)
+            plain_name(entry.filename)
         except ValueError as error:
             raise CalibrationError(f"{place}: {error}; do not use this file, get it again from its source") from error
     total = sum(entry.file_size for entry in archive.infolist())
@@ -326,29 +300,8 @@ def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
         raise CalibrationError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
 
 
-def _parse_manifest(content: bytes, source: str) -> Manifest:
-    try:
-        values = tomllib.loads(content.decode())
-    except ValueError as error:
-        raise CalibrationError(f"{source}: {_MANIFEST} is not TOML ({error}): {_AGAIN}") from error
-    schema = values.get("schema_version")
-    if isinstance(schema, int) and schema > SCHEMA_VERSION:
-        raise CalibrationError(
-            f"{source} has schema version {schema}, this GelLight reads up to {SCHEMA_VERSION}: update GelLight"
-        )
-    return _manifest(source, **values)
-
-
-def _manifest(where: str | Path, **values: Any) -> Manifest:
-    try:
-        return Manifest.model_validate(values)
-    except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(map(str, e['loc'])) or _MANIFEST}: {e['msg']}" for e in error.errors())
-        raise CalibrationError(f"{where}: {_MANIFEST}: {wrong}. Correct it or {_AGAIN}") from error
-
-
-def _manifest_toml(manifest: Manifest) -> bytes:
-    return tomli_w.dumps(manifest.model_dump()).encode()
+def _digests(files: Mapping[str, bytes]) -> dict[str, str]:
+    return {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
 
 
 def _software() -> str:
@@ -372,7 +325,7 @@ def _encode_reference(reference: NDArray[np.floating]) -> bytes:
 def _decode_reference(content: bytes, source: str) -> NDArray[np.float32]:
     levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
     if levels is None or levels.dtype != np.uint16 or levels.ndim != 3 or levels.shape[2] != 3:
-        raise CalibrationError(f"{source}: {_REFERENCE} is not a 16-bit RGB PNG: {_AGAIN}")
+        raise CalibrationError(f"{source}: {REFERENCE} is not a 16-bit RGB PNG: {AGAIN}")
     return np.ascontiguousarray(levels[..., ::-1], dtype=np.float32) / np.float32(256)
 
 

@@ -34,10 +34,15 @@ class SensorSettings(Section):
     """Which sensor."""
 
     url: str = Field(
-        default="sim://", min_length=1, description="where the camera is: `sim://`, a device, or a folder of images"
+        default="sim://",
+        min_length=1,
+        description="where the camera is: `sim://`, `auto`, `sensor://NAME`, `v4l2:///dev/...` or a folder of images",
     )
     calibration: str = Field(
-        default="synthetic", min_length=1, description="calibration bundle: a folder, a .gelcal file, or `synthetic`"
+        default="synthetic",
+        min_length=1,
+        description="calibration bundle: a folder, a .gelcal file, `synthetic`, or `auto`: the one of this sensor, "
+        "which its board names",
     )
 
 
@@ -94,6 +99,15 @@ class ReconstructionSettings(Section):
     )
 
 
+class WatchSettings(Section):
+    """What is told of changes since the calibration; see docs/watch.md."""
+
+    enabled: bool = Field(default=True, description="watch for drift, LEDs, the camera's place, dirt and tears")
+    rezero: bool = Field(
+        default=True, description="let the zero of the depth follow slow drift of the light while nothing touches"
+    )
+
+
 class DashboardSettings(Section):
     """The page."""
 
@@ -106,6 +120,7 @@ class Settings(Section):
     sensor: SensorSettings = Field(default_factory=SensorSettings)
     geometry: GeometrySettings = Field(default_factory=GeometrySettings)
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
+    watch: WatchSettings = Field(default_factory=WatchSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
 
 

@@ -83,7 +83,12 @@ class Reconstructor:
         watch.lap("mask")
         gradient_map = self._network.gradient_map(difference, touched if self.masked else None)
         watch.lap("gradient")
-        depth_mm = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=far_from_touch(touched))
+        depth_mm = integrate(
+            gradient_map,
+            self.calibration.pixel_size_mm,
+            at_rest=far_from_touch(touched),
+            bulge=self.calibration.manifest.bulge,
+        )
         watch.lap("depth")
         normal_map = normals(gradient_map)
         watch.lap("normals")

@@ -31,7 +31,7 @@ from gellight.wire import (
     u64,
 )
 
-VERSION = (1, 0)
+VERSION = (1, 1)
 GROUP_COUNT = 16
 STEP_COUNT = 32
 REPLY = 0x80
@@ -258,6 +258,7 @@ class Configuration(Record):
     policy: Annotated[u8, "enum policy"]
     external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]
     name: Annotated[Bytes16, "of the sensor, UTF-8, padded with zeros"]
+    bundle: Annotated[Bytes8, "identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none"] = bytes(8)
 
 
 @dataclass(frozen=True)

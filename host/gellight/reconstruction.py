@@ -25,10 +25,11 @@ _EDGE_FIRST = (9 / 24, 19 / 24, -5 / 24, 1 / 24)
 """The edge at a border, one-sided from the border inwards (Adams-Moulton). Exact to degree 3."""
 _ZERO_SAMPLES = 40_000
 _LEAST_AT_REST = 0.05
-_BULGE = 1.71
+BULGE = 1.71
 """Mean depth of a view that is touched all over, per bulge at its border. A soft layer keeps its volume, so what is
 pressed down in the view comes up around it. Fitted to 30 random presses of the simulated gel of the paper; nine of ten
-lay between 1.5 and 2.1. Another gel, or a view of another size, has another value."""
+lay between 1.5 and 2.1. Another gel, or a view of another size, has another value: its bundle tells it (`bulge` in the
+manifest)."""
 
 
 def integrate(
@@ -36,12 +37,14 @@ def integrate(
     pixel_size_mm: float | tuple[float, float],
     *,
     at_rest: NDArray[np.bool_] | None = None,
+    bulge: float = BULGE,
 ) -> Floats:
     """Integrate a gradient map to the depth map that fits it best in the sense of least squares.
 
     gradient_map: (H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless; float64 is kept, all else becomes float32.
     pixel_size_mm: mm per pixel, one number or (x, y).
     at_rest: (H, W) where the gel is known to be untouched.
+    bulge: of this gel and view, see `BULGE`.
 
     Returns (H, W) depth in mm. Slopes leave the height of the whole surface open; what sets it is: the median over
     `at_rest` is 0. Without `at_rest` the median of the map is 0, which is the untouched gel while less than half of
@@ -58,7 +61,7 @@ def integrate(
     slopes = _checked(gradient_map)
     size_x, size_y = _pixel_size(pixel_size_mm)
     depth = _poisson(_divergence(slopes, size_x, size_y))
-    depth -= _rest_level(depth, at_rest)
+    depth -= _rest_level(depth, at_rest, bulge)
     return depth
 
 
@@ -168,7 +171,7 @@ def _poisson(divergence: Floats) -> Floats:
     return depth
 
 
-def _rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None) -> np.floating:
+def _rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None, bulge: float) -> np.floating:
     """Depth of the gel at rest, as `integrate` documents it."""
     # An odd step, started so that the sample lies evenly about the image centre: a tilted plane keeps its middle at 0.
     step = 1 + 2 * round(max(0.0, float(np.sqrt(depth.size / _ZERO_SAMPLES)) - 1) / 2)
@@ -182,5 +185,5 @@ def _rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None) -> np.floating
     if resting.size >= _LEAST_AT_REST * sample.size:
         return np.median(resting)
     border = np.median(np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]]))
-    level: np.floating = (sample.mean() + _BULGE * border) / (1 + _BULGE)
+    level: np.floating = (sample.mean() + bulge * border) / (1 + bulge)
     return level

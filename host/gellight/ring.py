@@ -115,9 +115,12 @@ class LightRing:
         hello = self._request("HELLO", protocol.HelloReply)
         theirs, ours = (hello.protocol_major, hello.protocol_minor), protocol.VERSION
         if hello.schema_crc != protocol.schema_crc():
+            age = "too new" if theirs > ours else "too old" if theirs < ours else "of another build"
+            update = "update GelLight, or " if theirs > ours else ""
             raise BoardError(
-                f"the board speaks protocol {theirs[0]}.{theirs[1]} (schema {hello.schema_crc:08x}), this host "
-                f"{ours[0]}.{ours[1]} (schema {protocol.schema_crc():08x}): run `gellight firmware flash`"
+                f"the firmware of the board is {age}: it speaks protocol {theirs[0]}.{theirs[1]} (schema "
+                f"{hello.schema_crc:08x}), this host {ours[0]}.{ours[1]} (schema {protocol.schema_crc():08x}): "
+                f"{update}run `gellight firmware flash`"
             )
         return hello
 

@@ -2,41 +2,67 @@
 
 from collections.abc import Iterator
 
+from gellight.bundle_store import BundleStore
+from gellight.calibrating.preparing import apply_calibration
 from gellight.calibration import Calibration, load_calibration
 from gellight.camera import open_camera
 from gellight.config import Settings
 from gellight.daemon import Daemon
-from gellight.errors import CalibrationError, InputError
-from gellight.photometric.modes import tactile_path
-from gellight.pipeline import Reconstructor
+from gellight.errors import InputError
+from gellight.installing import bundle_of
+from gellight.photometric.modes import Mode, frame_path, tactile_camera
+from gellight.pipeline import FramePath, Reconstructor
 from gellight.selfcheck import SelfCheckResult
+from gellight.watch.monitor import Watch
+
+AUTO = "auto"
+"""Setting of the calibration that stands for whichever bundle belongs to the sensor."""
 
 
 def open_session(settings: Settings) -> Daemon:
     """Return the daemon (not yet started) of the sensor and the calibration that `settings` name.
 
-    Raises CameraError, InputError, ConfigError or CalibrationError; the camera is closed again when something does
-    not fit.
+    Raises CameraError, BoardError, InputError, ConfigError or CalibrationError; the camera is closed again, and its
+    LEDs are dark, when something does not fit.
     """
-    bundle = load_calibration(settings.sensor.calibration)
-    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
+    bundle = chosen_bundle(settings)
+    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), calibration=bundle)
     try:
-        height, width = bundle.image_shape
-        if camera.image_shape != bundle.image_shape:
-            raise CalibrationError(
-                f"{camera.url} delivers {camera.image_shape[1]}x{camera.image_shape[0]} pixels, the calibration "
-                f"{bundle.source} is for {width}x{height}: choose the bundle of this sensor"
-            )
+        bundle.check_fits(camera.url, camera.image_shape)
+        apply_calibration(camera, bundle)
         judge = camera.selfcheck(bundle.pixel_size_mm)
-        camera, path = tactile_path(camera, bundle, settings.reconstruction, reconstructor_for(bundle, settings))
-        return Daemon(camera, path, selfcheck=judge)
+        camera = tactile_camera(camera, bundle, settings.reconstruction)
+        watched = settings.watch.enabled and Mode(settings.reconstruction.mode) is Mode.NETWORK
+        return Daemon(
+            camera,
+            path_for(bundle, settings),
+            selfcheck=judge,
+            rebuild=lambda replacement: path_for(replacement, settings),
+            watch=Watch(bundle, rezero=settings.watch.rezero) if watched else None,
+        )
     except BaseException:
         camera.close()
         raise
 
 
+def chosen_bundle(settings: Settings) -> Calibration:
+    """Return the bundle that `settings` name; "auto" asks the board of the sensor, which is opened for that.
+
+    Raises CalibrationError for a bundle that is damaged or missing, else as `open_camera`.
+    """
+    if settings.sensor.calibration != AUTO:
+        return load_calibration(settings.sensor.calibration)
+    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+        return bundle_of(camera, BundleStore())
+
+
+def path_for(bundle: Calibration, settings: Settings) -> FramePath:
+    """Return the frame path of `bundle` in the mode that `settings` say; CalibrationError where it cannot be."""
+    return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings))
+
+
 def reconstructor_for(bundle: Calibration, settings: Settings) -> Reconstructor:
-    """Return the frame path of `bundle`, set as `settings` say."""
+    """Return the frame path of GelNet with `bundle`, set as `settings` say."""
     chosen = settings.reconstruction
     return Reconstructor(bundle, threads=chosen.threads, smoothing_px=chosen.smoothing_px, masked=chosen.masked)
 
@@ -57,7 +83,7 @@ def check_presses(settings: Settings) -> Iterator[tuple[str, SelfCheckResult]]:
 
     Raises InputError for a sensor into which nothing can be pressed.
     """
-    bundle = load_calibration(settings.sensor.calibration)
+    bundle = chosen_bundle(settings)
     reconstructor = reconstructor_for(bundle, settings)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         judge, stage = camera.selfcheck(bundle.pixel_size_mm), camera.stage

@@ -1,17 +1,25 @@
 """Figures of the firmware, from the committed image in the emulator: `python -m tests.benchmarks.firmware`.
 
-All times are virtual: the board's own, exact to its clock, whatever the machine does.
+All times are virtual: the board's own, exact to its clock, whatever the machine does. `--fuzz SECONDS` fuzzes the core
+for so long, on wall time.
 """
+
+import argparse
+import struct
+import tempfile
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.board.chip import EmulatedBoard
 from gellight.enumerations import SyncMode
-from gellight.firmware.build import committed_image
+from gellight.firmware.build import build_elf, committed_image
 from gellight.protocol import DWELL_MIN_US
 from gellight.ring import LightRing, Step
 from gellight.transport import VirtualTransport
+from tests.firmware.fuzzing import compile_fuzzer, fuzz
+from tests.firmware.stack_bound import stack_bound
 
 
 def round_trips_us(ring: LightRing, board: EmulatedBoard, count: int = 200) -> dict[str, float]:
@@ -38,7 +46,7 @@ def led_frames_per_second(ring: LightRing, board: EmulatedBoard, count: int = 30
 
 
 def deviations_us(ring: LightRing, board: EmulatedBoard, steps: int = 800) -> NDArray[np.float64]:
-    """Deviation of each step of a sequence of the shortest steps from its grid, from the pin; a command comes every 100 ms."""
+    """Deviation of each of the shortest steps from its grid, at the pin; a command comes every 100 ms."""
     groups = [np.full((12, 3), level, np.uint8) for level in (10, 30)]
     ring.load_sequence(groups, [Step(group=group, dwell_us=DWELL_MIN_US) for group in range(2)])
     ring.set_sync(SyncMode.FREE)
@@ -53,8 +61,38 @@ def deviations_us(ring: LightRing, board: EmulatedBoard, steps: int = 800) -> ND
     return np.asarray(deviation - np.median(deviation))
 
 
+def ram_bytes() -> tuple[int, int]:
+    """Bytes of RAM that the image fills with code and data, and those it clears: the segments of its ELF file."""
+    elf = build_elf()
+    offset, size, count = struct.unpack_from("<I", elf, 28)[0], *struct.unpack_from("<HH", elf, 42)
+    segments = [struct.unpack_from("<8I", elf, offset + k * size) for k in range(count)]
+    in_ram = [
+        (filed, taken) for kind, _, address, _, filed, taken, _, _ in segments if kind == 1 and address >> 28 == 2
+    ]
+    return sum(filed for filed, _ in in_ram), sum(taken - filed for filed, taken in in_ram)
+
+
+def print_sizes(ring: LightRing) -> None:
+    """Print flash, RAM and stack."""
+    loaded, cleared = ram_bytes()
+    used = 4096 - ring.self_test().stack_free
+    print(f"image                {len(committed_image()):8} bytes of flash")
+    print(f"RAM                  {loaded:8} bytes of code and data, {cleared} cleared, beside 4096 of stack")
+    print(f"stack                {stack_bound()['worst']:8} bytes at most by gcc's call graph, {used} seen in use")
+
+
+def print_fuzzing(seconds: int) -> None:
+    """Fuzz the core under the address and undefined-behaviour sanitizers."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = fuzz(compile_fuzzer(Path(folder) / "fuzzer"), seconds, seed=1)
+    print(f"fuzzing, {seconds} s        {done.stdout.strip()}; {'no finding' if done.returncode == 0 else done.stderr}")
+
+
 def main() -> None:
     """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--fuzz", type=int, default=0, metavar="SECONDS")
+    seconds = parser.parse_args().fuzz
     board = EmulatedBoard(committed_image())
     ring = LightRing(VirtualTransport(board), keep_alive_s=None)
     for name, microseconds in round_trips_us(ring, board).items():
@@ -63,7 +101,12 @@ def main() -> None:
     deviation = deviations_us(ring, board)
     within = np.mean(np.abs(deviation) <= 1.0)
     print(f"500 Hz sequence      {within:8.2%} of the steps within 1 us, the worst {deviation.max():+.1f} us late")
+    ring.blank()
+    board.run(5_000)
+    print_sizes(ring)
     ring.close()
+    if seconds:
+        print_fuzzing(seconds)
     print(f"faults noticed       {board.faults or 'none'}")
 
 

@@ -32,6 +32,7 @@ _sibling("virtual_board")
 _sibling("core_model")
 _sibling("mutations")
 _sibling("fuzzing")
+_sibling("stack_bound")
 
 
 @pytest.fixture(scope="session")

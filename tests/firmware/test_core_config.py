@@ -1,6 +1,8 @@
 """The portable core on a virtual clock: the configuration in flash, restarts, telemetry."""
 
 import dataclasses
+import struct
+import zlib
 
 import pytest
 from virtual_board import FLASH_BYTES, VirtualBoard
@@ -35,6 +37,25 @@ def test_the_configuration_survives_many_saves(core: VirtualBoard) -> None:
     assert again.ok("GET_CONFIG") == named("sensor 99")
     assert status(again).config_saves == 100
     again.close()
+
+
+def test_the_bundle_of_the_sensor_is_remembered_without_power(core: VirtualBoard) -> None:
+    marked = dataclasses.replace(named("finger 3"), bundle=bytes(range(8)))
+    core.ok("SET_CONFIG", marked)
+    core.ok("SAVE_CONFIG")
+    again = VirtualBoard(core.library, core.flash())
+    assert again.ok("GET_CONFIG") == marked
+    again.close()
+
+
+def test_a_record_of_firmware_that_knew_no_bundle_still_counts(core: VirtualBoard) -> None:
+    old = named("veteran").pack()[:-8]
+    page = struct.pack("<II", 0x474C4346, 7) + old
+    page = page.ljust(252, b"\xff")
+    flash = (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff")
+    board = VirtualBoard(core.library, flash)
+    assert board.ok("GET_CONFIG") == dataclasses.replace(named("veteran"), bundle=b"\xff" * 8)
+    board.close()
 
 
 def test_saving_the_same_writes_nothing(core: VirtualBoard) -> None:

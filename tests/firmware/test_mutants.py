@@ -77,17 +77,18 @@ def _colours(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None
 
 
 def _sequence(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
-    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=1_300)])
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_137)])
     ring.set_sync(SyncMode.FREE)
     since = len(board.waveform.frame_starts_us)
     ring.start()
-    for _ in range(25):
-        ring.counters()
+    for number in range(250):  # all at once, so that the interrupt of USB is busy whenever a step falls due
+        board.host.send(encode(Packet(p.COMMANDS["SET_GROUP"].code, number, p.SetGroup(9, bytes(36)).pack())))
+    board.run(40_000)
     times = np.array(board.waveform.frame_starts_us[since:])
     ring.blank()
     board.run(3_000)
-    planned = times[:1] + 1_300 * np.arange(len(times))
-    if len(times) < 4 or np.abs(times - planned).max() > 1:
+    planned = times[:1] + 2_137 * np.arange(len(times))
+    if len(times) < 8 or np.abs(times - planned).max() > 1:
         problems.append("steps are not on time")
 
 

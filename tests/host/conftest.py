@@ -1,4 +1,7 @@
-"""Browsers, started once a module: Playwright keeps an event loop running in the thread as long as it is there."""
+"""Browsers, started once a module: Playwright keeps an event loop running in the thread as long as it is there.
+
+And a simulated sensor for the watch.
+"""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -6,7 +9,15 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from tests.host.browsing import FLAGS, NO_GL, SOFTWARE_GL
+from gellight.calibration import Calibration, load_calibration
+from gellight.dashboard.server import DashboardServer
+from gellight.scene import Scene
+from gellight.watch.monitor import Watch
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+from tests.host.browsing import FLAGS, NO_GL, SOFTWARE_GL, Open, opening
+from tests.host.dashboard_source import FormulaSource, RecordingStage
+from tests.host.watched_sensor import NOISE_GREY, WatchedSensor
 
 
 @pytest.fixture(scope="module")
@@ -30,3 +41,42 @@ def browser_3d(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
     """A browser that draws 3D without a graphics card."""
     with chromium(SOFTWARE_GL) as browser:
         yield browser
+
+
+@pytest.fixture(scope="session")
+def watched_scene() -> Scene:
+    return Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
+
+
+@pytest.fixture(scope="session")
+def synthetic() -> Calibration:
+    return load_calibration("synthetic")
+
+
+@pytest.fixture
+def new_sensor(watched_scene: Scene, synthetic: Calibration) -> Callable[[int], WatchedSensor]:
+    """Make a sound sensor that is watched, with noise of this seed."""
+    return lambda seed: WatchedSensor(watched_scene, Watch(synthetic), seed)
+
+
+@pytest.fixture
+def source() -> FormulaSource:
+    return FormulaSource(stage=RecordingStage())
+
+
+@pytest.fixture
+def server(source: FormulaSource) -> Iterator[DashboardServer]:
+    with DashboardServer(source, port=0) as server:
+        yield server
+
+
+@pytest.fixture
+def opened(browser: Browser, server: DashboardServer) -> Iterator[Open]:
+    with opening(browser, server) as open_page:
+        yield open_page
+
+
+@pytest.fixture
+def opened_3d(browser_3d: Browser, server: DashboardServer) -> Iterator[Open]:
+    with opening(browser_3d, server) as open_page:
+        yield open_page

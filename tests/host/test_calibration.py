@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from gellight.calibration import LedSetting, load_calibration, pack_calibration, write_calibration
+from gellight.calibration import LedSetting, load_calibration, pack_calibration, save_calibration, write_calibration
 from gellight.errors import CalibrationError
 from tests.host.linear_sensor import linear_calibration, linear_network, reference_image
 
@@ -90,6 +90,32 @@ def test_a_packed_bundle_is_the_same(bundle: Path, tmp_path: Path) -> None:
     pack_calibration(folder, packed, overwrite=True)
     with pytest.raises(CalibrationError, match=r"give .*sensor\.gelcal"):
         pack_calibration(folder, tmp_path / "sensor.zip")
+
+
+def test_a_bundle_keeps_its_identity_wherever_it_lies(bundle: Path, tmp_path: Path) -> None:
+    folder = load_calibration(bundle)
+    packed = load_calibration(pack_calibration(folder, tmp_path / "sensor.gelcal"))
+    copied = save_calibration(folder, tmp_path / "copy")
+    rewrite_manifest(bundle, "bulge = 1.71\n", "")
+    assert len(bytes.fromhex(folder.identity)) == 8
+    assert {packed.identity, copied.identity, load_calibration(bundle).identity} == {folder.identity}, (
+        "a field that an older GelLight did not write changes nothing"
+    )
+    other = linear_calibration(tmp_path / "other", SHAPE, pixel_size_mm=(0.05, 0.051))
+    assert other.identity != folder.identity
+
+
+def test_a_bundle_takes_another_reference_image_in_memory_only(bundle: Path) -> None:
+    folder = load_calibration(bundle)
+    brighter = folder.with_reference(folder.reference + 2.25, frames=50)
+    assert np.abs(brighter.reference - folder.reference - 2.25).max() <= 1 / 256
+    assert brighter.manifest.reference_frames == 50
+    assert (brighter.network, brighter.source) == (folder.network, folder.source)
+    assert load_calibration(bundle).identity == folder.identity != brighter.identity
+    with pytest.raises(ValueError, match="shape"):
+        folder.with_reference(np.zeros((4, 4, 3)), frames=1)
+    with pytest.raises(CalibrationError, match="0 to 255"):
+        folder.with_reference(folder.reference + 500, frames=1)
 
 
 def test_an_existing_bundle_is_replaced_only_when_told(bundle: Path) -> None:

@@ -1,7 +1,9 @@
 """The daemon: always the newest frame, no error swallowed, everything closed."""
 
+import dataclasses
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
 
@@ -10,8 +12,10 @@ import pytest
 
 from gellight.camera import EndOfStream
 from gellight.daemon import Daemon
-from gellight.errors import CameraError
+from gellight.errors import CalibrationError, CameraError
 from gellight.frames import CameraFrame, Contact, TactileFrame
+from gellight.pipeline import Reconstructor
+from tests.host.linear_sensor import linear_calibration, reference_image
 
 
 class ScriptedCamera:
@@ -43,6 +47,16 @@ class ScriptedCamera:
 
     def __exit__(self, *problem: object) -> None:
         self.close()
+
+
+class FlatCamera(ScriptedCamera):
+    """Gives the untouched gel of the linear sensor."""
+
+    image_shape = (24, 32)
+
+    def read(self) -> CameraFrame:
+        frame = super().read()
+        return dataclasses.replace(frame, image=np.rint(reference_image(self.image_shape)).astype(np.uint8))
 
 
 class CountingReconstructor:
@@ -145,3 +159,21 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
     with pytest.raises(CameraError, match="stopped"):
         daemon.wait_frame(sequence + 10**6, 10)
     assert daemon.pixel_size_mm == (0.1, 0.2)
+
+
+def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path: Path) -> None:
+    first = linear_calibration(tmp_path / "first", (24, 32))
+    second = linear_calibration(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
+    camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.002)
+    with Daemon(camera, Reconstructor(first)) as daemon:
+        before = daemon.wait_frame(0, 10).camera_frame.sequence
+        daemon.replace_calibration(second)
+        assert daemon.wait_frame(before, 10).camera_frame.sequence > before, "the stream went on"
+        assert (daemon.calibration.identity, daemon.pixel_size_mm) == (second.identity, (0.07, 0.08))
+        with pytest.raises(CalibrationError, match=r"32x24 pixels.*is for 64x48"):
+            daemon.replace_calibration(linear_calibration(tmp_path / "large", (48, 64)))
+        broken = linear_calibration(tmp_path / "broken", (24, 32), network=b"no network")
+        with pytest.raises(CalibrationError, match="cannot be loaded"):
+            daemon.replace_calibration(broken)
+        assert daemon.calibration.identity == second.identity
+        assert daemon.status()["error"] is None

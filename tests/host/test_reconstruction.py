@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from gellight.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
-from gellight.reconstruction import _BULGE, _edge_integrals, integrate, normals
+from gellight.reconstruction import BULGE, _edge_integrals, integrate, normals
 from sim_reference.gel import NO_OBJECT, grid, press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import GRID_EXTENT_MM, press_object, sample
@@ -216,4 +216,13 @@ def test_the_proportion_of_the_bulge_is_that_of_random_presses() -> None:
         depth = sample(press(height, spacing, random.uniform(0.3, 0.9), geometry), geometry, 0.0, 0.0).depth_mm
         border = np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]])
         proportions.append(-depth.mean() / np.median(border))
-    assert np.median(proportions) == pytest.approx(_BULGE, rel=0.15)
+    assert np.median(proportions) == pytest.approx(BULGE, rel=0.15)
+
+
+def test_the_bulge_of_the_gel_sets_the_height_of_a_view_that_is_touched_all_over() -> None:
+    bump = gaussian((60, 80), 12, (0, 0), height=1.0)
+    nowhere = np.zeros((60, 80), np.bool_)
+    stiff, soft = (integrate(bump.gradient_map, 1.0, at_rest=nowhere, bulge=bulge) for bulge in (0.0, 1.71))
+    assert stiff.mean() == pytest.approx(0, abs=1e-6), "no bulge: what is pressed down comes up inside the view"
+    border = np.concatenate([soft[0], soft[-1], soft[:, 0], soft[:, -1]])
+    assert soft.mean() == pytest.approx(-1.71 * np.median(border), rel=1e-4)

@@ -41,8 +41,11 @@ class SimulatedBoard:
 
     url = "sim://"
 
-    def __init__(self, *, pty: bool = False) -> None:
-        """Start the board; with `pty` its bytes go through the terminal `path` instead of `read` and `write`."""
+    def __init__(self, *, pty: bool = False, unique_id: bytes | None = None) -> None:
+        """Start the board; with `pty` its bytes go through the terminal `path` instead of `read` and `write`.
+
+        `unique_id` are the 8 bytes from which it makes its serial number; None: those of every simulated board.
+        """
         self.timeline = LightTimeline()
         self.faults: list[str] = []
         self.path = ""
@@ -55,6 +58,7 @@ class SimulatedBoard:
         self._lock = threading.Condition()
         self._ours, theirs = socket.socketpair()
         how = ["--pty"] if pty else ["--socket", str(theirs.fileno())]
+        how += ["--unique-id", unique_id.hex()] if unique_id else []
         self._process = subprocess.Popen(
             [sys.executable, "-m", "gellight.board.process", *how],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=(theirs.fileno(),),

@@ -16,7 +16,7 @@ import tty
 from pathlib import Path
 from types import FrameType
 
-from gellight.board.chip import EmulatedBoard
+from gellight.board.chip import UNIQUE_ID, EmulatedBoard
 from gellight.firmware import uf2
 from gellight.firmware.build import committed_image
 
@@ -147,10 +147,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--socket", type=int, help="number of the file descriptor of a connected socket")
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
     parser.add_argument("--image", type=Path, help="UF2 file instead of the firmware that comes with this package")
+    parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _stop)
     image = uf2.unpack(chosen.image.read_bytes()) if chosen.image else committed_image()
-    board = EmulatedBoard(image)
+    board = EmulatedBoard(image, unique_id=chosen.unique_id)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)

@@ -20,6 +20,7 @@ class Bulletin:
     instruction: str = "Start when the sensor is warm and the gel is clean."
     actions: tuple[str, ...] = ("start",)
     progress: dict[str, Any] = field(default_factory=dict)
+    awaiting: str = ""
     problem: str = ""
     figures: dict[str, Any] = field(default_factory=dict)
     press: dict[str, Any] | None = None
@@ -70,6 +71,7 @@ class Bulletin:
                 "instruction": self.instruction,
                 "actions": list(self.actions),
                 "progress": dict(self.progress),
+                "awaiting": self.awaiting,
                 "problem": self.problem,
                 "figures": dict(self.figures),
                 "press": dict(self.press) if self.press else None,

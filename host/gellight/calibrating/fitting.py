@@ -12,9 +12,9 @@ from gellight.presses import TableOptions
 from gellight.training import Reference
 
 DRAFT = "draft"
-TABLE = TableOptions(inset_px=3.0, flat_distance=3.0)
-"""The coating rounds the rim of the contact, so a wider ring is left out than a circle that is a pixel off asks for; and
-soft gel slopes a little even two radii away, so only what is farther counts as flat."""
+TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
+"""The coating rounds the rim of the contact, so a wider ring is left out than a circle that is a pixel off asks for.
+Soft gel slopes a little even two radii away, so only what is farther counts as flat, and there is much of it."""
 
 
 def draft_path(session: Session) -> Path:

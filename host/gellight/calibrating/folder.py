@@ -27,8 +27,13 @@ KINDS = ("presses", "checks")
 
 
 def has_state(path: Path) -> bool:
-    """Tell whether an interrupted calibration lies in a folder."""
-    return (path / STATE).is_file()
+    """Tell whether an interrupted calibration lies in a folder; one that cannot be read counts."""
+    try:
+        return not json.loads((path / STATE).read_text(encoding="utf-8"))["finished"]
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, KeyError, TypeError):
+        return True
 
 
 @dataclass
@@ -44,6 +49,10 @@ class Folder:
     """file, center_x_px, center_y_px, contact_radius_px of each press to train on"""
     checks: list[dict[str, Any]] = field(default_factory=list)
     """the same of each fresh press"""
+    finished: bool = False
+    """a finished calibration is not taken up again"""
+    extra_presses: int = 0
+    """wanted beyond what was asked for, because a verdict was bad"""
 
     @classmethod
     def open(cls, path: Path, identity: dict[str, Any]) -> "Folder":
@@ -53,6 +62,10 @@ class Folder:
             folder._load()
         for name in ("", *KINDS):
             _made(path / name)
+        wanted = {record["file"] for record in folder.presses + folder.checks}
+        for picture in (p for kind in KINDS for p in (path / kind).glob("press-*.png")):
+            if str(picture.relative_to(path)) not in wanted:
+                picture.unlink()
         folder.save()
         return folder
 
@@ -62,6 +75,7 @@ class Folder:
             state = json.loads(place.read_text(encoding="utf-8"))
             found, schema = state["identity"], state["schema_version"]
             self.steps, self.presses, self.checks = state["steps"], state["presses"], state["checks"]
+            self.extra_presses = state["extra_presses"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise CalibrationError(f"{place} cannot be read ({error}): remove the folder and begin again") from error
         if schema != SCHEMA_VERSION:
@@ -81,6 +95,8 @@ class Folder:
             "steps": self.steps,
             "presses": self.presses,
             "checks": self.checks,
+            "extra_presses": self.extra_presses,
+            "finished": self.finished,
         }
         try:
             write_file(self.path / STATE, (json.dumps(state, indent=1) + "\n").encode())
@@ -90,6 +106,19 @@ class Folder:
     def finish(self, step: str, figures: dict[str, Any]) -> None:
         """Keep the figures of a step that is done."""
         self.steps[step] = figures
+        self.save()
+
+    def want_more(self, presses: int) -> None:
+        """After a bad verdict: forget it and its fresh presses, and ask for more presses to learn from."""
+        self.extra_presses += presses
+        for step in ("presses", "fit", "refused_checks"):
+            self.steps.pop(step, None)
+        self.checks.clear()
+        self.save()
+
+    def close(self) -> None:
+        """The bundle is written: nothing is left to resume."""
+        self.finished = True
         self.save()
 
     def keep_reference(self, image: NDArray[np.float32]) -> None:

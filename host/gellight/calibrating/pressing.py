@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.calibrating import ball_radius
 from gellight.calibrating.choices import LEAST_PRESSES
 from gellight.calibrating.circle import Circle, circle_of, drawn
 from gellight.calibrating.coverage import advice, coverage, coverage_picture
@@ -12,7 +13,7 @@ from gellight.calibrating.live_error import LiveError
 from gellight.calibrating.sensing import Capture, Watcher, check_light, wait_free, wait_press
 from gellight.calibrating.session import Session
 from gellight.camera import read_image
-from gellight.errors import InputError
+from gellight.errors import CalibrationError, InputError
 from gellight.presses import Ball
 
 Floats = NDArray[np.float32]
@@ -44,13 +45,15 @@ class _Collector:
             self.live.add(record["number"], read_image(press.image), press)
         self.refused = 0
         self.enough = False
+        self.wanted = session.options.presses + session.folder.extra_presses
+        self.radius_mm: float | None = None
 
     def run(self) -> None:
-        session, options = self.session, self.session.options
+        session = self.session
         self.tell()
         asked = len(session.folder.presses)
         with session.offering("next", "correct", "drop"):
-            while not self.enough and len(session.folder.presses) < options.presses:
+            while not self.enough and len(session.folder.presses) < self.wanted:
                 wait_free(session, self.watcher)
                 if session.hand:
                     session.hand.ball(asked, self.ball.pixel_size_mm, session.camera.image_shape)
@@ -62,6 +65,7 @@ class _Collector:
                     session.hand.lift()
             wait_free(session, self.watcher)
             self.attend()
+        self.check_radius()
         if session.hand:
             self.drop_outliers()
         session.folder.finish("presses", self.figures())
@@ -105,6 +109,8 @@ class _Collector:
         session.bulletin.show(press=drawn(capture.image, circle))
         self.live.add(record["number"], capture.image, session.folder.listed("presses")[-1])
         self.tell()
+        if len(session.folder.presses) == ball_radius.LEAST_PRESSES:
+            self.check_radius()
 
     def drop(self, arguments: dict[str, float]) -> None:
         number = int(arguments.get("number", self.last()["number"]))
@@ -136,17 +142,34 @@ class _Collector:
             self.live.drop(number)
             self.refused += 1
 
+    def check_radius(self) -> None:
+        """Ask whether the ball is the one that was named, where the light tells its radius."""
+        presses = self.session.folder.listed("presses")
+        images = [read_image(press.image) for press in presses]
+        self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
+        named = self.session.options.ball_radius_mm
+        if self.radius_mm is None or abs(self.radius_mm / named - 1) <= ball_radius.TOLERANCE:
+            return
+        problem = (
+            f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
+            f"{self.radius_mm:.1f} mm: measure the ball, and begin again with its radius"
+        )
+        if self.session.hand:
+            raise CalibrationError(problem)
+        self.session.questioned(problem)
+
     def tell(self) -> None:
         """Show how far it is, what is covered and what is missing."""
         session = self.session
-        presses, wanted = session.folder.listed("presses"), session.options.presses
+        presses, wanted = session.folder.listed("presses"), self.wanted
         error = self.live.update()
         found = coverage(presses, self.ball, session.camera.image_shape)
         words = advice(found, len(presses), wanted, settled=self.live.settled())
         doubtful = self.live.outliers()
         session.bulletin.post(
-            instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, 1 to 2 mm deep, at ever "
-            "other places. Hold still until it is taken, then lift. A wrong circle can be corrected or dropped.",
+            instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, from a "
+            "light touch to 2 mm deep, at ever other places, up to the edges. Hold still until it is taken, then "
+            "lift. A wrong circle can be corrected or dropped.",
             progress={"done": len(presses), "wanted": wanted, "unit": "presses"},
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
             coverage={**found.as_json(), "held_out": [list(point) for point in self.live.history]},
@@ -163,5 +186,6 @@ class _Collector:
             "refused": self.refused,
             "coverage": found.as_json(),
             "held_out": [list(point) for point in self.live.history],
+            "likely_radius_mm": self.radius_mm,
             "press_error_deg": {str(n): error for n, error in self.live.by_press.items()},
         }

@@ -99,6 +99,16 @@ class Session:
             while (asked := self.asked()) is None or asked[0] != "next":
                 self.bulletin.show(live=self.frame().image)
 
+    def questioned(self, problem: str, *, retry: bool = False) -> bool:
+        """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
+        before = self.bulletin.actions
+        self.bulletin.post(problem=problem)
+        with self.offering("accept", *(("next",) if retry else ())):
+            while (asked := self.asked()) is None or asked[0] not in ("accept", "next"):
+                self.bulletin.show(live=self.frame().image)
+        self.bulletin.post(problem="", actions=before)
+        return asked[0] == "accept"
+
 
 def _identity(camera: Camera, options: RoutineOptions) -> dict[str, Any]:
     height, width = camera.image_shape

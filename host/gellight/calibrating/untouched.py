@@ -27,19 +27,17 @@ def take_reference(session: Session) -> None:
     """Do the whole step and keep the reference and its figures."""
     session.confirmed("Take your hands off the gel: the untouched gel is recorded. Then go on.")
     session.bulletin.post(instruction="The untouched gel is recorded. Touch nothing.")
-    for attempt in range(3):
+    while True:
         drift = wait_steady(session)
         try:
             image, noise = _average(session, session.options.reference_frames)
             check_light(np.rint(image).astype(np.uint8), "the untouched gel")
-            _check_smooth(session, image)
         except InputError as error:
-            if session.hand or attempt == 2:
-                raise
-            session.bulletin.post(problem=str(error))
-            session.confirmed("Take everything off the gel, then go on.")
+            _ask_again(session, error)
             continue
-        break
+        share = foreign_share(image)
+        if share <= _FOREIGN_SHARE or _kept(session, share):
+            break
     session.folder.keep_reference(image)
     figures: dict[str, Any] = {
         "frames": session.options.reference_frames,
@@ -75,8 +73,7 @@ def wait_steady(session: Session) -> dict[str, Any]:
     levels: deque[NDArray[np.float64]] = deque(maxlen=2 * WINDOW)
     for count in range(LONGEST_WAIT_FRAMES):
         frame = session.frame()
-        levels.append(np.median(frame.image[::8, ::8].reshape(-1, 3).astype(np.float64), axis=0))
-        levels[-1] = frame.image[::8, ::8].reshape(-1, 3).mean(axis=0)
+        levels.append(frame.image[::8, ::8].reshape(-1, 3).mean(axis=0))
         if len(levels) < 2 * WINDOW:
             continue
         before, after = (np.mean(list(levels)[part], axis=0) for part in (slice(0, WINDOW), slice(WINDOW, None)))
@@ -122,14 +119,22 @@ def _average(session: Session, count: int) -> tuple[Floats, Floats]:
     return mean.astype(np.float32), np.sqrt(variance).astype(np.float32)
 
 
-def _check_smooth(session: Session, image: Floats) -> None:
-    """Refuse a reference with something on it: light alone changes smoothly over the gel."""
-    share = foreign_share(image)
-    if share > _FOREIGN_SHARE:
-        raise InputError(
-            f"{share:.0%} of the untouched gel does not look like smooth light: something lies on it or presses it; "
-            "take it off, or clean the gel"
-        )
+def _ask_again(session: Session, error: InputError) -> None:
+    if session.hand:
+        raise error
+    session.bulletin.post(problem=str(error))
+    session.confirmed("Take everything off the gel, then go on.")
+
+
+def _kept(session: Session, share: float) -> bool:
+    """Ask whether to keep a reference that looks touched: light alone changes smoothly over the gel."""
+    problem = (
+        f"{share:.0%} of the untouched gel does not look like smooth light: something lies on it or presses it; take "
+        "it off, or clean the gel, and go on"
+    )
+    if session.hand:
+        raise InputError(problem)
+    return session.questioned(f"{problem}; accept it if the gel has printed marks", retry=True)
 
 
 def foreign_share(image: Floats) -> float:

@@ -50,6 +50,7 @@ def command(
     largest_depth_error_um: Annotated[float, typer.Option(help="a calibration worse than this is not kept")] = 80.0,
     largest_normal_error_deg: Annotated[float, typer.Option(help="the same for the normals")] = 7.0,
     seed: Annotated[int, typer.Option(help="of the virtual hand's places and of the training")] = 0,
+    recipe: Annotated[str, typer.Option(help="of the training: thorough, fast or paper")] = "thorough",
     threads: Annotated[int, typer.Option(min=1, help="of the training")] = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -57,8 +58,10 @@ def command(
     if context.invoked_subcommand:
         return
     from gellight.calibrating.choices import Limits, RoutineOptions
-    from gellight.training import TrainingOptions
+    from gellight.training import RECIPES, TrainingOptions
 
+    if recipe not in RECIPES:
+        raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
     place = folder or out.with_name(out.name + ".state")
     _choose_state(place, resume=resume, restart=restart)
     options = RoutineOptions(
@@ -69,7 +72,7 @@ def command(
         presses=presses,
         verifications=verifications,
         limits=Limits(depth_mm=largest_depth_error_um / 1000, normal_deg=largest_normal_error_deg),
-        training=TrainingOptions(seed=seed, threads=threads),
+        training=TrainingOptions(recipe=recipe, seed=seed, threads=threads),
         overwrite=overwrite,
     )
     result = _calibrate(sensor, options, place, seed=seed if auto else None, quiet=as_json)
@@ -203,6 +206,8 @@ def _screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> "Renderabl
     progress = snapshot["progress"]
     if progress.get("done") is not None:
         lines.append(Text(f"{progress['done']} of {progress['wanted']} {progress['unit']}", style="cyan"))
+    if snapshot["awaiting"]:
+        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[snapshot["awaiting"]], style="bold green"))
     press = snapshot["press"]
     if press:
         circle = ", ".join(f"{press[k]:.1f}" for k in ("center_x_px", "center_y_px", "contact_radius_px"))

@@ -32,13 +32,18 @@ def command(
     """Press objects into a simulated sensor and see what it feels."""
     from gellight.config import load_settings
     from gellight.dashboard.server import DashboardServer
+    from gellight.desk import Desk
     from gellight.session import open_session
 
     # A bounded run is for programs, several of which may run at once: it takes any free port unless told.
     flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
     flags["reconstruction.mode"] = mode
     settings = load_settings({**flags, "dashboard.port": 0} if frames and port is None else flags)
-    with open_session(settings) as daemon, DashboardServer(daemon, port=settings.dashboard.port) as server:
+    with (
+        open_session(settings) as daemon,
+        Desk(daemon) as desk,
+        DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
+    ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         if browser and not frames:
             open_browser(server.url)

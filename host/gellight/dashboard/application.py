@@ -23,6 +23,7 @@ from pydantic import ValidationError
 from gellight.camera import PressStage
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
+from gellight.dashboard.wizard import CalibrationDesk, Wizard
 from gellight.errors import GellightError
 from gellight.frames import TactileFrame
 
@@ -48,7 +49,8 @@ class TactileSource(Protocol):
         """Return what is known of the sensor, ready for JSON.
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, stage_ms {stage: ms}, error (text or
-        None) and selfcheck (None, or its figures by name, `passed`, and `bounds` by the same names).
+        None), selfcheck (None, or its figures by name, `passed`, and `bounds` by the same names) and watch (None, or
+        state, findings [{kind, severity, text}] and expected errors).
         """
 
     @property
@@ -78,9 +80,10 @@ class Client:
 class Dashboard:
     """The application: one frame pump for all clients, and one sender for each."""
 
-    def __init__(self, source: TactileSource) -> None:
-        """Serve `source`; nothing runs before the application starts."""
+    def __init__(self, source: TactileSource, desk: CalibrationDesk | None = None) -> None:
+        """Serve `source`, and the wizard where there is a `desk`; nothing runs before the application starts."""
         self._source = source
+        self._wizard = Wizard(desk)
         self._clients: set[Client] = set()
         self._message = b""
         self._number = -1
@@ -94,11 +97,12 @@ class Dashboard:
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="dashboard-commands")
 
     def application(self) -> web.Application:
-        """Return the aiohttp application: page, `/status`, `/ws`."""
+        """Return the aiohttp application: page, `/status`, `/ws`, and the wizard's."""
         app = web.Application(middlewares=[only_this_machine])
         app.router.add_get("/", show_page)
         app.router.add_get("/ws", self._serve_client)
         app.router.add_get("/status", self._show_status)
+        self._wizard.add_routes(app)
         app.router.add_static("/", PAGE)
         app.cleanup_ctx.append(self._run_pump)
         app.on_shutdown.append(self._close_clients)

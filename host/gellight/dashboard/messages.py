@@ -161,7 +161,12 @@ def _reduce(plane: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
 
 
 def _encode_image(image: NDArray[np.uint8], shape: tuple[int, int]) -> bytes:
-    bgr = cv2.cvtColor(_reduce(image, shape), cv2.COLOR_RGB2BGR)
+    return jpeg(_reduce(image, shape))
+
+
+def jpeg(image: NDArray[np.uint8]) -> bytes:
+    """Encode an (H, W, 3) RGB image as JPEG."""
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     return cv2.imencode(".jpg", bgr, options)[1].tobytes()
 

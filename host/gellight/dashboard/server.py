@@ -10,6 +10,7 @@ from typing import Self
 from aiohttp import web
 
 from gellight.dashboard.application import Dashboard, TactileSource
+from gellight.dashboard.wizard import CalibrationDesk
 from gellight.errors import ServerError
 
 logger = logging.getLogger(__name__)
@@ -21,8 +22,9 @@ DEFAULT_PORT = 8420
 class DashboardServer:
     """Runs the dashboard in a thread of its own; a context manager."""
 
-    def __init__(self, source: TactileSource, *, port: int = DEFAULT_PORT) -> None:
-        """Serve `source` on 127.0.0.1; port 0 takes any free one."""
+    def __init__(self, source: TactileSource, *, port: int = DEFAULT_PORT, desk: CalibrationDesk | None = None) -> None:
+        """Serve `source` on 127.0.0.1, with the wizard of `desk` where there is one; port 0 takes any free one."""
+        self._desk = desk
         self._source = source
         self._port = port
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -73,7 +75,7 @@ class DashboardServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        runner = web.AppRunner(Dashboard(self._source).application(), access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(Dashboard(self._source, self._desk).application(), access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         try:
             self._port = await _listen(runner, self._port)

@@ -4,6 +4,9 @@ A ping tells four times: the host sent at t0, the board received at b1 and answe
 Whatever the two ways took, the offset (board minus host) then lay between b2 - t1 and b1 - t0. No symmetry is assumed:
 pings with short round trips simply have narrow bounds. Between pings the offset moves with the drift of the two
 crystals, which the pings bound as well; so the bounds of a time grow with its distance from the pings.
+
+The clock of an emulated board stands still while its machine is busy. Pings that contradict each other show that; from
+then on only the pings right before and after a moment are believed about it, each for itself.
 """
 
 from collections import deque
@@ -24,7 +27,12 @@ WINDOW_S = 30.0
 BUCKET_S = 0.5
 """of the pings in each such stretch of time the one with the shortest round trip is kept"""
 JUMP_US = 5000.0
-"""a ping that misses the bounds by more means that the board has started anew, or stood still"""
+"""a ping that misses the bounds by more means that the board has started anew, or stood still for long"""
+SURE_US = 5000.0
+"""a ping whose bounds are wider would not show if the clock had jumped"""
+KEPT_SURE = 48
+TICK_US = 1.0
+"""the board's times are whole"""
 
 
 class Interval(NamedTuple):
@@ -60,7 +68,9 @@ def _bounds(ping: Ping) -> _Bounds:
     slip_us = MOST_DRIFT * (received_us - sent_us)
     low_us, high_us = ping.board_sent_us - received_us, ping.board_received_us - sent_us
     middle_us = (sent_us + received_us) / 2
-    return _Bounds(middle_us, low_us - slip_us, high_us + slip_us, ping.host_sent_s, ping.host_received_s)
+    return _Bounds(
+        middle_us, low_us - slip_us - TICK_US, high_us + slip_us + TICK_US, ping.host_sent_s, ping.host_received_s
+    )
 
 
 class ClockMap:
@@ -70,11 +80,14 @@ class ClockMap:
         """Know nothing yet."""
         self.jumps = 0
         """how often the board's clock was found elsewhere than it had to be"""
+        self.irregular = False
+        """pings have contradicted each other: this is no crystal"""
         self._clear()
 
     def _clear(self) -> None:
         self._pings: deque[_Bounds] = deque()
         self._newest: _Bounds | None = None
+        self._sure: deque[_Bounds] = deque(maxlen=KEPT_SURE)
         self.noise_us = 0.0
         """by how much the pings contradict each other: 0 for real clocks; an emulated one runs by fits and starts"""
 
@@ -89,8 +102,8 @@ class ClockMap:
         return Interval(*self._drift) if self.known else Interval(-MOST_DRIFT, MOST_DRIFT)
 
     def covers(self, from_s: float, to_s: float) -> bool:
-        """Whether pings on both sides of a stretch of host time fit together: the clock did not jump in it."""
-        return self._newest is not None and self._pings[0].received_s <= from_s and to_s <= self._newest.sent_s
+        """Whether sure pings on both sides of a stretch of host time fit together: the clock did not jump in it."""
+        return bool(self._sure) and self._sure[0].received_s <= from_s and to_s <= self._sure[-1].sent_s
 
     def add(self, ping: Ping) -> None:
         """Take in a ping, in the order of time."""
@@ -100,8 +113,11 @@ class ClockMap:
             if max(new.low_us - high_us, low_us - new.high_us) > JUMP_US:
                 self.jumps += 1
                 self._clear()
+        if new.high_us - new.low_us <= SURE_US:
+            self._sure.append(new)
         self._keep(new)
         self._fit()
+        self.irregular |= self.jumps > 0 or self.noise_us > 0
 
     def _keep(self, new: _Bounds) -> None:
         pings, self._newest = self._pings, new
@@ -148,6 +164,18 @@ class ClockMap:
         newest = self._checked()
         low, high = self._offset(board_us - (newest.low_us + newest.high_us) / 2)
         return Interval((board_us - high) * 1e-6, (board_us - low) * 1e-6)
+
+    def offset_us(self, from_s: float, to_s: float) -> Interval:
+        """Return what board minus host was all through a stretch of host time that `covers`; else ValueError."""
+        if not self.covers(from_s, to_s):
+            raise ValueError(f"no pings before {from_s} s and after {to_s} s fit together: call ring.clock() again")
+        if not self.irregular:
+            first, last = self._offset(from_s * 1e6), self._offset(to_s * 1e6)
+            return Interval(min(first[0], last[0]), max(first[1], last[1]))
+        begin = max(number for number, ping in enumerate(self._sure) if ping.received_s <= from_s)
+        end = min(number for number, ping in enumerate(self._sure) if ping.sent_s >= to_s)
+        around = list(self._sure)[begin : end + 1]
+        return Interval(min(ping.low_us for ping in around), max(ping.high_us for ping in around))
 
     def _checked(self) -> _Bounds:
         if self._newest is None:

@@ -72,7 +72,7 @@ class Hold:
                 "or open the sensor that has one"
             )
         self._camera, self._ring = camera, camera.ring
-        self._timing = timing or CameraTiming()
+        self._timing = timing or camera.timing or CameraTiming()
         self._check = check
         self.discarded = 0
         """frames that were thrown away because they began before the light had settled"""
@@ -120,7 +120,7 @@ class Hold:
     def _first_after(self, settled_s: float) -> CameraFrame:
         for _ in range(MOST_DISCARDED):
             frame = self._camera.read()
-            if frame.time_s >= settled_s:
+            if self._timing.span_s(frame.time_s)[0] >= settled_s:
                 return frame
             self.discarded += 1
         raise CameraError(
@@ -130,7 +130,7 @@ class Hold:
 
 
 def settled_light(ring: LightRing, colours: NDArray[np.uint8], timing: CameraTiming | None = None) -> tuple[int, float]:
-    """Show (12, 3) uint8 RGB; return the light's number and from what time (`time.monotonic`) frames are all under it.
+    """Show (12, 3) uint8 RGB; return the light's number and from what time (`time.monotonic`) on it surely shows.
 
     Raises BoardError where the board refuses the light, scales it to its current limit, or does not latch it.
     """
@@ -142,7 +142,7 @@ def settled_light(ring: LightRing, colours: NDArray[np.uint8], timing: CameraTim
             "light of its reference image; dim the group, or raise the limit with an external supply"
         )
     ring.wait_for_light(reply.light_id, LATCH_TIMEOUT_S)
-    return reply.light_id, time.monotonic() + timing.pulse_period_s + timing.stamp_error_s
+    return reply.light_id, time.monotonic() + timing.pulse_period_s
 
 
 def still_lit(ring: LightRing, light_id: int) -> bool:

@@ -33,17 +33,14 @@ class RowExposures:
 
 
 def row_exposures(clock: ClockMap, timing: CameraTiming, time_s: float, rows: int) -> RowExposures:
-    """Return the bounds for a frame whose stamp is `time_s`, `time.monotonic`."""
-    first, last = clock.board_us(time_s), clock.board_us(time_s + timing.duration_s)
-    # Every time between is converted with the wider of both ends' bounds, so that none is cut short.
-    low_us = min(first.low - time_s * 1e6, last.low - (time_s + timing.duration_s) * 1e6)
-    high_us = max(first.high - time_s * 1e6, last.high - (time_s + timing.duration_s) * 1e6)
+    """Return the bounds for a frame whose stamp is `time_s`, `time.monotonic`; ValueError where `clock` is not sure."""
+    offset_us = clock.offset_us(*timing.span_s(time_s))
+    time_s += timing.stamp_delay_s
     begins = (time_s + timing.readout_s * np.arange(rows) / max(rows - 1, 1)) * 1e6
     ends = begins + timing.exposure_s * 1e6
-    error = timing.stamp_error_s * 1e6
-    return RowExposures(
-        begins + low_us - error, begins + high_us + error, ends + low_us - error, ends + high_us + error
-    )
+    error_us = timing.stamp_error_s * 1e6
+    low_us, high_us = offset_us.low - error_us, offset_us.high + error_us
+    return RowExposures(begins + low_us, begins + high_us, ends + low_us, ends + high_us)
 
 
 def light_of_rows(exposed: RowExposures, light: KnownLight, pulse_period_us: float) -> tuple[Rows, set[int]]:
@@ -52,14 +49,15 @@ def light_of_rows(exposed: RowExposures, light: KnownLight, pulse_period_us: flo
     A light was surely seen where it had a whole cycle of the modulation to show.
     """
     sure, until, group = light.between(float(exposed.begin_low[0]), float(exposed.end_high[-1]))
-    found, times = np.full(len(exposed.begin_low), UNKNOWN), np.zeros(len(exposed.begin_low))
+    found = np.full(len(exposed.begin_low), UNKNOWN)
+    before = np.full(len(exposed.begin_low), UNTOLD)
     seen: set[int] = set()
     for from_us, to_us, what in zip(sure, until, group, strict=True):
         if what == UNTOLD:
             continue
         saw = np.minimum(exposed.end_low, to_us) - np.maximum(exposed.begin_high, from_us) >= pulse_period_us
-        found[saw & (times > 0)] = MIXED
-        times += saw
+        found[saw & (before != UNTOLD) & (before != what)] = MIXED
+        before[saw] = what
         seen |= {int(what)} if saw.any() else set()
         found[(exposed.begin_low >= from_us) & (exposed.end_high <= to_us)] = what
     return found, seen
@@ -76,7 +74,8 @@ def label_of(rows: Rows, seen: set[int]) -> LightLabel:
 
 def label_frame(clock: ClockMap, light: KnownLight, timing: CameraTiming, time_s: float, rows: int) -> LightLabel:
     """Label a frame by its stamp alone; unknown unless pings on both sides of it fit together."""
-    if not clock.covers(time_s - timing.stamp_error_s, time_s + timing.duration_s + timing.stamp_error_s):
+    from_s, to_s = timing.span_s(time_s)
+    if not clock.covers(from_s, to_s):
         return UNKNOWN_LABEL
     exposed = row_exposures(clock, timing, time_s, rows)
     return label_of(*light_of_rows(exposed, light, timing.pulse_period_s * 1e6))

@@ -16,16 +16,18 @@ from gellight import protocol
 Array = NDArray[np.float64]
 OTHER, UNTOLD = -1, -2
 """a light that is no group of a sequence, or darkness; a light of which no event came"""
-REPORT_US = 2000.0
+REPORT_US = 2500.0
 """a light that began to be sent longer ago than this has been reported, even where it had to be sent twice"""
-REPEAT_US = 1500.0
+REPEAT_US = 2000.0
 """a disturbed transfer, which may have left anything on the LEDs, began so long before the one that was reported"""
 SLACK_US = 100.0
 """a light that begins later than planned by more than this may be the repetition of a disturbed one"""
+FEWEST_ON_GRID, MOST_ON_GRID = 4, 8
+"""the plan is what the earliest of so many lights say; one alone may itself have been late"""
 KEPT = 64
 
 Plan = Callable[[protocol.LightEvent, protocol.LightEvent], float | None]
-"""when the second light was to begin after the first, board us; None where it was not planned"""
+"""how long after the first light the second was to begin, board us; None where it was not planned"""
 
 
 def unplanned(before: protocol.LightEvent, after: protocol.LightEvent) -> None:
@@ -46,6 +48,8 @@ class KnownLight:
         """Forget everything: the board has started anew, or other groups were loaded."""
         self._lights: deque[tuple[float, float, int]] = deque(maxlen=KEPT)
         self._last: protocol.LightEvent | None = None
+        self._grid: deque[float] = deque(maxlen=MOST_ON_GRID)
+        """when the last light was to begin, by each of the last ones"""
         self._confirmed_us = -np.inf
 
     def note_event(self, event: protocol.LightEvent) -> None:
@@ -53,9 +57,10 @@ class KnownLight:
         last, self._last = self._last, event
         if last is not None and event.light_id == last.light_id:
             return
-        begin_us = self._begin_us(last, event)
         if last is None or event.light_id != last.light_id + 1:
             self._lose()
+            last = None
+        begin_us = self._begin_us(last, event)
         group = OTHER if event.group == protocol.NO_STEP else event.group
         again = self._lights and self._lights[-1][2] == group >= 0 and begin_us == event.first_bit_us
         if not again:  # a light that is sent again, and not disturbed, changes nothing
@@ -63,11 +68,15 @@ class KnownLight:
         self._confirmed_us = max(self._confirmed_us, float(event.latched_us))
 
     def _begin_us(self, last: protocol.LightEvent | None, event: protocol.LightEvent) -> float:
-        planned_us = self.plan(last, event) if last is not None else None
-        if planned_us is None:
-            return event.first_bit_us - REPEAT_US
-        late = event.first_bit_us > planned_us + SLACK_US
-        return min(planned_us, event.first_bit_us - REPEAT_US) if late else float(event.first_bit_us)
+        """From when on the light may show, or what a disturbed transfer before it left."""
+        after_us = self.plan(last, event) if last is not None else None
+        self._grid = deque((due_us + after_us for due_us in self._grid) if after_us else (), MOST_ON_GRID)
+        planned_us = min(self._grid, default=0.0)
+        planned = len(self._grid) >= FEWEST_ON_GRID
+        self._grid.append(float(event.first_bit_us))
+        if planned and event.first_bit_us <= planned_us + SLACK_US:
+            return float(event.first_bit_us)
+        return min(planned_us, event.first_bit_us - REPEAT_US) if planned else event.first_bit_us - REPEAT_US
 
     def note_status(self, status: protocol.StatusReply) -> None:
         """Take in which light the board says is on; every event before this answer has to have been noted."""

@@ -11,12 +11,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.camera import Camera
+from gellight.calibration import Calibration
+from gellight.camera import Camera, CameraControls, ReconnectingError
 from gellight.errors import BoardError, CameraError
 from gellight.frames import CameraFrame
 from gellight.lighting.hold import MOST_ATTEMPTS, Hold, still_lit
+from gellight.lighting.timing import CameraTiming
 from gellight.photometric.series import ExposureSeries
 from gellight.photometric.static_scene import block_means, repetition_limit
+from gellight.ring import LightRing
 from gellight.selfcheck import SelfCheck
 
 logger = logging.getLogger(__name__)
@@ -50,7 +53,29 @@ class RingCamera(Camera):
         self._bright_us = exposure_us
         self._skipped = 0
         self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
-        self.ring, self.controls = camera.ring, camera.controls
+
+    @property
+    def ring(self) -> LightRing | None:  # type: ignore[override]  # another one after the sensor was unplugged
+        """The ring of the camera inside."""
+        return self._camera.ring
+
+    @property
+    def controls(self) -> CameraControls | None:  # type: ignore[override]  # as the ring
+        """The controls of the camera inside."""
+        return self._camera.controls
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When the camera inside exposes its rows."""
+        return self._camera.timing
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside."""
+        return self._camera.status()
+
+    def adopt(self, calibration: Calibration) -> None:
+        """Let the camera inside go by another bundle."""
+        self._camera.adopt(calibration)
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck | None:
         """Return the judge of the camera."""
@@ -88,7 +113,15 @@ class SeriesCamera(RingCamera):
     _exposure_us: float | None = None
 
     def read(self) -> ExposureSeries:
-        """Take the exposures of all groups; raises what camera and ring raise."""
+        """Take the exposures of all groups; raises what they raise, ReconnectingError while they are away."""
+        try:
+            return self._take()
+        except (BoardError, ReconnectingError):
+            self._hold = self._next = None  # what they knew of the light is over
+            self._camera.read()  # while the sensor is away this says so; else the ring alone has failed
+            raise
+
+    def _take(self) -> ExposureSeries:
         hold = self._begun()
         first = (self._next,) if self._next and self._frames == 1 else self._expose(hold, 0)
         opening = first[0]
@@ -147,9 +180,16 @@ class RestingCamera(RingCamera):
             self._look(frame)
         if self._looks_at_rest < LOOKS_AT_REST or time.monotonic() < self._due_s:
             return replace(frame, sequence=self._numbered(frame))
-        series = self._series(frame)
+        series = self._try_series(frame)
         self._due_s = time.monotonic() + MEASURE_EVERY_S
         return series
+
+    def _try_series(self, frame: CameraFrame) -> ExposureSeries:
+        try:
+            return self._series(frame)
+        except BoardError:
+            self._camera.read()  # while the sensor is away this says so; else the ring alone has failed
+            raise
 
     def _look(self, frame: CameraFrame) -> None:
         small = _small(frame.image)

@@ -29,33 +29,40 @@ class Mode(StrEnum):
     HYBRID = "hybrid"
 
 
-def tactile_path(
-    camera: Camera, calibration: Calibration, settings: ReconstructionSettings, network: Reconstructor
-) -> tuple[Camera, FramePath]:
-    """Return the camera and the frame path of the mode that is set; `network` is the path of GelNet mode.
+def frame_path(calibration: Calibration, settings: ReconstructionSettings, network: Reconstructor) -> FramePath:
+    """Return the frame path of the mode that is set; `network` is that of GelNet mode.
+
+    Raises CalibrationError where the bundle does not know its lights.
+    """
+    mode = Mode(settings.mode)
+    if mode is Mode.NETWORK:
+        return network
+    model, kind = read_lights(calibration), LightGroups(settings.light_groups)
+    stereo = PhotometricReconstructor(calibration, model, kind, smoothing_px=settings.smoothing_px)
+    return stereo if mode is Mode.PHOTOMETRIC else HybridReconstructor(network, stereo)
+
+
+def tactile_camera(camera: Camera, calibration: Calibration, settings: ReconstructionSettings) -> Camera:
+    """Return the camera that takes what the mode needs: `camera` itself, or one that shows the light groups to it.
 
     Raises CalibrationError where the bundle does not know its lights, CameraError without a light ring.
     """
     mode = Mode(settings.mode)
     if mode is Mode.NETWORK:
-        return camera, network
+        return camera
     model = read_lights(calibration)
-    kind = LightGroups(settings.light_groups)
-    groups = model.groups(kind)
-    stereo = PhotometricReconstructor(calibration, model, kind, smoothing_px=settings.smoothing_px)
-    exposure = bright_exposure_us(camera, model)
+    groups, exposure = model.groups(LightGroups(settings.light_groups)), bright_exposure_us(camera, model)
+    frames = settings.frames_per_light
     if mode is Mode.PHOTOMETRIC:
-        return SeriesCamera(camera, groups, exposure_us=exposure, frames=settings.frames_per_light), stereo
-    frames = settings.frames_per_light if exposure else max(settings.frames_per_light, UNRAISED_FRAMES)
-    resting = RestingCamera(
+        return SeriesCamera(camera, groups, exposure_us=exposure, frames=frames)
+    return RestingCamera(
         camera,
         groups,
         exposure_us=exposure,
-        frames=frames,
+        frames=frames if exposure else max(frames, UNRAISED_FRAMES),
         untouched=calibration.reference,
         noise_grey=calibration.manifest.noise_grey,
     )
-    return resting, HybridReconstructor(network, stereo)
 
 
 def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:

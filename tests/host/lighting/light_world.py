@@ -134,7 +134,7 @@ class World:
 
     def labels(self) -> Iterator[tuple[int, LightLabel]]:
         """Yield the number of each frame that was not dropped, and the label that the host gives it."""
-        plan = (lambda last, event: last.first_bit_us + self.dwell_us) if self.planned else (lambda last, event: None)
+        plan = (lambda last, event: self.dwell_us) if self.planned else (lambda last, event: None)
         self.clock = ClockMap()
         self.light = KnownLight(pulse_period_us=self.timing.pulse_period_s * 1e6, plan=plan)
         self._reported = 0
@@ -145,6 +145,9 @@ class World:
         for time_s, number in sorted(asked):
             now_s = self._ask(max(now_s, time_s))
             if number >= 0:
+                for _ in range(2):  # a slow answer proves little, and the host asks again
+                    if not self.clock.covers(*self.timing.span_s(self.stamps_s[number])):
+                        now_s = self._ask(now_s)
                 yield number, label_frame(self.clock, self.light, self.timing, self.stamps_s[number], ROWS)
 
     def _ask(self, host_s: float) -> float:

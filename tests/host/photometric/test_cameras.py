@@ -17,7 +17,7 @@ from gellight.frames import CameraFrame
 from gellight.photometric import cameras
 from gellight.photometric.cameras import RestingCamera, SeriesCamera
 from gellight.photometric.light_model import LightGroups
-from gellight.photometric.modes import LONGEST_US, bright_exposure_us, tactile_path
+from gellight.photometric.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
 from gellight.photometric.series import ExposureSeries
 from tests.host.photometric.simulated_gel import GROUPS, RING, Gel
 
@@ -208,6 +208,9 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
     inner, network = FakeCamera(), SimpleNamespace()
     bundle: Any = SimpleNamespace(files={}, source="bundle")
     settings = ReconstructionSettings()
-    assert tactile_path(inner, bundle, settings, network) == (inner, network)  # type: ignore[arg-type]
+    assert frame_path(bundle, settings, network) is network  # type: ignore[arg-type]
+    assert tactile_camera(inner, bundle, settings) is inner
     with pytest.raises(CalibrationError, match=r"bundle has no lights.json.*gellight calibrate lights"):
-        tactile_path(inner, bundle, ReconstructionSettings(mode="hybrid"), network)  # type: ignore[arg-type]
+        frame_path(bundle, ReconstructionSettings(mode="hybrid"), network)  # type: ignore[arg-type]
+    with pytest.raises(CalibrationError, match=r"bundle has no lights.json.*gellight calibrate lights"):
+        tactile_camera(inner, bundle, ReconstructionSettings(mode="photometric"))

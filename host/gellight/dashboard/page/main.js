@@ -10,6 +10,7 @@ import { PressPanel } from "./press.js";
 import { Relief } from "./relief.js";
 import { Ring } from "./ring.js";
 import { Surface } from "./surface.js";
+import { WatchNotice } from "./watch.js";
 
 const STALE_S = 1; // without a new frame for so long the sensor is not live
 const FPS_WINDOW_MS = 2000;
@@ -48,6 +49,7 @@ const connection = new Connection({
   status: takeStatus,
   answer: (answer) => press.answer(answer),
 });
+const watch = new WatchNotice();
 const press = new PressPanel((command) => connection.send(command), planes.canvases);
 
 function openSurface() {
@@ -82,6 +84,7 @@ function takeStatus(status) {
   stats.error = status.error ?? null;
   showStatus(status);
   press.show(status.stage);
+  watch.show(status.watch);
 }
 
 function turn(now) {

@@ -1,0 +1,89 @@
+"""`gellight calibrate list`, `install` and `restore`: which bundle a sensor uses."""
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.camera import Camera
+    from gellight.installing import Installed
+
+Sensor = Annotated[str | None, typer.Option(help="URL of the sensor. [default: as in the settings, or sim://]")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
+
+
+def attach(app: typer.Typer) -> None:
+    """Add the verbs to `gellight calibrate`."""
+    app.command("list")(list_bundles)
+    app.command("install")(install_bundle)
+    app.command("restore")(restore_bundle)
+
+
+def list_bundles(
+    name: Annotated[str | None, typer.Option(help="only the bundles of the sensor with this serial number")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the bundles kept on this computer; an asterisk marks those in service."""
+    from gellight.bundle_store import BundleStore
+
+    store = BundleStore()
+    entries = store.bundles(name)
+    if as_json:
+        typer.echo(
+            json.dumps({"folder": str(store.folder), "bundles": [entry.as_json() for entry in entries]}, indent=2)
+        )
+        return
+    for entry in entries:
+        made = entry.created.astimezone().strftime("%Y-%m-%d %H:%M") if entry.created else entry.problem
+        typer.echo(f"{'*' if entry.in_service else ' '} {entry.sensor:<20} {entry.identity}  {made}")
+    if not entries:
+        typer.echo(f"no bundles in {store.folder}: `gellight calibrate` makes them")
+
+
+def install_bundle(
+    bundle: Annotated[str, typer.Argument(help="folder or .gelcal file")],
+    sensor: Sensor = None,
+    as_json: AsJson = False,
+) -> None:
+    """Put a bundle that passed its verification into service, and tell the board of the sensor."""
+    from gellight.bundle_store import BundleStore
+    from gellight.calibration import load_calibration
+    from gellight.installing import install, sensor_name
+
+    loaded = load_calibration(bundle)
+    with _opened(sensor) as camera:
+        installed = install(loaded, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
+    _tell(installed, as_json)
+
+
+def restore_bundle(
+    identity: Annotated[str, typer.Argument(help="or its beginning; without: the one in service before")] = "",
+    sensor: Sensor = None,
+    as_json: AsJson = False,
+) -> None:
+    """Put an earlier bundle of the sensor into service again, and tell its board."""
+    from gellight.bundle_store import BundleStore
+    from gellight.installing import restore, sensor_name
+
+    with _opened(sensor) as camera:
+        installed = restore(identity, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
+    _tell(installed, as_json)
+
+
+def _opened(sensor: str | None) -> "Camera":
+    from gellight.camera import open_camera
+    from gellight.config import load_settings
+
+    settings = load_settings({"sensor.url": sensor})
+    return open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
+
+
+def _tell(installed: "Installed", as_json: bool) -> None:
+    entry = installed.bundle
+    if as_json:
+        typer.echo(json.dumps({**entry.as_json(), "remembered": installed.remembered}, indent=2))
+        return
+    known = "its board knows it" if installed.remembered else "it has no board that could remember it"
+    typer.echo(f"bundle {entry.identity} is in service for sensor {entry.sensor}; {known}")
+    typer.echo('a sensor that runs goes on with its old bundle until it is started again; set calibration = "auto"')

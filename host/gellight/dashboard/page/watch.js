@@ -1,0 +1,33 @@
+// What the watch has found: told above the pictures, hidden while the sensor is as it was calibrated.
+
+const element = (id) => document.getElementById(id);
+
+export class WatchNotice {
+  #hidden = ""; // the findings that the visitor has hidden
+  #shown = "";
+
+  constructor() {
+    element("zero").addEventListener("click", () => this.#setZero());
+    element("hide-watch").addEventListener("click", () => {
+      this.#hidden = this.#shown;
+      element("watch").hidden = true;
+    });
+  }
+
+  /** Show what the status says of the watch; null where the sensor is not watched. */
+  show(watch) {
+    const findings = watch?.findings ?? [];
+    const kinds = findings.map(({ kind, figures }) => `${kind} ${figures.led ?? ""}`).join();
+    element("watch").hidden = findings.length === 0 || kinds === this.#hidden;
+    if (kinds !== this.#shown) element("watch-answer").textContent = "";
+    this.#shown = kinds;
+    element("findings").replaceChildren(...findings.map(({ severity, text }) => {
+      return Object.assign(document.createElement("li"), { textContent: text, className: severity });
+    }));
+  }
+
+  async #setZero() {
+    const answer = await fetch("calibration", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ type: "zero" }) });
+    element("watch-answer").textContent = answer.ok ? "the zero is set" : (await answer.json()).message;
+  }
+}

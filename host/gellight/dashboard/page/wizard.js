@@ -1,0 +1,257 @@
+// The calibration wizard: shows what the routine says, and tells it what the visitor chose.
+
+import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
+import { CirclePicture } from "./circle.js";
+import { figureRows } from "./wizard_figures.js";
+
+const POLL_MS = 300;
+const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", presses: "Ball presses", fit: "Fit", verify: "Verify" };
+const ACTION_NAMES = { start: "Start", next: "Next", correct: "Correct", drop: "Drop this press", accept: "Accept", abort: "Stop" };
+const PICTURE_NAMES = { live: "Live", press: "Last press", cylinder: "Cylinder", uniformity: "Evenness of the light", coverage: "Coverage", verify: "Depth of the check", untouched: "Untouched gel" };
+const ENDS = ["finished", "aborted", "failed"];
+
+const element = (id) => document.getElementById(id);
+
+/** What the page knows, for scripts and tests. */
+const stats = { state: null, picture: null, shown: 0, losses: [] };
+window.wizard = stats;
+
+const picture = new CirclePicture(element("picture"), (circle) => command({ type: "act", action: "correct", ...circle }));
+let filled = false; // whether the wishes hold the defaults
+let chosen = "auto"; // which picture the visitor wants
+
+async function poll() {
+  if (!document.hidden) {
+    try {
+      const answer = await fetch("calibration");
+      const state = await answer.json();
+      if (!answer.ok) throw new Error(state.message);
+      takeIn(state);
+      showError("");
+    } catch (error) {
+      showError(error instanceof TypeError ? "the sensor's program does not answer; it is asked again" : error.message);
+    }
+    await showPicture();
+  }
+  setTimeout(poll, POLL_MS);
+}
+
+async function command(body) {
+  const answer = await fetch("calibration", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+  showRefusal(answer.ok ? "" : (await answer.json()).message);
+}
+
+function showError(text) {
+  element("error").textContent = text;
+}
+
+let refusal = "";
+
+function showRefusal(text) {
+  refusal = text;
+  element("problem").textContent = text;
+}
+
+function takeIn(state) {
+  stats.state = state;
+  element("sensor").textContent = state.sensor;
+  const routine = state.routine;
+  const running = Boolean(routine) && !ENDS.includes(routine.step);
+  showSteps(routine);
+  showGuide(state, routine, running);
+  showWishes(state, running);
+  showActions(routine, running, state);
+  showCoverage(routine?.coverage);
+  showLoss(routine);
+  showVerdict(routine);
+  showFigures(routine?.figures);
+  showBundles(state, running);
+  offerPictures(routine);
+}
+
+function showSteps(routine) {
+  const steps = routine?.steps ?? Object.keys(STEP_NAMES).map((name) => ({ name, state: "to do" }));
+  element("steps").replaceChildren(...steps.map(({ name, state }) => {
+    const item = node("li", STEP_NAMES[name] ?? name, state.replace(" ", "-"));
+    if (state === "now") item.setAttribute("aria-current", "step");
+    return item;
+  }));
+}
+
+function showGuide(state, routine, running) {
+  const waiting = state.interrupted
+    ? "A calibration was interrupted. Start to go on where it stopped."
+    : "You need a ball and a flat-ended cylinder of known size, and a quarter of an hour. Let the sensor warm up, and clean the gel.";
+  element("instruction").textContent = routine?.instruction || (running ? "One moment…" : waiting);
+  element("advice").textContent = running && routine.step === "presses" ? advice(routine.advice) : "";
+  element("problem").textContent = routine?.problem || refusal;
+  const { done, wanted, unit } = routine?.progress ?? {};
+  element("progress").hidden = !running || done === undefined;
+  if (done !== undefined) {
+    Object.assign(element("progress-bar"), { max: wanted, value: done });
+    element("done").textContent = `${done} of ${wanted} ${unit}`;
+  }
+}
+
+function advice(text) {
+  return text === "enough" ? "Enough: go on when you like." : text;
+}
+
+function showWishes(state, running) {
+  element("wishes").hidden = running;
+  element("hand-row").hidden = !state.simulated;
+  element("anew-row").hidden = !state.interrupted;
+  if (filled) return;
+  filled = true;
+  const { defaults } = state;
+  element("ball").value = defaults.ball_radius_mm;
+  element("cylinder").value = defaults.cylinder_diameter_mm;
+  element("presses").value = defaults.presses;
+  element("hand").checked = defaults.hand;
+}
+
+function wishes() {
+  return {
+    ball_radius_mm: element("ball").valueAsNumber,
+    cylinder_diameter_mm: element("cylinder").valueAsNumber,
+    presses: element("presses").valueAsNumber,
+    hand: element("hand").checked,
+    anew: element("anew").checked,
+  };
+}
+
+function begin() {
+  if (!element("wishes").reportValidity()) return;
+  stats.losses = [];
+  command({ type: "begin", wishes: wishes() });
+}
+
+let offered = "";
+
+function showActions(routine, running, state) {
+  const actions = running ? routine.actions.filter((name) => name !== "correct") : ["begin"];
+  const key = actions.join() + state.interrupted;
+  if (key === offered) return; // a button that is being pressed stays where it is
+  offered = key;
+  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : "Start the calibration" };
+  element("actions").replaceChildren(...actions.map((name, place) => {
+    const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
+    button.dataset.testid = `action-${name}`;
+    button.addEventListener("click", () => (name === "begin" ? begin() : command({ type: "act", action: name })));
+    return button;
+  }));
+}
+
+function showCoverage(coverage) {
+  element("coverage-panel").hidden = !coverage;
+  const points = coverage?.held_out ?? [];
+  element("held-out-panel").hidden = points.length < 2;
+  if (!coverage) return;
+  drawPlaces(element("places"), coverage.places);
+  if (coverage.slopes) drawSlopes(element("slopes"), coverage.slopes, coverage.steepness_deg);
+  element("steepest").textContent = coverage.steepest_deg ? `up to ${coverage.steepest_deg}°` : "";
+  if (points.length < 2) return;
+  drawCurve(element("held-out"), points);
+  element("held-out-now").textContent = `${points.at(-1)[1].toFixed(2)}°`;
+}
+
+function showLoss(routine) {
+  const progress = routine?.progress ?? {};
+  if (progress.loss !== undefined) stats.losses[progress.done] = progress.loss;
+  const known = routine?.figures?.fit?.losses;
+  const points = known ? known.map((loss, epoch) => [epoch + 1, loss]) : Object.entries(stats.losses).map(([epoch, loss]) => [Number(epoch), loss]);
+  element("loss-panel").hidden = points.length < 2;
+  if (points.length < 2) return;
+  drawCurve(element("loss"), points, { log: true });
+  element("loss-now").textContent = points.at(-1)[1].toPrecision(3);
+}
+
+function showVerdict(routine) {
+  const verdict = routine?.verdict;
+  element("verdict-panel").hidden = !verdict;
+  if (!verdict) return;
+  element("verdict").textContent = verdict.text;
+  element("verdict").className = `verdict-text ${verdict.passed ? "passed" : "failed"}`;
+  element("bundle").textContent = verdict.passed && routine.step === "finished" ? `in service: ${stats.state.in_service}` : "";
+}
+
+function showFigures(figures) {
+  const rows = figureRows(figures ?? {});
+  element("figures-panel").hidden = rows.length === 0;
+  element("figures").replaceChildren(...rows.map(([name, value]) => row(node("td", name, "dim"), node("td", value))));
+}
+
+let listed = "";
+
+function showBundles(state, running) {
+  const key = JSON.stringify([state.bundles, running, state.in_service]);
+  if (key === listed) return;
+  listed = key;
+  const known = state.bundles.map((bundle) => bundleRow(bundle, running));
+  const nothing = row(node("td", "none yet; the sensor runs with the bundle it was started with", "dim"));
+  element("bundles").replaceChildren(...(known.length ? known.reverse() : [nothing]));
+}
+
+function bundleRow(bundle, running) {
+  const made = bundle.created ? new Date(bundle.created).toLocaleString() : bundle.problem;
+  const last = node("td", "");
+  if (bundle.in_service) last.append(node("span", "in service", "passed"));
+  else if (!bundle.problem) last.append(restoreButton(bundle.identity, running));
+  return row(node("td", bundle.identity, "mono"), node("td", made, bundle.problem ? "problem" : "dim"), last);
+}
+
+function restoreButton(identity, running) {
+  const button = node("button", "Restore");
+  button.disabled = running;
+  button.dataset.testid = `restore-${identity}`;
+  button.addEventListener("click", () => command({ type: "restore", identity }));
+  return button;
+}
+
+function offerPictures(routine) {
+  const names = ["live", ...(routine?.pictures ?? []).filter((name) => name !== "live" && name !== "coverage")];
+  const choice = element("which");
+  if (choice.childElementCount === names.length + 1) return;
+  const option = (name, text) => Object.assign(node("option", text), { value: name, selected: name === chosen });
+  choice.replaceChildren(option("auto", "what matters"), ...names.map((name) => option(name, PICTURE_NAMES[name] ?? name)));
+}
+
+/** The picture that helps most now: the press that can still be corrected, else what is seen. */
+function wanted() {
+  if (chosen !== "auto") return chosen;
+  const routine = stats.state?.routine;
+  if (routine?.press && ["presses", "verify"].includes(routine.step) && routine.pictures.includes("press")) return "press";
+  if (routine?.step === "finished" && routine.pictures.includes("verify")) return "verify";
+  return "live";
+}
+
+async function showPicture() {
+  const name = wanted();
+  const routine = stats.state?.routine;
+  const editable = name === "press" && Boolean(routine?.actions.includes("correct"));
+  element("circle-hint").hidden = !editable;
+  if (picture.dragging) return;
+  const answer = await fetch(`calibration/picture/${name}`).catch(() => null);
+  if (!answer?.ok) return;
+  const image = await createImageBitmap(await answer.blob());
+  if (picture.dragging) return;
+  picture.show(image);
+  picture.lay(name === "press" ? routine?.press : null, editable);
+  element("picture-title").textContent = PICTURE_NAMES[name] ?? name;
+  Object.assign(stats, { picture: name, shown: stats.shown + 1 });
+}
+
+element("which").addEventListener("change", (event) => { chosen = event.target.value; });
+element("wishes").addEventListener("submit", (event) => { event.preventDefault(); begin(); });
+
+function row(...cells) {
+  const line = document.createElement("tr");
+  line.append(...cells);
+  return line;
+}
+
+function node(kind, text, className = "") {
+  return Object.assign(document.createElement(kind), { textContent: text, className });
+}
+
+poll();

@@ -1,0 +1,102 @@
+"""What light and place can do to the picture of the untouched gel, and which cells show something else.
+
+A change of the cell means is fitted by a combination of
+
+- the reference in each channel: a gain of the light or of the camera;
+- the light of each LED (`light.py`); where LEDs are not known, the reference times a polynomial of the position;
+- the derivatives of the reference along x and y: a camera that has moved by a fraction of a pixel.
+
+Cells that the fit leaves are outliers, and the fit is repeated without them. A touch makes slopes that no light can
+make: a ball pressed 0.03 mm deep shows, and adds next to nothing to the fit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.calibration import Calibration
+from gellight.watch.cells import CELL_PX, Cells, cell_means, positions_mm
+from gellight.watch.light import RingLight, fit_ring
+
+Mask = NDArray[np.bool_]
+"""(h, w)"""
+
+OUTLIER_NOISES = 6.0
+"""a cell beyond so many standard deviations of its noise is an outlier"""
+OUTLIER_SHARE = 0.12
+"""and beyond this share of the largest change fitted: the light model is good to 8 % of a dead LED"""
+_ROUNDS = 3
+_EVERY = 2
+"""the fit takes every second cell of every second row"""
+_RIDGE = 1e-6
+"""of the mean square of a column: keeps columns that resemble each other from running away"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """A change of the picture, taken apart."""
+
+    fitted: Cells
+    """(h, w, 3) grey levels that light and place explain"""
+    outliers: Mask
+    """(h, w) cells that show something else"""
+
+    @property
+    def touched_share(self) -> float:
+        """Share of the view that light and place do not explain."""
+        return float(self.outliers.mean())
+
+
+class Baseline:
+    """The untouched sensor as it was calibrated."""
+
+    def __init__(self, bundle: Calibration) -> None:
+        """Learn from the reference image of a bundle; takes a fraction of a second."""
+        self.reference: Cells = cell_means(bundle.reference)
+        self.ring: RingLight | None = fit_ring(bundle)
+        self.noise_grey = float(np.sqrt(bundle.manifest.noise_grey**2 + 1 / 12)) / CELL_PX
+        """standard deviation of the mean of one cell"""
+        channels = np.eye(3, dtype=np.float32)
+        self.gains: list[Cells] = [self.reference * channel for channel in channels]
+        """what a gain of each channel of the camera adds, and of each colour of the light where LEDs are known"""
+        self.shifts: list[Cells] = [-np.asarray(np.gradient(self.reference, CELL_PX, axis=axis)) for axis in (1, 0)]
+        """change of the picture when its content moves right, down by one pixel"""
+        columns = [*self.gains, *self.shifts, *self._light_columns(bundle)]
+        if self.ring is not None:
+            colours = np.array([led.rgb for led in bundle.manifest.led]).argmax(axis=1)
+            self.gains += [self.ring.fields[colours == q].sum(axis=0) for q in np.unique(colours)]
+        self._columns = np.stack([column / np.sqrt((column**2).mean()) for column in columns], axis=-1)
+        self._some = np.ascontiguousarray(self._columns[::_EVERY, ::_EVERY])
+
+    def _light_columns(self, bundle: Calibration) -> list[Cells]:
+        if self.ring is not None:
+            return list(self.ring.fields)
+        x, y = positions_mm(bundle.image_shape, bundle.pixel_size_mm)
+        x, y = x / np.abs(x).max(), y / np.abs(y).max()
+        shapes = [x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3]
+        return [gain * shape[..., None].astype(np.float32) for gain in self.gains for shape in shapes]
+
+    def judge(self, change: Cells, *, noise_grey: float | None = None) -> Rest:
+        """Take a (h, w, 3) change of the cell means apart; `noise_grey` of a cell, if it is known better."""
+        noise = self.noise_grey if noise_grey is None else noise_grey
+        outliers = np.zeros(change.shape[:2], np.bool_)
+        for _ in range(_ROUNDS):
+            fitted = self._fit(change, ~outliers)
+            limit = OUTLIER_NOISES * noise + OUTLIER_SHARE * float(np.abs(fitted).max())
+            found = (np.abs(change - fitted) > limit).any(axis=2)
+            if (found == outliers).all():
+                break
+            outliers = found
+        return Rest(fitted=fitted, outliers=outliers)
+
+    def _fit(self, change: Cells, kept: Mask) -> Cells:
+        chosen = kept[::_EVERY, ::_EVERY]
+        count = self._columns.shape[-1]
+        if 3 * chosen.sum() < 2 * count:
+            return np.zeros_like(change)
+        rows = self._some[chosen].reshape(-1, count)
+        values = change[::_EVERY, ::_EVERY][chosen].ravel()
+        normal = rows.T @ rows + _RIDGE * len(rows) * np.eye(count, dtype=np.float32)
+        weights = np.linalg.solve(normal.astype(np.float64), (rows.T @ values).astype(np.float64))
+        return np.asarray(self._columns @ weights.astype(np.float32))

@@ -1,0 +1,107 @@
+"""What a change of the light costs, in degrees and millimetres, before anybody presses anything.
+
+Two parts, both asked of the bundle's own network:
+
+Zero. The change of the untouched picture is taken for slopes. The network's answer to it, and the integral of that, are
+what the sensor reports where nothing touches. Setting the zero anew removes it.
+
+Gain. A colour that is dimmed to a share q shows a slope q times as strongly as the network has learned. To first order
+the network answers g = J d to a difference d of the three colours, J (2, 3) its derivative at the untouched gel; the
+difference that it takes for the slope g is d = J+ g (least squares), the one that it gets now is diag(q) d, and so it
+answers J diag(q) J+ g. That is compared with g for slopes of `SLOPE` in all directions at places all over the view. It
+stays until the sensor is calibrated again.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.calibration import Calibration
+from gellight.gelnet import GradientNetwork
+from gellight.light_drift import light_drift
+from gellight.pipeline import far_from_touch
+from gellight.reconstruction import integrate
+from gellight.watch.cells import Cells, spread
+
+Array = NDArray[np.float64]
+
+SLOPE = 0.5
+"""as steep as the flank of a ball pressed to a quarter of its radius, on average"""
+PRESS_MM = 1.0
+"""depth errors of the gain are those of a press that deep"""
+_DIRECTIONS = 12
+_STEP_GREY = 8.0
+"""of the derivative: larger than the noise, smaller than a touch"""
+_EVERY_PX = 32
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpectedError:
+    """Errors on top of those that the bundle has anyway; means over the view."""
+
+    zero_deg: float
+    """of the normals where nothing touches, until the zero is set anew"""
+    zero_mm: float
+    """of the depth where nothing touches, until the zero is set anew"""
+    gain_deg: float
+    """of the normals in contact, until the sensor is calibrated again"""
+    gain_mm: float
+    """of the depth of a press of 1 mm, until the sensor is calibrated again"""
+
+    def as_json(self) -> dict[str, float]:
+        """Return the figures, rounded for people."""
+        return {name: round(value, 4) for name, value in vars(self).items()}
+
+
+class ErrorEstimate:
+    """The network of a bundle, asked what a change costs."""
+
+    def __init__(self, bundle: Calibration) -> None:
+        """Load the network and take its derivative; a fraction of a second. Raises CalibrationError."""
+        self._bundle = bundle
+        self._network = GradientNetwork(
+            bundle.network, bundle.image_shape, noise_grey=bundle.manifest.noise_grey, source=bundle.source
+        )
+        self._places = np.zeros(bundle.image_shape, np.bool_)
+        self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
+        self._derivative = np.stack([self._slopes_per_grey(channel) for channel in range(3)], axis=2)
+
+    def _slopes_per_grey(self, channel: int) -> Array:
+        """(n, 2) change of the slope with one channel, at the places."""
+        step = np.zeros((*self._places.shape, 3), np.float32)
+        step[..., channel] = _STEP_GREY
+        up, down = (self._network.gradient_map(sign * step, self._places)[self._places] for sign in (1, -1))
+        return np.asarray((up - down) / (2 * _STEP_GREY), np.float64)
+
+    def of(self, change: Cells, reference: Cells, zeroed: Cells) -> ExpectedError:
+        """Return what a (h, w, 3) change of the light from `reference` costs, of which `zeroed` is in the zero."""
+        zero_deg, zero_mm = self._zero(change - zeroed)
+        gain_deg, gain_mm = self._gain(change, reference)
+        return ExpectedError(zero_deg=zero_deg, zero_mm=zero_mm, gain_deg=gain_deg, gain_mm=gain_mm)
+
+    def _zero(self, change: Cells) -> tuple[float, float]:
+        difference = spread(change, self._bundle.image_shape)
+        if self._bundle.manifest.follow_light:
+            difference -= light_drift(difference)
+        slopes = self._network.gradient_map(difference)
+        depth_mm = integrate(
+            slopes,
+            self._bundle.pixel_size_mm,
+            at_rest=far_from_touch(self._network.touched(difference)),
+            bulge=self._bundle.manifest.bulge,
+        )
+        angle = np.degrees(np.arctan(np.hypot(slopes[..., 0], slopes[..., 1])))
+        return float(angle.mean()), float(np.abs(depth_mm).mean())
+
+    def _gain(self, change: Cells, reference: Cells) -> tuple[float, float]:
+        share = 1 + change / np.maximum(reference, 1.0)
+        at_places = spread(share.astype(np.float32), self._bundle.image_shape)[self._places]
+        around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+        true = SLOPE * np.stack([np.cos(around), np.sin(around)])
+        seen = np.linalg.pinv(self._derivative) @ true * at_places[:, :, None]
+        felt = self._derivative @ seen
+        cosine = (1 + (felt * true).sum(axis=1)) / np.sqrt((1 + (felt**2).sum(axis=1)) * (1 + SLOPE**2))
+        scale = (felt * true).sum(axis=(1, 2)) / (true**2).sum()
+        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        return float(angle.mean()), float(PRESS_MM * np.abs(scale - 1).mean())

@@ -1,0 +1,121 @@
+"""Which cause explains the change of the untouched picture: all light alike, single LEDs, or a camera that moved.
+
+The three are compared by what they leave of the change (rms over the cells that nothing touches, beyond the noise of
+the mean): a gain for each channel of the camera and each colour of the light alone; gains and a shift; gains and the
+light of one, two or three single LEDs. A shift, and each further LED, is believed when it halves what was left.
+"""
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.watch.baseline import Baseline, Mask
+from gellight.watch.cells import Cells
+
+Array = NDArray[np.float64]
+
+BELIEVED = 0.5
+"""what a cause may leave, as a share of what is left without it"""
+MOST_LEDS = 3
+SEEN = 0.3
+"""what is left beyond the noise is not looked into below this share of the noise"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """What happened to light and camera since the calibration."""
+
+    size_grey: float
+    """rms of the change"""
+    left_grey: float
+    """rms of what is not explained, the noise taken off"""
+    gains: tuple[float, float, float]
+    """mean of red, green and blue now, as a share of what it was; without the single LEDs below"""
+    shift_px: tuple[float, float] = (0.0, 0.0)
+    """by which the picture's content moved right and down; only where that is the cause"""
+    leds: dict[int, float] = field(default_factory=dict)
+    """light of single LEDs as a share of what it was, by number; only where that is the cause"""
+
+
+def explain(baseline: Baseline, change: Cells, kept: Mask, *, noise_grey: float) -> Explanation:
+    """Explain the mean (h, w, 3) change of the cells in `kept`, (h, w); at least a few must be kept.
+
+    noise_grey: standard deviation of that mean of a cell.
+    """
+    fit = _Fit(baseline, change, kept, noise_grey)
+    gain_left = fit.left(fit.gains)[1]
+    if gain_left <= SEEN * noise_grey:
+        return fit.explanation(gain_left)
+    weights, moved_left = fit.left(fit.gains + fit.shifts)
+    leds, led_left = fit.leds(gain_left)
+    if min(moved_left, led_left) > BELIEVED * gain_left:
+        return fit.explanation(gain_left)
+    if leds and led_left < moved_left:
+        common, strengths = fit.strengths(leds)
+        return fit.explanation(led_left, gain=common, leds=strengths)
+    return fit.explanation(moved_left, shift_px=(float(weights[-2]), float(weights[-1])))
+
+
+class _Fit:
+    """Least squares of the change by any choice of columns; their products are computed once for all choices."""
+
+    def __init__(self, baseline: Baseline, change: Cells, kept: Mask, noise_grey: float) -> None:
+        self._noise = noise_grey
+        fields = list(baseline.ring.fields) if baseline.ring else []
+        parts = [[baseline.reference], baseline.gains, baseline.shifts, fields]
+        at = np.cumsum([0, *map(len, parts)])
+        self._all, self.gains, self.shifts, self._leds = (
+            list(range(start, end)) for start, end in itertools.pairwise(at.tolist())
+        )
+        columns = np.stack([one[kept].astype(np.float64).ravel() for part in parts for one in part])
+        values = change[kept].astype(np.float64).ravel()
+        self._products, self._moments = columns @ columns.T, columns @ values
+        self._square, self._count = float(values @ values), len(values)
+        self._means = 1 + change[kept].mean(axis=0) / baseline.reference[kept].mean(axis=0)
+
+    def left(self, chosen: list[int]) -> tuple[Array, float]:
+        """Weights of the chosen columns, and the rms of what they leave beyond the noise."""
+        products, moments = self._products[np.ix_(chosen, chosen)], self._moments[chosen]
+        weights = np.linalg.lstsq(products, moments, rcond=None)[0]
+        square = (self._square - 2 * weights @ moments + weights @ products @ weights) / self._count
+        return np.asarray(weights), float(np.sqrt(max(square - self._noise**2, 0.0)))
+
+    def leds(self, gain_left: float) -> tuple[list[int], float]:
+        """The single LEDs to believe in, by number, and what they leave; none, and what gains leave."""
+        chosen: list[int] = []
+        believed: tuple[list[int], float] = [], gain_left
+        before = gain_left
+        for _ in range(min(MOST_LEDS, len(self._leds))):
+            more = [[*chosen, led] for led in range(len(self._leds)) if led not in chosen]
+            left, chosen = min((self.left(self.gains + [self._leds[k] for k in leds])[1], leds) for leds in more)
+            if left <= BELIEVED * before:
+                believed = chosen, left
+            before = left
+            if left <= SEEN * self._noise:
+                break
+        return believed
+
+    def strengths(self, leds: list[int]) -> tuple[float, dict[int, float]]:
+        """Gain of all light, and the light of each of these LEDs as a share of what the gain leaves it.
+
+        A gain for each colour, four LEDs of twelve, would take a part of what a single LED has lost.
+        """
+        weights, _ = self.left(self._all + [self._leds[led] for led in leds])
+        common = 1 + float(weights[0])
+        return common, {led: max(0.0, 1 + float(w) / common) for led, w in zip(leds, weights[1:], strict=True)}
+
+    def explanation(
+        self,
+        left_grey: float,
+        *,
+        gain: float | None = None,
+        shift_px: tuple[float, float] = (0.0, 0.0),
+        leds: dict[int, float] | None = None,
+    ) -> Explanation:
+        red, green, blue = (gain if gain is not None else float(mean) for mean in self._means)
+        size = float(np.sqrt(self._square / self._count))
+        return Explanation(
+            size_grey=size, left_grey=left_grey, gains=(red, green, blue), shift_px=shift_px, leds=leds or {}
+        )

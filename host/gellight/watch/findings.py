@@ -1,0 +1,146 @@
+"""What the watch tells: a finding has a likely cause, figures and a remedy."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from gellight.watch.cells import CELL_PX
+from gellight.watch.expected import ExpectedError
+from gellight.watch.explanation import Explanation
+from gellight.watch.spots import Spot, SpotKind
+
+DEAD, DIMMED = 0.15, 0.9
+"""light of an LED as a share of what it was"""
+DRIFT, STRONG_DRIFT = 0.03, 0.10
+"""change of a channel as a share of what it was"""
+MOVED_PX = 0.3
+UNEVEN_GREY = 1.0
+ADVISED_DEG, ADVISED_MM = 1.0, 0.05
+"""expected errors of the gain beyond which a new calibration is advised"""
+
+
+class Severity(StrEnum):
+    """How much a finding matters."""
+
+    NOTICE = "notice"
+    WARNING = "warning"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something about the sensor is not as it was calibrated."""
+
+    kind: str
+    """drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck or recalibrate"""
+    severity: Severity
+    text: str
+    """what was seen, the likely cause and the remedy"""
+    figures: dict[str, object]
+
+    @property
+    def key(self) -> tuple[str, object]:
+        """What makes two findings the same one: the kind, and the LED."""
+        return self.kind, self.figures.get("led")
+
+    def as_json(self) -> dict[str, object]:
+        """Return it ready for JSON."""
+        return {"kind": self.kind, "severity": str(self.severity), "text": self.text, "figures": self.figures}
+
+
+def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Iterator[Finding]:
+    """Tell of LEDs, drift, a moved camera, or a change that none of them explains."""
+    for led, light in sorted(explanation.leds.items()):
+        if light < DIMMED:
+            yield _led(led, light)
+    worst = max(explanation.gains, key=lambda gain: abs(gain - 1))
+    if abs(worst - 1) >= DRIFT:
+        yield _drift(explanation, worst)
+    if max(map(abs, explanation.shift_px)) >= MOVED_PX:
+        yield _moved(explanation, pixel_size_mm)
+    if explanation.left_grey >= UNEVEN_GREY:
+        yield Finding(
+            kind="uneven",
+            severity=Severity.WARNING,
+            text=f"the untouched gel differs by {explanation.left_grey:.1f} grey levels that neither single LEDs "
+            "nor a moved camera explain: the window is dirty, other light falls in, or the gel has aged; clean it, "
+            "shade it, then calibrate again",
+            figures={"left_grey": round(explanation.left_grey, 2)},
+        )
+
+
+def _led(led: int, light: float) -> Finding:
+    place = f"LED {led} (azimuth {30 * led} degrees)"
+    dead = light < DEAD
+    return Finding(
+        kind="led_dead" if dead else "led_dimmed",
+        severity=Severity.FAULT if dead else Severity.WARNING,
+        text=f"{place} is dark: it is broken or its supply is; replace it and calibrate again"
+        if dead
+        else f"{place} gives {light:.0%} of its light: it ages, runs hot or is covered; clean it or calibrate again",
+        figures={"led": led, "light": round(light, 3)},
+    )
+
+
+def _drift(explanation: Explanation, worst: float) -> Finding:
+    gains = [round(gain, 4) for gain in explanation.gains]
+    strong = abs(worst - 1) >= STRONG_DRIFT
+    cause = "an LED supply that sags, an exposure that is not locked, or aged LEDs" if strong else "LEDs that warm up"
+    return Finding(
+        kind="drift",
+        severity=Severity.WARNING if strong else Severity.NOTICE,
+        text=f"the light is {worst:.1%} of what it was when the sensor was calibrated: {cause}",
+        figures={"red": gains[0], "green": gains[1], "blue": gains[2]},
+    )
+
+
+def _moved(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Finding:
+    x, y = explanation.shift_px
+    x_mm, y_mm = x * pixel_size_mm[0], y * pixel_size_mm[1]
+    return Finding(
+        kind="camera_moved",
+        severity=Severity.WARNING,
+        text=f"the picture has moved by {x:+.1f}, {y:+.1f} px: the camera or the gel is loose; positions are off by "
+        f"{x_mm:+.2f}, {y_mm:+.2f} mm; fasten it and calibrate again",
+        figures={"x_px": round(x, 2), "y_px": round(y, 2), "x_mm": round(x_mm, 3), "y_mm": round(y_mm, 3)},
+    )
+
+
+_SPOT_TEXTS = {
+    SpotKind.TEAR: "the coating of the gel is torn or worn there; replace the gel",
+    SpotKind.DIRT: "dirt on the window, on the lens or behind the gel; clean it",
+    SpotKind.STUCK: "something sticks to the gel or has dented it; clean it",
+}
+
+
+def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Finding:
+    """Tell of a spot that never comes to rest."""
+    x_px, y_px = ((cell + 0.5) * CELL_PX - 0.5 for cell in (spot.column, spot.row))
+    x_mm = (x_px - (image_shape[1] - 1) / 2) * pixel_size_mm[0]
+    y_mm = (y_px - (image_shape[0] - 1) / 2) * pixel_size_mm[1]
+    area = spot.cells * CELL_PX**2 * pixel_size_mm[0] * pixel_size_mm[1]
+    return Finding(
+        kind=str(spot.kind),
+        severity=Severity.FAULT if spot.kind is SpotKind.TEAR else Severity.WARNING,
+        text=f"a spot of {area:.1f} mm2 at ({x_mm:.1f}, {y_mm:.1f}) mm stays while touches come and go: "
+        f"{_SPOT_TEXTS[spot.kind]}",
+        figures={
+            "x_mm": round(x_mm, 2),
+            "y_mm": round(y_mm, 2),
+            "area_mm2": round(area, 2),
+            "light": [round(share, 3) for share in spot.light],
+        },
+    )
+
+
+def advice(expected: ExpectedError) -> Iterator[Finding]:
+    """Advise a new calibration where the change costs more than a zero can mend."""
+    if expected.gain_deg < ADVISED_DEG and expected.gain_mm < ADVISED_MM:
+        return
+    yield Finding(
+        kind="recalibrate",
+        severity=Severity.WARNING,
+        text=f"calibrate again: contacts are felt about {expected.gain_deg:.1f} degrees and {expected.gain_mm:.2f} mm "
+        "(of a press of 1 mm) worse than when the sensor was calibrated",
+        figures=dict(expected.as_json()),
+    )

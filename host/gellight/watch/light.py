@@ -1,0 +1,79 @@
+"""Where the light of each LED falls on the untouched gel, learned from the reference image alone.
+
+LED k sits at azimuth 30 degrees * k on a ring of radius r, a height h above the gel. It lights the gel at (x, y) with
+
+    E_k(x, y) = (h / d)^n / d^2,    d^2 = (x - r cos a_k)^2 + (y + r sin a_k)^2 + h^2
+
+(inverse square law; n covers the tilt of the gel against the ray and the beam of the LED). The reference image is the
+sum over the LEDs, each with its colour, and each colour with its share in each channel of the camera:
+
+    channel c = sum over colours q of X[q, c] * sum over LEDs k of rgb[k, q] / 255 * E_k
+
+r, h and n are fitted by least squares, the shares X in closed form. On the simulated sensor, whose LEDs are tilted and
+are seen through overlapping filters, the fit leaves 0.5 % of the picture. It serves to name an LED, not to measure
+light: whatever it leaves, gains and shifts are told from the reference image itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from gellight.calibration import Calibration
+from gellight.watch.cells import Cells, cell_means, positions_mm
+
+Array = NDArray[np.float64]
+
+NAMEABLE_SHARE = 0.1
+"""an LED is named only where the fit leaves less than this share of the picture"""
+_STARTS = ((20.0, 15.0, 1.0), (40.0, 25.0, 1.0), (15.0, 8.0, 2.0))
+"""radius mm, height mm, exponent"""
+_EVERY = 3
+"""every third cell of every third row is enough for three numbers"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingLight:
+    """The light of each LED, as the untouched gel shows it."""
+
+    fields: NDArray[np.float32]
+    """(12, h, w, 3) grey levels that each LED adds to each cell"""
+    left_share: float
+    """rms of what the fit leaves, as a share of the rms of the picture"""
+
+
+def fit_ring(bundle: Calibration) -> RingLight | None:
+    """Fit the ring to the reference image of a bundle; None where it names no LEDs or the fit is too poor for that."""
+    if not bundle.manifest.led:
+        return None
+    reference = cell_means(bundle.reference)
+    x_mm, y_mm = positions_mm(bundle.image_shape, bundle.pixel_size_mm)
+    colours = np.array([led.rgb for led in bundle.manifest.led]) / 255
+    coarse = (slice(None, None, _EVERY), slice(None, None, _EVERY))
+
+    def left(shape: Array) -> Array:
+        fields = _fields(shape, x_mm[coarse], y_mm[coarse], colours, reference[coarse])
+        return np.asarray((fields.sum(axis=0) - reference[coarse]).ravel())
+
+    fits = [optimize.least_squares(left, start, bounds=([3, 2, -3], [200, 200, 12]), x_scale=_STARTS[0])
+            for start in _STARTS]  # fmt: skip
+    best = min(fits, key=lambda fit: fit.cost)
+    fields = _fields(best.x, x_mm, y_mm, colours, reference)
+    share = float(np.sqrt(((fields.sum(axis=0) - reference) ** 2).mean() / (reference**2).mean()))
+    return RingLight(fields=fields.astype(np.float32), left_share=share) if share < NAMEABLE_SHARE else None
+
+
+def _fields(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: Cells) -> Array:
+    """(12, h, w, 3) light of each LED for (radius, height, exponent) and (12, 3) colours."""
+    lit = np.stack([_irradiance(shape, x_mm, y_mm, led) for led in range(len(colours))])
+    by_colour = np.einsum("khw,kq->hwq", lit, colours).reshape(-1, 3)
+    shares = np.linalg.lstsq(by_colour, reference.reshape(-1, 3).astype(np.float64), rcond=None)[0]
+    return np.asarray(np.einsum("khw,kc->khwc", lit, colours @ shares))
+
+
+def _irradiance(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
+    radius, height, exponent = shape
+    azimuth = np.radians(30.0 * led)
+    square = (x_mm - radius * np.cos(azimuth)) ** 2 + (y_mm + radius * np.sin(azimuth)) ** 2 + height**2
+    return np.asarray(height**2 * (height / np.sqrt(square)) ** exponent / square)
