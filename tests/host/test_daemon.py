@@ -63,16 +63,13 @@ class CountingReconstructor:
     """Passes frames through; holds each until `gate` is open."""
 
     calibration = SimpleNamespace(
-        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="counting")
+        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted")
     )
 
     def __init__(self) -> None:
         self.gate = threading.Event()
         self.gate.set()
         self.failure: Exception | None = None
-
-    def status(self) -> dict[str, object]:
-        return {"mode": "counting"}
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         assert self.gate.wait(10)
