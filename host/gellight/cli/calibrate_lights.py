@@ -14,6 +14,9 @@ def command(
         str | None, typer.Option(help="bundle that the lights are added to. [default: synthetic]")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=256, help="frames averaged for each LED")] = 8,
+    ring_from_light: Annotated[
+        bool, typer.Option(help="take the places of the LEDs from the pictures, not from the settings")
+    ] = False,
     overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")] = False,
 ) -> None:
@@ -25,5 +28,5 @@ def command(
         # Said before the lights are taken, not after.
         raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
-    result = add_lights(settings, out, frames=frames, overwrite=overwrite)
+    result = add_lights(settings, out, frames=frames, ring_from_light=ring_from_light, overwrite=overwrite)
     typer.echo(json.dumps(result, indent=2) if as_json else "\n".join(f"{k:20} {v}" for k, v in result.items()))

@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 from gellight.errors import CalibrationError
 from gellight.light_groups import colour_triples, single_leds
 from gellight.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
+from gellight.photometric.ring_fit import STEP_PX, coarse_points, flat_light, own_light
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.photometric.solver import Points, light_rows
 from gellight.photometric.static_scene import BLOCK_PX, block_means
 
 Array = NDArray[np.float64]
@@ -160,12 +160,9 @@ def check_places(model: LightModel, pixel_size_mm: tuple[float, float]) -> None:
 
     Patterns are compared as logarithms, without what they have in common, on a coarse grid.
     """
-    measured = _relative(np.log(model.references(LightGroups.SINGLES)[:, ::16, ::16]))
-    height, width = model.image_shape
-    x = (np.arange(0, width, 16) - (width - 1) / 2) * pixel_size_mm[0]
-    y = (np.arange(0, height, 16) - (height - 1) / 2) * pixel_size_mm[1]
-    across, down = (axis.ravel() for axis in np.meshgrid(x, y))
-    expected = _relative(np.log(flat_light(across, down, model.ring)).reshape(measured.shape))
+    measured = _unit(own_light(np.log(model.references(LightGroups.SINGLES)[:, ::STEP_PX, ::STEP_PX])))
+    light = flat_light(*coarse_points(model.image_shape, pixel_size_mm), model.ring)
+    expected = _unit(own_light(np.log(light).reshape(measured.shape)))
     likeness = np.einsum("khw,jhw->kj", measured, expected)
     best = likeness.argmax(axis=1)
     wrong = np.flatnonzero(best != np.arange(len(best)))
@@ -178,21 +175,9 @@ def check_places(model: LightModel, pixel_size_mm: tuple[float, float]) -> None:
         )
 
 
-def flat_light(x_mm: Array, y_mm: Array, ring: RingGeometry) -> Array:
-    """(K, N) light of each LED on the flat gel at N points, equally bright LEDs, arbitrary unit."""
-    points = Points(x_mm, y_mm, np.zeros_like(x_mm))
-    # A row's third component on the flat gel is its reference; with references of 1 only the geometry is left to add.
-    to_light = light_rows(points, np.ones((len(ring.channels), len(x_mm))), ring)
-    squared = (to_light[:, 0] ** 2 + to_light[:, 1] ** 2 + 1) * ring.height_mm**2
-    leaving = -np.einsum("kip,ki->kp", to_light, ring.axes()) * ring.height_mm
-    return np.asarray((np.maximum(leaving, 1e-9) / np.sqrt(squared)) ** ring.emission_exponent / squared**1.5)
-
-
-def _relative(logs: Array) -> Array:
-    """(K, h, w) without what all have in common, each of zero mean and unit length."""
-    own = logs - logs.mean(axis=0)
-    own = own - own.mean(axis=(1, 2), keepdims=True)
-    return np.asarray(own / np.linalg.norm(own, axis=(1, 2), keepdims=True))
+def _unit(light: Array) -> Array:
+    """(K, h, w) scaled to unit length."""
+    return np.asarray(light / np.linalg.norm(light, axis=(1, 2), keepdims=True))
 
 
 def _check_brightness(pictures: ReferencePictures, singles: Array, ring: RingGeometry) -> None:

@@ -32,6 +32,9 @@ class RingGeometry:
     """tilt of each LED's axis from the gel normal, inwards"""
     beam_angle_rad: float = radians(120.0)
     """full angle of an LED at half power"""
+    centre_x_mm: float = 0.0
+    """of the ring, from the middle of the picture"""
+    centre_y_mm: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a ring that cannot light the gel."""
@@ -76,9 +79,8 @@ class RingGeometry:
     def positions_mm(self) -> Array:
         """(N, 3) position of each LED."""
         azimuth, radius = self.azimuths_rad(), self.ring_radius_mm
-        return np.stack(
-            [radius * np.cos(azimuth), -radius * np.sin(azimuth), np.full_like(azimuth, self.height_mm)], axis=1
-        )
+        x, y = self.centre_x_mm + radius * np.cos(azimuth), self.centre_y_mm - radius * np.sin(azimuth)
+        return np.stack([x, y, np.full_like(azimuth, self.height_mm)], axis=1)
 
     def axes(self) -> Array:
         """(N, 3) unit vector along which each LED shines."""

@@ -1,5 +1,6 @@
 """What `gellight calibrate lights` puts together: a camera with its ring, and the bundle that learns the lights."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from gellight.camera import open_camera
 from gellight.config import Settings
 from gellight.errors import CalibrationError
 from gellight.photometric.lights_file import write_lights
+from gellight.photometric.ring_fit import fit_ring
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.taking import Progress, take_lights
 
@@ -19,11 +21,13 @@ def add_lights(
     out: Path,
     *,
     frames: int,
+    ring_from_light: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda done, total: None,
 ) -> dict[str, object]:
     """Measure the lights of the sensor and write the bundle, both as `settings` name them, with them to `out`.
 
+    ring_from_light: take the geometry of the ring from the pictures, not from the settings.
     Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or CalibrationError.
     """
     bundle = load_calibration(settings.sensor.calibration)
@@ -37,6 +41,9 @@ def add_lights(
                 "this sensor"
             )
         model = take_lights(camera, ring, colours, bundle.pixel_size_mm, frames=frames, progress=progress)
+    fit = fit_ring(model, bundle.pixel_size_mm)
+    if ring_from_light:
+        model = replace(model, ring=fit.ring)
     write_lights(bundle, model, out, overwrite=overwrite)
     return {
         "calibration": str(out),
@@ -47,6 +54,8 @@ def add_lights(
         "brightest_grey": round(model.brightest_grey, 1),
         "exposure_us": model.exposure_us,
         "pattern_residual": round(model.pattern_residual, 5),
+        "ring_from_light": fit.as_json(),
+        "ring_used": "light" if ring_from_light else "settings",
     }
 
 
