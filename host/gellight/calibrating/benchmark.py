@@ -11,14 +11,16 @@ import numpy as np
 from gellight.calibrating.preparing import apply_calibration
 from gellight.calibration import Calibration, load_calibration, write_calibration
 from gellight.camera import Camera, open_camera
-from gellight.errors import InputError
+from gellight.errors import CameraError, InputError
 from gellight.evaluation import angle_deg
+from gellight.frames import CameraFrame
 from gellight.pipeline import Reconstructor
 from gellight.reconstruction import normals
 
 BALL = "BALL"
 _SETTLE_FRAMES = 3
 _REFERENCE_FRAMES = 30
+_ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,9 +57,20 @@ def object_errors(
         return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
 
 
+def _lit_frame(camera: Camera, bundle: Calibration) -> CameraFrame:
+    """A frame under the light of the bundle; a board that was kept waiting too long is dark, and lit again."""
+    wanted = np.array([led.rgb for led in bundle.manifest.led], np.uint8)
+    for _ in range(_ATTEMPTS):
+        frame = camera.read()
+        if frame.light is None or not len(wanted) or np.array_equal(frame.light, wanted):
+            return frame
+        apply_calibration(camera, bundle)
+    raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
+
+
 def _rezeroed(bundle: Calibration, camera: Camera) -> Calibration:
     """The bundle with the untouched gel as the camera sees it now."""
-    untouched = np.mean([camera.read().image for _ in range(_REFERENCE_FRAMES)], axis=0)
+    untouched = np.mean([_lit_frame(camera, bundle).image for _ in range(_REFERENCE_FRAMES)], axis=0)
     with tempfile.TemporaryDirectory(prefix="gellight-rezeroed-") as folder:
         return write_calibration(
             Path(folder) / "bundle",
@@ -68,6 +81,7 @@ def _rezeroed(bundle: Calibration, camera: Camera) -> Calibration:
             pixel_size_mm=bundle.pixel_size_mm,
             network=bundle.network,
             follow_light=bundle.manifest.follow_light,
+            led=bundle.manifest.led,
             metrics={},
         )
 
@@ -75,7 +89,7 @@ def _rezeroed(bundle: Calibration, camera: Camera) -> Calibration:
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
     assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
-    frame = camera.read()
+    frame = _lit_frame(camera, reconstructor.calibration)
     truth = frame.truth
     assert truth is not None
     felt = reconstructor.reconstruct(frame)
