@@ -48,7 +48,7 @@ $(BIN)/python:
 	$(BIN)/pip install --quiet --upgrade pip
 
 # What the tests need beside Python: a real browser for the page, a second compiler for the firmware. Root installs it;
-# anyone else is told how.
+# anyone else is told how. The virtual machine's kernel and tools are only unpacked, into a cache folder.
 .PHONY: tools
 tools:
 	@missing=; \
@@ -60,6 +60,7 @@ tools:
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
 	    { echo "The tests need: sudo apt-get install --no-install-recommends $$missing"; exit 2; }
+	@$(PYTHON) -m tests.vm.packages
 
 clean:
 	rm -rf $(VENV) build dist

@@ -19,8 +19,19 @@ HOST_DOORS = {
         *("studies.py", "geometry.py", "answers.py", "parts.py", "solids.py", "gallery.py", "comparison.py"),
         *("timing.py", "report.py"),
         "optimize.py",
+        "simulated_presses.py",
     },
-    "cv2": {"camera.py", "presses.py", "pictures.py", "calibration.py", "server.py", "messages.py"},
+    "cv2": {
+        "camera.py",
+        "presses.py",
+        "pictures.py",
+        "calibration.py",
+        "server.py",
+        "messages.py",
+        "decoding.py",
+        "encoding.py",
+        "opencv_camera.py",
+    },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }
 

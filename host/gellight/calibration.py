@@ -5,6 +5,7 @@ reference.png    16-bit RGB, grey level * 256: the mean of many frames of the un
 network.onnx     GelNet (its file name is in the manifest)
 metrics.json     measured error of the network
 presses.npz      the table of ball presses it was trained on (optional)
+lights.json      the light of each LED alone, for photometric stereo (optional)
 """
 
 import errno
@@ -204,6 +205,18 @@ def save_calibration(calibration: Calibration, folder: str | Path, overwrite: bo
     except OSError as error:
         raise _not_written(target, error) from error
     return load_calibration(target)
+
+
+def extend_calibration(
+    calibration: Calibration, folder: str | Path, files: Mapping[str, bytes], *, overwrite: bool = False
+) -> Calibration:
+    """Write a bundle again as a folder with more files, or newer ones of the same names, and return it.
+
+    Raises CalibrationError; then the folder is as before.
+    """
+    content = {**calibration.files, **files}
+    manifest = checked_manifest(folder, **{**calibration.manifest.model_dump(), "files": _digests(content)})
+    return save_calibration(Calibration(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
 
 
 def pack_calibration(calibration: Calibration, path: str | Path, *, overwrite: bool = False) -> Path:

@@ -1,4 +1,9 @@
-"""Cameras by URL: image files now, a simulated sensor by `sim://`; the code that uses them cannot tell."""
+"""Cameras by URL: image files, a simulated sensor, a real one; the code that uses them cannot tell which.
+
+A file, a folder or a pattern: images. `sim://`: the simulated sensor. `auto`: the one sensor that is plugged in.
+`sensor://NAME`: the sensor with this serial number or at this USB port. `v4l2:///dev/...`: that camera, its ring only
+where `?ring=` names one. docs/capture.md lists the parameters.
+"""
 
 import glob
 import re
@@ -17,15 +22,24 @@ from gellight.errors import CameraError, InputError
 from gellight.frames import CameraFrame
 
 if TYPE_CHECKING:
+    from gellight.calibration import Calibration
+    from gellight.lighting.timing import CameraTiming
     from gellight.ring import LightRing
     from gellight.selfcheck import SelfCheck
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-_KINDS = "give an image file, a folder of images, a quoted pattern such as 'presses/*.png', or sim://"
+_KINDS = (
+    "give an image file, a folder of images, a quoted pattern such as 'presses/*.png', sim://, auto, sensor://NAME or "
+    "v4l2:///dev/video0"
+)
 
 
 class EndOfStream(CameraError):  # noqa: N818  (it is the end, not a fault)
     """The camera has delivered its last frame; more will not come."""
+
+
+class ReconnectingError(CameraError):
+    """The sensor is away and looked for; reading again goes on looking, and returns frames when it is back."""
 
 
 class PressStage(Protocol):
@@ -86,11 +100,24 @@ class Camera(Protocol):
     controls: CameraControls | None = None
     """exposure, gain and white balance; None where there is nothing to set"""
 
+    @property
+    def timing(self) -> "CameraTiming | None":
+        """When its rows are exposed, for labels of light; None where it is not known."""
+        return None
+
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
 
     def read(self) -> CameraFrame:
         """Wait for the next frame; raises EndOfStream after the last one and CameraError on a fault."""
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the device, ready for JSON; nothing where there is none."""
+        return {}
+
+    def adopt(self, calibration: "Calibration") -> None:
+        """Set and light the sensor as another bundle says; nothing where nothing can be set. Raises as opening does."""
+        return
 
     def close(self) -> None:
         """Release the device; reading afterwards raises CameraError."""
@@ -106,16 +133,28 @@ class Camera(Protocol):
         self.close()
 
 
-def open_camera(url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None) -> Camera:
-    """Open the camera that a URL names: an image file, a folder or pattern of images, or `sim://...`.
+def open_camera(
+    url: str | Path,
+    *,
+    geometry: Mapping[str, float | int | str] | None = None,
+    calibration: "Calibration | None" = None,
+) -> Camera:
+    """Open the camera that a URL names, see the top of this file.
 
-    `geometry` is how a simulated sensor differs from the paper's. Raises CameraError, InputError or ConfigError, naming
-    the file and the remedy.
+    `geometry` is how a simulated sensor differs from the paper's. A real sensor is set and lit as `calibration` was
+    made; without one its LEDs stay dark. Raises CameraError, BoardError, InputError or ConfigError with the remedy.
     """
     text = str(url)
-    if text.startswith("sim://"):
+    scheme = text.partition("://")[0].partition("?")[0]
+    if scheme == "sim" and "://" in text:
         camera: Camera = import_module("gellight.simulated").open_simulated(text, geometry or {})
         return camera
+    if scheme in ("auto", "sensor", "v4l2") and not Path(text).exists():
+        opened: Camera = import_module("gellight.sensor_camera").open_sensor(text, calibration=calibration)
+        return opened
+    if scheme == "opencv":
+        fallback: Camera = import_module("gellight.opencv_camera").open_opencv(text)
+        return fallback
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {_KINDS}")
     return ImageCamera(image_files(text), url=text)

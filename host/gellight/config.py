@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import radians
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -34,7 +34,9 @@ class SensorSettings(Section):
     """Which sensor."""
 
     url: str = Field(
-        default="sim://", min_length=1, description="where the camera is: `sim://`, a device, or a folder of images"
+        default="sim://",
+        min_length=1,
+        description="where the camera is: `sim://`, `auto`, `sensor://NAME`, `v4l2:///dev/...` or a folder of images",
     )
     calibration: str = Field(
         default="synthetic",
@@ -78,6 +80,18 @@ class GeometrySettings(Section):
 class ReconstructionSettings(Section):
     """How depth is computed."""
 
+    mode: Literal["network", "photometric", "hybrid"] = Field(
+        default="network",
+        description="GelNet on every frame, photometric stereo on series of exposures, or GelNet with its error "
+        "measured by photometric stereo whenever the scene rests",
+    )
+    light_groups: Literal["triples", "singles"] = Field(
+        default="triples",
+        description="exposures of photometric stereo: 4 of a red, a green and a blue LED each, or 12 of one LED",
+    )
+    frames_per_light: int = Field(
+        default=1, ge=1, le=64, description="frames averaged in each exposure of photometric stereo"
+    )
     threads: int = Field(default=1, ge=1, le=64, description="threads of the network")
     smoothing_px: int = Field(default=2, ge=0, le=50, description="half width of the smoothing of the gradient map")
     masked: bool = Field(
@@ -299,6 +313,8 @@ def _allowed(schema: dict[str, Any]) -> str:
     kind = next((option for option in schema.get("anyOf", []) if option.get("type") != "null"), schema)
     if kind["type"] == "boolean":
         return "true or false"
+    if "enum" in kind:
+        return f"text, one of {', '.join(kind['enum'])}"
     if kind["type"] == "string":
         return f"text like `{kind['pattern']}`" if "pattern" in kind else "text"
     bounds = [

@@ -2,7 +2,8 @@
 
 The camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
 as dropped, so what comes out is as fresh as the machine allows. What ends either thread (the last image of a folder, a
-camera that fails) is raised where frames are waited for.
+camera that fails) is raised where frames are waited for. A sensor that was unplugged ends nothing: while it is away the
+status says so, and nobody gets a frame from before.
 """
 
 import logging
@@ -13,11 +14,11 @@ from types import TracebackType
 from typing import Self
 
 from gellight.calibration import Calibration
-from gellight.camera import Camera, EndOfStream, PressStage
+from gellight.camera import Camera, EndOfStream, PressStage, ReconnectingError
 from gellight.errors import CameraError, InputError
 from gellight.frames import CameraFrame, TactileFrame
 from gellight.mailbox import Mailbox
-from gellight.pipeline import Reconstructor
+from gellight.pipeline import FramePath, Reconstructor
 from gellight.selfcheck import SelfCheck, SelfCheckResult
 from gellight.shared_camera import SharedCamera
 from gellight.statistics import Statistics
@@ -38,10 +39,10 @@ class Daemon:
     def __init__(
         self,
         camera: Camera,
-        reconstructor: Reconstructor,
+        reconstructor: FramePath,
         *,
         selfcheck: SelfCheck | None = None,
-        rebuild: Callable[[Calibration], Reconstructor] = Reconstructor,
+        rebuild: Callable[[Calibration], FramePath] = Reconstructor,
         watch: Watch | None = None,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
@@ -64,6 +65,11 @@ class Daemon:
         self._delivered: Mailbox[TactileFrame] = Mailbox()
         self._stopping = threading.Event()
         self._error: str | None = None
+        self._away: str | None = None
+        self._newest = self._void = -1
+        """camera sequence numbers: the last that came, and the last from before the sensor was away"""
+        self._presence = threading.Lock()
+        """held while a frame is handed on or the sensor is found to be away"""
         jobs = [self._capture, self._reconstruct]
         jobs += [self._check_now_and_then] if selfcheck else []
         jobs += [self._watch_now_and_then] if watch else []
@@ -96,6 +102,11 @@ class Daemon:
         return self._reconstructor.calibration.pixel_size_mm
 
     @property
+    def mode(self) -> str:
+        """How slopes are found: network, photometric or hybrid."""
+        return str(self._reconstructor.status()["mode"])
+
+    @property
     def calibration(self) -> Calibration:
         """The bundle in use, as it was installed: a zero that followed the light is not in it."""
         return self._bundle
@@ -113,14 +124,15 @@ class Daemon:
     def replace_calibration(self, bundle: Calibration) -> None:
         """Reconstruct with another bundle from the next frame on; the stream goes on.
 
-        Raises CalibrationError for a bundle of another image size or with a network that cannot be run; then the old
-        one stays in use.
+        Raises CalibrationError for a bundle of another image size or with a network that cannot be run, and what the
+        camera raises that cannot be set as the bundle says; then the old one stays in use.
         """
         bundle.check_fits(self._camera.url, self._camera.image_shape)
         replacement = self._rebuild(bundle)
         watch = Watch(bundle, rezero=self._watch.rezero) if self._watch else None
         judge = self._camera.selfcheck(bundle.pixel_size_mm) if self._selfcheck else None
         with self._replacing:
+            self._camera.adopt(bundle)
             if watch and self._watch:
                 watch.paused = self._watch.paused
             self._reconstructor, self._bundle, self._watch, self._selfcheck = replacement, bundle, watch, judge
@@ -178,17 +190,24 @@ class Daemon:
         result = self._selfcheck_result
         return {
             "sensor": self._camera.url,
+            **self._reconstructor.status(),
             **self._statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
             "calibration": {"sensor": self._bundle.manifest.sensor, "identity": self._bundle.identity},
             "watch": self._watch.status() if self._watch else None,
-            "error": self._error,
+            "error": self._error or self._away,
+            "camera": self._camera.status(),
         }
 
     def _capture(self) -> None:
         try:
             while not self._stopping.is_set():
-                frame = self._camera.read()
+                try:
+                    frame = self._camera.read()
+                except ReconnectingError as error:
+                    self._leave(str(error))
+                    continue
+                self._away, self._newest = None, frame.sequence
                 self._statistics.note_captured(frame)
                 self._captured.put(frame)
         except Exception as error:
@@ -203,13 +222,26 @@ class Daemon:
                     number, frame = self._captured.take(number, POLL_S)
                 except TimeoutError:
                     continue
-                tactile = self._reconstructor.reconstruct(frame)
-                self._statistics.note_delivered(tactile, time.monotonic())
-                self._delivered.put(tactile)
+                self._deliver(self._reconstructor.reconstruct(frame))
         except Exception as error:
             self._note(error)
             self._delivered.close(error)
             self._stopping.set()
+
+    def _leave(self, why: str) -> None:
+        """Note that the sensor is away, and throw away what was not taken yet: it is not true any more."""
+        with self._presence:
+            if self._away is None:
+                logger.warning("%s", why)
+            self._away, self._void = why, self._newest
+            self._captured.clear()
+            self._delivered.clear()
+
+    def _deliver(self, frame: TactileFrame) -> None:
+        with self._presence:
+            if frame.camera_frame.sequence > self._void:
+                self._statistics.note_delivered(frame, time.monotonic())
+                self._delivered.put(frame)
 
     def _check_now_and_then(self) -> None:
         number = 0

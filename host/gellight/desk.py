@@ -122,6 +122,11 @@ class Desk:
 
     def begin(self, wishes: Wishes) -> None:
         """Begin a calibration; InputError while another one runs or for wishes that cannot be met."""
+        if self._daemon.mode != "network":
+            raise InputError(
+                f"the sensor streams in mode {self._daemon.mode}, which changes the light all the time: start it with "
+                "--mode network to calibrate it"
+            )
         with self._lock:
             if self._guide is not None and not self._guide.ended:
                 raise InputError("a calibration is going on: stop it before you begin another")

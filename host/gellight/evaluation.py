@@ -7,13 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.baselines import Baseline
 from gellight.calibration import Calibration
 from gellight.camera import read_image
+from gellight.contact import find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame
+from gellight.gelnet import SMOOTHING_PX, smoothed
+from gellight.light_drift import light_drift
 from gellight.pipeline import Reconstructor
 from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.reconstruction import normals
+from gellight.reconstruction import integrate, normals
 
 Floats = NDArray[np.float32]
 
@@ -27,6 +31,8 @@ class PressError:
     """(N,) angle between the felt and the true normal at each pixel inside the labelled circle"""
     depth_mae_mm: float
     """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
+    contact_iou: float
+    """overlap of the contact patch found with the circle: intersection over union"""
 
     @property
     def mean_deg(self) -> float:
@@ -37,8 +43,9 @@ class PressError:
 def evaluate(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> dict[str, Any]:
     """Measure a calibration on labelled presses, as labelled, with the very frame path that the sensor runs.
 
-    Returns normal_error_deg {mean, median, p95} over all pixels inside the circles, depth_mae_mm, and images, a list
-    of {image, pixels, normal_error_deg, depth_mae_mm}. Raises InputError for images of another size.
+    Returns normal_error_deg {mean, median, p95} over all pixels inside the circles, depth_mae_mm, contact_iou, and
+    images, a list of {image, pixels, normal_error_deg, depth_mae_mm, contact_iou}. Raises InputError for images of
+    another size.
     """
     return summarised(press_errors(calibration, presses, ball))
 
@@ -57,14 +64,38 @@ def _press_error(reconstructor: Reconstructor, press: Press, ball: Ball, number:
     felt = reconstructor.reconstruct(
         CameraFrame(image=image, time_s=0.0, sequence=number, source=str(press.image)),
     )
-    shape = (image.shape[0], image.shape[1])
+    return press_error(press, ball, felt.normal_map, felt.depth_mm, felt.contact.mask)
+
+
+def baseline_errors(
+    baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
+) -> list[PressError]:
+    """Do the same with the slopes of a baseline: drift, smoothing, depth and contact as in the frame path."""
+    errors = []
+    for press in presses:
+        difference = read_image(press.image).astype(np.float32) - reference
+        if follow_light:
+            difference -= light_drift(difference)
+        gradient_map = smoothed(baseline.gradient_map(difference), SMOOTHING_PX)
+        depth_mm = integrate(gradient_map, ball.pixel_size_mm)
+        contact = find_contact(depth_mm, ball.pixel_size_mm)
+        errors.append(press_error(press, ball, normals(gradient_map), depth_mm, contact.mask))
+    return errors
+
+
+def press_error(
+    press: Press, ball: Ball, normal_map: Floats, depth_mm: NDArray[np.floating], contact: NDArray[np.bool_]
+) -> PressError:
+    """Compare (H, W, 3) normals, (H, W) depth and contact patch with a label."""
+    shape = (depth_mm.shape[0], depth_mm.shape[1])
     inside = contact_circle(press, shape)
-    normal_map = normals(sphere_gradient(press, ball, shape))
-    depth_error = felt.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    true_normals = normals(sphere_gradient(press, ball, shape))
+    depth_error = depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(
         image=press.image.name,
-        angle_deg=angle_deg(felt.normal_map[inside], normal_map[inside]),
+        angle_deg=angle_deg(normal_map[inside], true_normals[inside]),
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
+        contact_iou=float((contact & inside).sum() / (contact | inside).sum()),
     )
 
 
@@ -74,12 +105,14 @@ def summarised(errors: Sequence[PressError]) -> dict[str, Any]:
     return {
         "normal_error_deg": _figures(np.concatenate([error.angle_deg for error in errors])),
         "depth_mae_mm": float(np.average([error.depth_mae_mm for error in errors], weights=pixels)),
+        "contact_iou": float(np.mean([error.contact_iou for error in errors])),
         "images": [
             {
                 "image": error.image,
                 "pixels": len(error.angle_deg),
                 "normal_error_deg": _figures(error.angle_deg),
                 "depth_mae_mm": error.depth_mae_mm,
+                "contact_iou": error.contact_iou,
             }
             for error in errors
         ],

@@ -78,6 +78,40 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ExposureReport:
+    """What is known of a series of exposures under different lights that were put together to one tactile frame."""
+
+    exposures: int
+    """light groups"""
+    duration_s: float
+    """from the start of the first exposure to the start of the last"""
+    moved: bool
+    """the scene changed meanwhile: the maps are of no one scene"""
+    repetition_grey: float
+    """largest change of 8 x 8 pixels between the first exposure and its repetition at the end"""
+    repetition_limit_grey: float
+    """what noise can do of it"""
+    misfit: float
+    """how badly the exposures fit one surface at worst; above 1 they do not"""
+    lights: NDArray[np.uint8]
+    """(H, W) LEDs that were neither shadowed nor clipped, and so were used"""
+    least_lights: int
+    """with fewer than this the slope of a pixel is a guess"""
+
+    def as_json(self) -> dict[str, object]:
+        """Return the figures without the map: `guessed` is the share of pixels that saw too few lights."""
+        return {
+            "exposures": self.exposures,
+            "duration_s": round(self.duration_s, 3),
+            "moved": self.moved,
+            "repetition_grey": round(self.repetition_grey, 3),
+            "repetition_limit_grey": round(self.repetition_limit_grey, 3),
+            "misfit": round(self.misfit, 3),
+            "guessed": round(float((self.lights < self.least_lights).mean()), 5),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
 class TactileFrame:
     """What the sensor feels in one camera frame."""
 
@@ -91,5 +125,7 @@ class TactileFrame:
     depth_mm: NDArray[np.float32]
     """(H, W) mm"""
     contact: Contact
+    exposures: ExposureReport | None = None
+    """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""

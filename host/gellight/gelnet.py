@@ -105,7 +105,7 @@ class GradientNetwork:
         pixels = difference.reshape(-1, 3)
         if mask is None or mask.all():
             slopes = (self._infer(pixels, self._position) - self._zero).reshape(*self.image_shape, 2)
-            return _smoothed(slopes, self.smoothing_px)
+            return smoothed(slopes, self.smoothing_px)
         window = _window(mask, margin=2 * self.smoothing_px)
         if window is None:
             return np.zeros((*self.image_shape, 2), np.float32)
@@ -114,7 +114,7 @@ class GradientNetwork:
         slopes.reshape(-1, 2)[inside] = self._infer(pixels, self._position, inside) - np.take(
             self._zero, inside, axis=0
         )
-        slopes[window] = _smoothed(slopes[window], self.smoothing_px)
+        slopes[window] = smoothed(slopes[window], self.smoothing_px)
         return slopes
 
     def _gentle_slopes(self, difference: Floats) -> Floats:
@@ -233,7 +233,7 @@ def _smoothing_weights(half_width: int) -> NDArray[np.float64]:
     return weights.astype(np.float64)
 
 
-def _smoothed(slopes: Floats, half_width: int) -> Floats:
+def smoothed(slopes: Floats, half_width: int) -> Floats:
     """Smooth (H, W, 2) slopes along both axes; beyond the border the last value continues."""
     if half_width < 2:  # a parabola through three samples passes through them
         return slopes

@@ -23,6 +23,11 @@ class Mailbox(Generic[Item]):
             self._number += 1
             self._changed.notify_all()
 
+    def clear(self) -> None:
+        """Throw away what is there: nobody is to take it any more."""
+        with self._changed:
+            self._item = None
+
     def close(self, reason: BaseException) -> None:
         """Let everyone who waits from now on raise `reason`; what was put last can still be taken."""
         with self._changed:
@@ -35,9 +40,12 @@ class Mailbox(Generic[Item]):
         Raises TimeoutError after `timeout_s`, or the reason the mailbox was closed for.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._number > after or self._closed is not None, timeout_s)
+            self._changed.wait_for(lambda: self._is_newer(after) or self._closed is not None, timeout_s)
             if self._number > after and self._item is not None:
                 return self._number, self._item
             if self._closed is not None:
                 raise self._closed
             raise TimeoutError(f"no frame within {timeout_s:g} s")
+
+    def _is_newer(self, after: int) -> bool:
+        return self._number > after and self._item is not None

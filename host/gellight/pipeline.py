@@ -1,6 +1,7 @@
 """The frame path: camera frame in, tactile frame out."""
 
 import time
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,18 @@ STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 
 
 _CELL_PX = 8
+
+
+class FramePath(Protocol):
+    """What turns the frames of one sensor into tactile frames."""
+
+    calibration: Calibration
+
+    def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
+        """Return what the sensor feels in one frame."""
+
+    def status(self) -> dict[str, object]:
+        """Return `mode`, and what else is known of the way it is computed, ready for JSON."""
 
 
 class Reconstructor:
@@ -61,7 +74,7 @@ class Reconstructor:
         touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
         self._check(camera_frame)
-        watch = _Watch()
+        watch = Watch()
         difference = np.subtract(camera_frame.image, self._reference, dtype=np.float32)
         if self.calibration.manifest.follow_light:
             difference -= light_drift(difference)
@@ -90,6 +103,10 @@ class Reconstructor:
             contact=contact,
             stage_seconds=watch.seconds,
         )
+
+    def status(self) -> dict[str, object]:
+        """Return the mode, ready for JSON."""
+        return {"mode": "network"}
 
     def touched(self, difference: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
@@ -127,10 +144,11 @@ def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(free & far[rows[:, None], columns[None, :]])
 
 
-class _Watch:
+class Watch:
     """Time the stages of one frame."""
 
     def __init__(self) -> None:
+        """Start now."""
         self.seconds: dict[str, float] = {}
         self._last = time.perf_counter()
 

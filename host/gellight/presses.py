@@ -18,6 +18,8 @@ from gellight.errors import InputError
 from gellight.light_drift import light_drift
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
+REFUSED = "refused"
+"""optional column: why an image is not used; such a row has no circle"""
 Floats = NDArray[np.float32]
 
 
@@ -85,12 +87,14 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int]) -> lis
     """Read and check a csv with the columns of `COLUMNS`; the images are beside it, image_shape is (H, W).
 
     Raises InputError naming file, row and value unless every row is a circle that this ball can make in this image,
-    and every image is readable and of that size.
+    and every image is readable and of that size. A row with a text in the column `REFUSED` is passed over.
     """
     rows = _read_rows(path)
     presses: list[Press] = []
     seen: dict[str, int] = {}
     for line, row in enumerate(rows, start=2):
+        if (row.get(REFUSED) or "").strip():
+            continue
         where = f"{path}, line {line}"
         name = (row["image"] or "").strip()
         if not name:

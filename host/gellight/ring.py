@@ -6,9 +6,10 @@ with connect("sim://") as ring:
 
 import logging
 import threading
+import time
 import zlib
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, TypeVar
@@ -58,6 +59,18 @@ class Step:
     repeat: int = 1
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ping:
+    """Times on both clocks around one request: it was sent before the board received it, and answered after that."""
+
+    host_sent_s: float
+    """`time.monotonic` before the request was first sent"""
+    board_received_us: int
+    board_sent_us: int
+    host_received_s: float
+    """`time.monotonic` when the reply was there"""
+
+
 def connect(url: str) -> "LightRing":
     """Open the board at a URL and check that it speaks our protocol."""
     return LightRing(open_transport(url))
@@ -75,6 +88,12 @@ class LightRing:
         self.damaged = 0
         """packets from the board that could not be read"""
         self.events: deque[Record] = deque(maxlen=4096)
+        self.event_listeners: list[Callable[[Record], None]] = []
+        """called with every event in the order of the board, in the thread that received it"""
+        self.ping_listeners: list[Callable[[Ping], None]] = []
+        """called with the clocks after every `clock` and `status`, in the thread that asked"""
+        self.still: NDArray[np.uint8] | None = None
+        """(12, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
         self._lock = threading.RLock()
         self._sequence = 0
         self._partial = bytearray()
@@ -96,9 +115,12 @@ class LightRing:
         hello = self._request("HELLO", protocol.HelloReply)
         theirs, ours = (hello.protocol_major, hello.protocol_minor), protocol.VERSION
         if hello.schema_crc != protocol.schema_crc():
+            age = "too new" if theirs > ours else "too old" if theirs < ours else "of another build"
+            update = "update GelLight, or " if theirs > ours else ""
             raise BoardError(
-                f"the board speaks protocol {theirs[0]}.{theirs[1]} (schema {hello.schema_crc:08x}), this host "
-                f"{ours[0]}.{ours[1]} (schema {protocol.schema_crc():08x}): run `gellight firmware flash`"
+                f"the firmware of the board is {age}: it speaks protocol {theirs[0]}.{theirs[1]} (schema "
+                f"{hello.schema_crc:08x}), this host {ours[0]}.{ours[1]} (schema {protocol.schema_crc():08x}): "
+                f"{update}run `gellight firmware flash`"
             )
         return hello
 
@@ -194,20 +216,35 @@ class LightRing:
             return
         for code, record in protocol.EVENTS.values():
             if code == packet.type:
-                self.events.append(record.unpack(packet.payload))
+                event = record.unpack(packet.payload)
+                self.events.append(event)
+                for listener in tuple(self.event_listeners):
+                    listener(event)
 
     # ---- commands ----
 
     def clock(self, host_us: int = 0) -> protocol.ClockReply:
         """Return the times of the board's clock (us) around this request."""
-        return self._request("CLOCK", protocol.ClockReply, protocol.ClockRequest(host_us))
+        sent_s = time.monotonic()
+        reply = self._request("CLOCK", protocol.ClockReply, protocol.ClockRequest(host_us))
+        self._tell_ping(sent_s, reply.received_us, reply.sent_us)
+        return reply
+
+    def _tell_ping(self, host_sent_s: float, board_received_us: int, board_sent_us: int) -> None:
+        ping = Ping(host_sent_s=host_sent_s, board_received_us=board_received_us, board_sent_us=board_sent_us,
+                    host_received_s=time.monotonic())  # fmt: skip
+        for listener in tuple(self.ping_listeners):
+            listener(ping)
 
     def set_leds(self, colours: NDArray[np.uint8]) -> protocol.LightReply:
         """Light the LEDs: colours (12, 3) uint8 RGB; the reply tells current and scale."""
-        return self._request("SET_LEDS", protocol.LightReply, protocol.SetLeds(colour_bytes(colours)))
+        reply = self._request("SET_LEDS", protocol.LightReply, protocol.SetLeds(colour_bytes(colours)))
+        self.still = np.array(colours)
+        return reply
 
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
+        self.still = None
         self._request("BLANK", protocol.Empty)
 
     def load_sequence(self, groups: Sequence[NDArray[np.uint8]], steps: Sequence[Step], *, loops: int = 0) -> None:
@@ -234,10 +271,12 @@ class LightRing:
 
     def start(self) -> None:
         """Begin the committed sequence."""
+        self.still = None
         self._request("START", protocol.Empty)
 
     def step(self) -> protocol.LightReply:
         """Show the next step of a HOLD sequence."""
+        self.still = None
         return self._request("STEP", protocol.LightReply)
 
     def stop(self) -> None:
@@ -250,7 +289,10 @@ class LightRing:
 
     def status(self) -> protocol.StatusReply:
         """Return what the board is doing."""
-        return self._request("STATUS", protocol.StatusReply)
+        sent_s = time.monotonic()
+        reply = self._request("STATUS", protocol.StatusReply)
+        self._tell_ping(sent_s, reply.time_us, reply.time_us)
+        return reply
 
     def counters(self) -> protocol.CountersReply:
         """Return what went wrong since the start of the board."""

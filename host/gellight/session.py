@@ -10,7 +10,8 @@ from gellight.config import Settings
 from gellight.daemon import Daemon
 from gellight.errors import InputError
 from gellight.installing import bundle_of
-from gellight.pipeline import Reconstructor
+from gellight.photometric.modes import Mode, frame_path, tactile_camera
+from gellight.pipeline import FramePath, Reconstructor
 from gellight.selfcheck import SelfCheckResult
 from gellight.watch.monitor import Watch
 
@@ -21,22 +22,23 @@ AUTO = "auto"
 def open_session(settings: Settings) -> Daemon:
     """Return the daemon (not yet started) of the sensor and the calibration that `settings` name.
 
-    Raises CameraError, InputError, ConfigError or CalibrationError; the camera is closed again when something does
-    not fit.
+    Raises CameraError, BoardError, InputError, ConfigError or CalibrationError; the camera is closed again, and its
+    LEDs are dark, when something does not fit.
     """
     bundle = chosen_bundle(settings)
-    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
+    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), calibration=bundle)
     try:
         bundle.check_fits(camera.url, camera.image_shape)
         apply_calibration(camera, bundle)
         judge = camera.selfcheck(bundle.pixel_size_mm)
-        reconstructor = reconstructor_for(bundle, settings)
+        camera = tactile_camera(camera, bundle, settings.reconstruction)
+        watched = settings.watch.enabled and Mode(settings.reconstruction.mode) is Mode.NETWORK
         return Daemon(
             camera,
-            reconstructor,
+            path_for(bundle, settings),
             selfcheck=judge,
-            rebuild=lambda replacement: reconstructor_for(replacement, settings),
-            watch=Watch(bundle, rezero=settings.watch.rezero) if settings.watch.enabled else None,
+            rebuild=lambda replacement: path_for(replacement, settings),
+            watch=Watch(bundle, rezero=settings.watch.rezero) if watched else None,
         )
     except BaseException:
         camera.close()
@@ -54,8 +56,13 @@ def chosen_bundle(settings: Settings) -> Calibration:
         return bundle_of(camera, BundleStore())
 
 
+def path_for(bundle: Calibration, settings: Settings) -> FramePath:
+    """Return the frame path of `bundle` in the mode that `settings` say; CalibrationError where it cannot be."""
+    return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings))
+
+
 def reconstructor_for(bundle: Calibration, settings: Settings) -> Reconstructor:
-    """Return the frame path of `bundle`, set as `settings` say."""
+    """Return the frame path of GelNet with `bundle`, set as `settings` say."""
     chosen = settings.reconstruction
     return Reconstructor(bundle, threads=chosen.threads, smoothing_px=chosen.smoothing_px, masked=chosen.masked)
 

@@ -13,6 +13,7 @@ from gellight.frames import CameraFrame
 from gellight.mailbox import Mailbox
 
 if TYPE_CHECKING:
+    from gellight.lighting.timing import CameraTiming
     from gellight.selfcheck import SelfCheck
 
 TIMEOUT_S = 20.0
@@ -25,9 +26,14 @@ class SharedCamera(Camera):
     def __init__(self, camera: Camera, captured: Mailbox[CameraFrame]) -> None:
         """Read along `camera`, whose frames arrive in `captured`."""
         self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
-        self.ring, self.controls = getattr(camera, "ring", None), getattr(camera, "controls", None)
+        self.ring, self.controls = camera.ring, camera.controls
         self._camera, self._captured = camera, captured
         self._number = 0
+
+    @property
+    def timing(self) -> "CameraTiming | None":
+        """When the camera exposes its rows."""
+        return self._camera.timing
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> "SelfCheck | None":
         """Return the judge of the camera."""

@@ -53,24 +53,20 @@ def row_weights(lights: list[Light], start_us: float, rows: int, phases_us: Arra
     last; `phases_us` (12,) is when each LED's oscillator began a cycle.
     """
     begins = start_us + shutter.readout_us * np.arange(rows) / max(rows - 1, 1)
-    weights = [
-        (on_time(lights, led, begins + shutter.exposure_us, start_us, float(phase), shutter)
-         - on_time(lights, led, begins, start_us, float(phase), shutter)) / shutter.exposure_us
-        for led, phase in enumerate(phases_us)
-    ]  # fmt: skip
-    return np.stack(weights, axis=1)
+    times = np.concatenate([begins, begins + shutter.exposure_us])
+    before, after = np.split(on_time(lights, times, start_us, phases_us, shutter), 2)
+    return np.asarray((after - before) / shutter.exposure_us)
 
 
-def on_time(
-    lights: list[Light], led: int, times_us: Array, start_us: float, phase_us: float, shutter: Shutter
-) -> Array:
-    """(n, 3) how long each colour of an LED has been on since its last cycle before `start_us`, at `times_us` (n,)."""
-    period = shutter.pulse_period_us
-    first = phase_us + np.floor((start_us - phase_us) / period) * period
-    count = int(np.ceil((start_us + shutter.duration_us - first) / period)) + 1
-    cycles = first + period * np.arange(count)
+def on_time(lights: list[Light], times_us: Array, start_us: float, phases_us: Array, shutter: Shutter) -> Array:
+    """(n, 12, 3) how long each colour has been on since its LED's last cycle before `start_us`, at `times_us` (n,)."""
+    period, leds = shutter.pulse_period_us, np.arange(len(phases_us))
+    first = phases_us + np.floor((start_us - phases_us) / period) * period
+    count = int(np.ceil((start_us + shutter.duration_us - first.min()) / period)) + 1
+    cycles = first[:, None] + period * np.arange(count)
     latched = np.searchsorted([light.time_us for light in lights], cycles, side="right") - 1
-    duty = np.array([lights[max(index, 0)].colours[led] for index in latched]) / 255.0
-    before = np.concatenate([np.zeros((1, 3)), np.cumsum(duty * period, axis=0)])
-    cycle = np.minimum(((times_us - first) // period).astype(int), count - 1)
-    return np.asarray(before[cycle] + np.minimum((times_us - cycles[cycle])[:, None], duty[cycle] * period))
+    duty = np.stack([light.colours for light in lights])[np.maximum(latched, 0), leds[:, None]] / 255.0
+    before = np.cumsum(np.pad(duty * period, ((0, 0), (1, 0), (0, 0))), axis=1)
+    cycle = np.minimum(((times_us[:, None] - first) // period).astype(int), count - 1)
+    inside = (times_us[:, None] - first - cycle * period)[..., None]
+    return np.asarray(before[leds, cycle] + np.minimum(inside, duty[leds, cycle] * period))

@@ -17,10 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.baselines import Baseline, fit_lookup_table, fit_polynomial
 from gellight.calibration import Calibration, write_calibration
 from gellight.camera import EndOfStream, open_camera
 from gellight.errors import InputError, TrainingError
-from gellight.evaluation import PressError, press_errors, summarised
+from gellight.evaluation import PressError, baseline_errors, press_errors, summarised
+from gellight.labelling.refinement import refine as refinement_of
+from gellight.labelling.refinement import refine_others
 from gellight.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
 
 Floats = NDArray[np.float32]
@@ -28,7 +31,7 @@ Progress = Callable[[int, int, float], None]
 """Called with (epoch, epochs, loss)."""
 _REMEDY = 'pip install "gellight[train]"'
 _FOLD_SEED = 1
-RECIPES = ("fast", "paper")
+RECIPES = ("fast", "thorough", "paper")
 
 
 def silent(epoch: int, epochs: int, loss: float) -> None:
@@ -166,6 +169,7 @@ def fit(
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
     follow_light: bool | None = None,
+    refine: bool = False,
     extra_metrics: dict[str, Any] | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -173,9 +177,14 @@ def fit(
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
     follow_light: whether to take the drift of the light off each difference image; None: if the light of the presses
-    differs from the reference's by more than the noise of a pixel.
+    differs from the reference's by more than the noise of a pixel. refine: refit the circles together with the light
+    first (`labelling.refinement`); the metrics then say by how much.
     Raises InputError, TrainingError or CalibrationError; then `out` is as it was.
     """
+    refinement: dict[str, Any] = {}
+    if refine:
+        refined = refinement_of(presses, reference.image, ball)
+        presses, refinement = refined.presses, {"refinement": refined.record()}
     drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey if follow_light is None else follow_light
     table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
@@ -193,6 +202,7 @@ def fit(
             "ball_radius_mm": ball.radius_mm,
             "light_drift_grey": drift,
             "training": record,
+            **refinement,
             **(extra_metrics or {}),
         },
         presses=table.arrays(),
@@ -208,34 +218,78 @@ def cross_validate(
     folds: int = 5,
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
+    refine: bool = False,
     progress: Progress = silent,
 ) -> dict[str, Any]:
     """Train `folds` times without a part of the presses and evaluate each time on that part.
 
     Every press is evaluated once, by a network that never saw its image. Returns the figures of
-    `evaluation.evaluate` over all presses, and training_cpu_seconds of each fold. progress is called after each fold
-    with (fold, folds, mean normal error of that fold, deg).
+    `evaluation.evaluate` over all presses, training_cpu_seconds of each fold, and under baselines the same figures of
+    the look-up table and the polynomial in the same folds. progress is called after each fold with (fold, folds, mean
+    normal error of that fold, deg).
+
+    With `refine` each fold trains on circles that were refined among themselves. The figures are still against the
+    labels as given; under refined are those against the labels of the part held out after they, too, were refined, by
+    the response of the light to the training presses. No response and no network ever saw the image whose label it
+    refines or judges.
     """
     if not 2 <= folds <= len(presses) // 2:
         raise InputError(f"{folds} folds of {len(presses)} presses: give between 2 and {len(presses) // 2}")
     order = np.random.default_rng(_FOLD_SEED).permutation(len(presses))
-    errors: list[PressError] = []
+    errors: dict[str, list[PressError]] = {}
     seconds: list[float] = []
     with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
         for fold in range(folds):
             part = set(order[fold::folds].tolist())
+            training = [press for i, press in enumerate(presses) if i not in part]
+            held_out = {"": [press for i, press in enumerate(presses) if i in part]}
+            if refine:
+                refined = refinement_of(training, reference.image, ball)
+                training = refined.presses
+                held_out["refined"] = refine_others(refined, held_out[""], reference.image, ball)
+            place = Path(folder) / f"fold-{fold}"
             calibration = fit(
-                [press for i, press in enumerate(presses) if i not in part],
-                reference,
-                ball,
-                Path(folder) / f"fold-{fold}",
-                sensor=f"fold {fold}",
-                options=options,
-                table_options=table_options,
+                training, reference, ball, place, sensor=f"fold {fold}", options=options, table_options=table_options
             )
-            found = press_errors(calibration, [press for i, press in enumerate(presses) if i in part], ball)
-            errors += found
+            found = _errors_of_fold(calibration, held_out, reference, ball)
+            for name, of_fold in found.items():
+                errors.setdefault(name, []).extend(of_fold)
             seconds.append(calibration.metrics["training"]["cpu_seconds"])
-            progress(fold + 1, folds, float(np.mean([error.mean_deg for error in found])))
-    errors.sort(key=lambda error: error.image)
-    return {**summarised(errors), "folds": folds, "training_cpu_seconds": seconds}
+            progress(fold + 1, folds, float(np.mean([error.mean_deg for error in found[""]])))
+    return {**_arranged(errors), "folds": folds, "training_cpu_seconds": seconds}
+
+
+def _errors_of_fold(
+    calibration: Calibration, held_out: dict[str, list[Press]], reference: Reference, ball: Ball
+) -> dict[str, list[PressError]]:
+    """Errors of the network and of each baseline, by names "labels/way"; as labelled and GelNet are ""."""
+    arrays = calibration.presses()
+    width, height = (int(n) for n in arrays["image_size"])
+    table = PressTable(rows=arrays["rows"], image=arrays["image"], image_size=(width, height))
+    baselines: dict[str, Baseline] = {
+        "lookup_table": fit_lookup_table(table),
+        "polynomial": fit_polynomial(table),
+        "polynomial_ratio": fit_polynomial(table, reference=reference.image),
+    }
+    follow = calibration.manifest.follow_light
+    errors: dict[str, list[PressError]] = {}
+    for labels, presses in held_out.items():
+        errors[labels] = press_errors(calibration, presses, ball)
+        for name, baseline in baselines.items():
+            errors[f"{labels}/{name}"] = baseline_errors(baseline, presses, reference.image, ball, follow_light=follow)
+    return errors
+
+
+def _arranged(errors: dict[str, list[PressError]]) -> dict[str, Any]:
+    """The figures as `cross_validate` documents them."""
+    figures = {name: summarised(sorted(of, key=lambda error: error.image)) for name, of in errors.items()}
+    arranged: dict[str, Any] = {}
+    for labels in ("refined", ""):
+        if labels not in figures:
+            continue
+        prefix = f"{labels}/"
+        baselines = {name.removeprefix(prefix): of for name, of in figures.items() if name.startswith(prefix)}
+        for of in baselines.values():
+            del of["images"]
+        arranged = {**figures[labels], "baselines": baselines, **({"refined": arranged} if arranged else {})}
+    return arranged

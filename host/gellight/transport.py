@@ -5,10 +5,12 @@
 a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own.
 """
 
+import errno
 import logging
 from typing import Any, Protocol
 
 from gellight.errors import BoardError
+from gellight.holders import holders_text
 
 logger = logging.getLogger(__name__)
 
@@ -74,7 +76,7 @@ class SerialTransport:
         try:
             self._port = serial.Serial(port, 115200, timeout=0, write_timeout=1.0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
-            raise BoardError(f"cannot open {port} ({error}): is the board plugged in and the port free?") from error
+            raise BoardError(_why_closed(port, error)) from error
 
     def write(self, data: bytes) -> None:
         """Send all bytes."""
@@ -95,6 +97,18 @@ class SerialTransport:
     def close(self) -> None:
         """Close the port, which drops DTR."""
         self._port.close()
+
+
+def _why_closed(port: str, error: Exception) -> str:
+    """Return why a port cannot be opened, and what to do; pyserial wraps the errno and the failed lock alike."""
+    number = getattr(error, "errno", None)
+    if number == errno.ENOENT:
+        return f"there is no {port}: plug the light ring in, or let `gellight find` list what is there"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"you may not use {port}: run `sudo gellight install-udev` once, then unplug the sensor and plug it in"
+    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
+        return f"{port} is in use by {holders_text(port)}: end that programme"
+    return f"cannot open {port} ({error}): unplug the light ring and plug it in again"
 
 
 class UsbTransport:

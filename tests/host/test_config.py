@@ -77,7 +77,9 @@ def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str,
 
 
 def test_an_unknown_key_that_resembles_nothing_lists_the_choices(folders: dict[str, Path]) -> None:
-    assert "choose one of threads, smoothing_px, masked" in complaint(folders, "[reconstruction]\nzebra = 1\n")
+    assert "choose one of mode, light_groups, frames_per_light, threads" in complaint(
+        folders, "[reconstruction]\nzebra = 1\n"
+    )
 
 
 def test_a_misspelt_section_is_named(folders: dict[str, Path]) -> None:

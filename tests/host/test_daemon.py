@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
-from gellight.camera import EndOfStream
+from gellight.camera import Camera, EndOfStream
 from gellight.daemon import Daemon
 from gellight.errors import CalibrationError, CameraError
 from gellight.frames import CameraFrame, Contact, TactileFrame
@@ -18,7 +18,7 @@ from gellight.pipeline import Reconstructor
 from tests.host.linear_sensor import linear_calibration, reference_image
 
 
-class ScriptedCamera:
+class ScriptedCamera(Camera):
     """Gives frames as fast as they are taken, then raises `ending`."""
 
     url = "scripted"

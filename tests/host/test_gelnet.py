@@ -8,7 +8,7 @@ import pytest
 
 from gellight.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from gellight.errors import CalibrationError
-from gellight.gelnet import BLOCK_ROWS, SMOOTHING_PX, GradientNetwork, _smoothed, _smoothing_weights
+from gellight.gelnet import BLOCK_ROWS, SMOOTHING_PX, GradientNetwork, _smoothing_weights, smoothed
 from gellight.reconstruction import integrate, normals
 from tests.host.linear_sensor import (
     GREY_PER_SLOPE,
@@ -187,11 +187,11 @@ def test_smoothing_keeps_parabolas_and_takes_noise() -> None:
     x, y = centred_grid((60, 80))
     parabola = np.stack([0.001 * x * x - 0.02 * y, 0.001 * y * y + 0.0005 * x], axis=2).astype(np.float32)
     inside = (slice(3, -3), slice(3, -3))
-    assert np.abs(_smoothed(parabola, 3) - parabola)[inside].max() < 1e-5
+    assert np.abs(smoothed(parabola, 3) - parabola)[inside].max() < 1e-5
     noise = np.random.default_rng(0).normal(size=(200, 200, 2)).astype(np.float32)
-    assert _smoothed(noise, 3).std() == pytest.approx(1 / 3, rel=0.03)
-    np.testing.assert_array_equal(_smoothed(noise, 0), noise)
-    np.testing.assert_array_equal(_smoothed(noise, 1), noise)
+    assert smoothed(noise, 3).std() == pytest.approx(1 / 3, rel=0.03)
+    np.testing.assert_array_equal(smoothed(noise, 0), noise)
+    np.testing.assert_array_equal(smoothed(noise, 1), noise)
 
 
 def test_smoothing_weights_are_those_of_savitzky_and_golay() -> None:
@@ -202,8 +202,8 @@ def test_smoothing_weights_are_those_of_savitzky_and_golay() -> None:
 @pytest.mark.parametrize(("sigma", "kept"), [(3, 0.993), (5, 0.999), (10, 0.9998)])
 def test_smoothing_does_not_flatten_small_contacts(sigma: float, kept: float) -> None:
     bump = gaussian(SHAPE, sigma, (0.3, 0.2))
-    smoothed = _smoothed(bump.gradient_map.astype(np.float32), SMOOTHING_PX)
-    assert kept < integrate(smoothed, 1.0).max() / bump.depth.max() < 1.001
+    result = smoothed(bump.gradient_map.astype(np.float32), SMOOTHING_PX)
+    assert kept < integrate(result, 1.0).max() / bump.depth.max() < 1.001
 
 
 def good(**changes: object) -> bytes:

@@ -48,3 +48,13 @@ def test_the_first_reason_for_closing_counts() -> None:
     mailbox.close(ValueError("second"))
     with pytest.raises(ValueError, match="first"):
         mailbox.take(0, timeout_s=0)
+
+
+def test_what_was_thrown_away_is_not_taken_and_numbers_go_on() -> None:
+    mailbox: Mailbox[str] = Mailbox()
+    mailbox.put("old")
+    mailbox.clear()
+    with pytest.raises(TimeoutError):
+        mailbox.take(0, 0.01)
+    mailbox.put("new")
+    assert mailbox.take(0, 1) == (2, "new")

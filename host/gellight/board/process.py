@@ -16,13 +16,15 @@ import tty
 from pathlib import Path
 from types import FrameType
 
-from gellight.board.chip import EmulatedBoard
+from gellight.board.chip import UNIQUE_ID, EmulatedBoard
 from gellight.firmware import uf2
 from gellight.firmware.build import committed_image
 
 SLICE_US = 2_000.0
 MOST_LAG_US = 50_000.0
 IDLE_S = 0.001
+PROGRESS_US = 4_000.0
+"""so often the parent learns how far virtual time has come"""
 
 
 class Bytes:
@@ -107,7 +109,7 @@ def tell(**what: object) -> None:
 def serve(board: EmulatedBoard, stream: Bytes) -> None:
     """Run until the stream ends."""
     pace = Pace(board)
-    told, opened, epoch_s = 0, False, pace.epoch_s
+    told, opened, lag_us, progress_us = 0, False, 0.0, 0.0
     while not stream.finished:
         data = stream.read()
         if stream.connected != opened:
@@ -123,13 +125,16 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             board.host.received.clear()
         elif due_us < SLICE_US:
             select.select([stream.descriptor] if opened else [], [], [], IDLE_S)
-        if pace.epoch_s != epoch_s:
-            epoch_s = pace.epoch_s
-            tell(epoch_s=epoch_s, lag_us=pace.lag_us)
+        if pace.lag_us != lag_us:
+            lag_us = pace.lag_us
+            tell(lag_us=lag_us)
         while told < len(board.timeline):
             light = board.timeline[told]
             tell(light_us=light.time_us, colours=light.colours.tobytes().hex())
             told += 1
+        if board.now_us - progress_us >= PROGRESS_US:
+            progress_us = board.now_us
+            tell(now_us=progress_us, at_s=time.monotonic())
 
 
 def _stop(_signal: int, _frame: FrameType | None) -> None:
@@ -142,15 +147,16 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--socket", type=int, help="number of the file descriptor of a connected socket")
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
     parser.add_argument("--image", type=Path, help="UF2 file instead of the firmware that comes with this package")
+    parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _stop)
     image = uf2.unpack(chosen.image.read_bytes()) if chosen.image else committed_image()
-    board = EmulatedBoard(image)
+    board = EmulatedBoard(image, unique_id=chosen.unique_id)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)
     path = stream.path if isinstance(stream, PseudoTerminal) else ""
-    tell(ready=True, pty=path, epoch_s=time.monotonic() - board.now_us / 1e6, serial=board.host.text("serial"))
+    tell(ready=True, pty=path, now_us=board.now_us, at_s=time.monotonic(), serial=board.host.text("serial"))
     try:
         serve(board, stream)
     finally:

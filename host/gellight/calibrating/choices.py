@@ -42,7 +42,7 @@ class RoutineOptions:
     verifications: int = 6
     """fresh ball presses, never trained on"""
     limits: Limits = field(default_factory=Limits)
-    training: TrainingOptions = field(default_factory=TrainingOptions)
+    training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
     overwrite: bool = False
     """replace an existing bundle of the same sensor"""
 

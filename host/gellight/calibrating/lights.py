@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from gellight.calibrating.sensing import block_means
 from gellight.calibrating.session import Session
-from gellight.errors import BoardError
+from gellight.errors import BoardError, CameraError
 from gellight.light_groups import colour_triples, single_leds
 from gellight.ring import LightRing
 
 Floats = NDArray[np.float32]
 COLOURS = "RGB"
-_FRAMES = 2
 _SETTLE_S = 0.004
+_SAME_GREY = 1.0
+"""frames under the same light differ by less, in the mean over blocks"""
+_LONGEST_WAIT_FRAMES = 90
 _DEAD_SHARE = 0.15
 """an LED that gives less than this share of the median LED of its colour is dead"""
 _WEAK_SHARE = 0.6
@@ -39,17 +41,25 @@ class LedAnswer:
 
 
 def light(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> Floats:
-    """Light the LEDs and return the block means of a picture that was exposed wholly under them."""
+    """Light the LEDs and return the block means of the picture that was exposed wholly under them.
+
+    Two frames in a row that agree are waited for, since not every camera tells exactly when it exposed. Raises
+    CameraError if the picture does not come to rest.
+    """
     reply = ring.set_leds(colours)
     ring.wait_for_light(reply.light_id)
     lit_s = time.monotonic() + _SETTLE_S
-    taken: list[Floats] = []
-    while len(taken) < _FRAMES:
+    before: Floats | None = None
+    for _ in range(_LONGEST_WAIT_FRAMES):
         frame = session.frame()
-        if frame.time_s >= lit_s:
-            taken.append(block_means(frame.image))
-            session.bulletin.show(live=frame.image)
-    return np.asarray(np.mean(taken, axis=0), np.float32)
+        if frame.time_s < lit_s or (frame.light is not None and not np.array_equal(frame.light, colours)):
+            continue
+        seen = block_means(frame.image)
+        session.bulletin.show(live=frame.image)
+        if before is not None and float(np.abs(seen - before).mean()) < _SAME_GREY:
+            return np.asarray((seen + before) / 2, np.float32)
+        before = seen
+    raise CameraError("the picture does not come to rest under steady light: cover the sensor from other light")
 
 
 def check_lights(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> dict[str, Any]:
@@ -74,7 +84,9 @@ def _answer(led: int, rise: Floats, colours: NDArray[np.uint8]) -> LedAnswer:
     rows, columns = np.indices(bright.shape)
     weight = bright / max(float(bright.sum()), 1e-6)
     middle_y, middle_x = (np.array(bright.shape) - 1) / 2
-    x, y = float((weight * (columns - middle_x)).sum()), float((weight * (rows - middle_y)).sum())
+    # A gradient of brightness moves the centroid by as much as the side of the picture squared.
+    x = float((weight * (columns - middle_x)).sum()) / bright.shape[1] ** 2
+    y = float((weight * (rows - middle_y)).sum()) / bright.shape[0] ** 2
     return LedAnswer(
         led=led,
         colour=COLOURS[int(colours[led].argmax())],

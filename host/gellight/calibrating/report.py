@@ -22,14 +22,14 @@ _WIDTH_PX = 320
 _ERROR_SCALE_UM = 100.0
 
 
-def page(session: Session, verdict: dict[str, Any], shown: "Shown") -> str:
-    """Return the page as HTML."""
+def page(session: Session, verdict: dict[str, Any], figures: dict[str, Any], shown: "Shown") -> str:
+    """Return the page as HTML; figures: means over the fresh presses."""
     steps = session.folder.steps
     style = files("gellight.optimize").joinpath("report.css").read_text()
     sections = [
         _tiles(steps, verdict, session),
         f"<p>{escape(str(verdict['text']))}</p>",
-        _verification(session, shown),
+        _verification(session, figures, shown),
         _preparation(session),
         _pixel_size(steps["pixel_size"], session.options.cylinder_diameter_mm),
         _presses(steps),
@@ -64,7 +64,7 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
     return f'<div class="wide"><table><tr>{top}{body}</table></div>'
 
 
-def _verification(session: Session, shown: "Shown") -> str:
+def _verification(session: Session, figures: dict[str, Any], shown: "Shown") -> str:
     image, press, felt, ball = shown.image, shown.press, shown.felt, shown.ball
     shape = (image.shape[0], image.shape[1])
     inside = contact_circle(press, shape)
@@ -92,6 +92,14 @@ def _verification(session: Session, shown: "Shown") -> str:
         + _pictures(pictures)
         + f'<div class="figures">{section_profile(press, shown)}</div>'
         + _checks(session.folder.checks)
+        + "<h3>Second opinions, fitted to the same presses</h3>"
+        + _table(
+            ["method", "depth µm", "normals °"],
+            [
+                [name, f"{1000 * one['depth_mm']:.1f}", f"{one['normal_deg']:.2f}"]
+                for name, one in [("GelNet", figures), *figures["second_opinions"].items()]
+            ],
+        )
     )
 
 

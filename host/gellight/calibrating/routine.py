@@ -69,7 +69,8 @@ class Routine:
 
         version: counts changes. step: "idle", one of `bulletin.STEPS`, "finished", "aborted" or "failed". steps: list
         of {name, state: "done" | "now" | "to do"}. instruction: what the user is to do now, a sentence or two. actions:
-        names that `act` takes now. progress: {done, wanted, unit} of the step. problem: why the last thing was
+        names that `act` takes now. progress: {done, wanted, unit} of the step. awaiting: "press"
+        when the gel is watched for one, "lift" when it has to become free, else empty. problem: why the last thing was
         refused, with the remedy; empty when all is well. figures: by step, what was measured. press: the last press
         {number, center_x_px, center_y_px, contact_radius_px, state}, or None. coverage: {places (rows x columns of
         counts), slopes (directions x steepness of counts), held_out: [[presses, normal error in degrees], ...]} or

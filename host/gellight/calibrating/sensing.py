@@ -87,14 +87,21 @@ class Capture:
 
 def wait_free(session: Session, watcher: Watcher, *, patience: int = 150) -> None:
     """Wait until nothing touches; after so many frames say what may be wrong."""
+    complained, dark = False, 0
+    session.bulletin.post(awaiting="lift")
     for count, frame in enumerate(session.frames()):
         sight = watcher.look(frame)
         session.bulletin.show(live=frame.image)
-        if sight.free and sight.still:
-            session.bulletin.post(problem="")
+        black = is_dark(frame.image)
+        if sight.free and sight.still and not black:
+            session.bulletin.post(problem="" if complained else session.bulletin.problem, awaiting="")
             return
-        if not count % patience:
-            _check_dark(frame.image, "the gel")
+        if black:
+            if dark > patience:
+                check_light(frame.image, "the gel")
+            if not dark % (patience // 3):
+                session.relight()
+            dark += 1
         if count == patience:
             problem = (
                 f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
@@ -102,6 +109,7 @@ def wait_free(session: Session, watcher: Watcher, *, patience: int = 150) -> Non
             )
             if session.hand:
                 raise InputError(problem)
+            complained = True
             session.bulletin.post(problem=problem)
 
 
@@ -111,8 +119,10 @@ def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) ->
     A press that moves while it is captured is told, and waited for again.
     """
     still, taken = 0, list[CameraFrame]()
+    session.bulletin.post(awaiting="press")
     for frame in session.frames():
         if ended():
+            session.bulletin.post(awaiting="")
             return None
         sight = watcher.look(frame)
         session.bulletin.show(live=frame.image)
@@ -127,6 +137,7 @@ def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) ->
         else:
             taken.append(frame)
             if len(taken) == MEAN_FRAMES:
+                session.bulletin.post(awaiting="")
                 return Capture(image=mean_image(taken), frame=taken[-1])
     raise AssertionError("frames come for ever")
 
@@ -146,12 +157,10 @@ def check_light(image: NDArray[np.uint8], what: str) -> None:
         raise InputError(
             f"{clipped:.1%} of {what} is clipped at 255: lower the exposure or dim the LEDs, and begin again"
         )
-    _check_dark(image, what)
+    if is_dark(image):
+        raise InputError(f"{what} is dark: check the LEDs, the lens cap and the exposure")
 
 
-def _check_dark(image: NDArray[np.uint8], what: str) -> None:
-    brightest = float(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9))
-    if brightest < _DARK_GREY:
-        raise InputError(
-            f"{what} is dark ({brightest:.0f} of 255 grey levels): check the LEDs, the lens and the exposure"
-        )
+def is_dark(image: NDArray[np.uint8]) -> bool:
+    """Tell whether not even the bright part of a picture is lit."""
+    return bool(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9) < _DARK_GREY)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.baselines import fit_lookup_table, fit_polynomial
 from gellight.calibrating.circle import circle_of, drawn
 from gellight.calibrating.fitting import draft_path
 from gellight.calibrating.preparing import led_settings
@@ -17,11 +18,11 @@ from gellight.calibrating.session import Session
 from gellight.calibration import Calibration, load_calibration, write_calibration
 from gellight.camera import read_image
 from gellight.errors import InputError
-from gellight.evaluation import angle_deg
+from gellight.evaluation import angle_deg, baseline_errors
 from gellight.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.pictures import depth_picture
 from gellight.pipeline import Reconstructor
-from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.presses import Ball, Press, PressTable, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.reconstruction import normals
 
 Floats = NDArray[np.float32]
@@ -130,6 +131,7 @@ def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, fl
 
 def _conclude(session: Session, draft: Calibration, judge: _Judge) -> Calibration | None:
     figures = summary(session)
+    figures["second_opinions"] = _second_opinions(session, draft, judge.ball)
     limits = session.options.limits
     passed = figures["depth_mm"] <= limits.depth_mm and figures["normal_deg"] <= limits.normal_deg
     verdict = {
@@ -143,7 +145,7 @@ def _conclude(session: Session, draft: Calibration, judge: _Judge) -> Calibratio
     if not passed:
         session.folder.want_more(MORE_PRESSES)
         return None
-    report = page(session, verdict, _shown(session, judge))
+    report = page(session, verdict, figures, _shown(session, judge))
     bundle = _written(session, draft, figures, report)
     session.folder.finish("verify", figures)
     session.folder.close()
@@ -155,6 +157,21 @@ def summary(session: Session) -> dict[str, Any]:
     """Return the means over the fresh presses."""
     each = [record["figures"] for record in session.folder.checks]
     return {"presses": len(each), **{name: float(np.mean([one[name] for one in each])) for name in each[0]}}
+
+
+def _second_opinions(session: Session, draft: Calibration, ball: Ball) -> dict[str, dict[str, float]]:
+    """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
+    kept, (height, width) = draft.presses(), draft.image_shape
+    table = PressTable(rows=kept["rows"], image=kept["image"], image_size=(width, height))
+    follow, reference = draft.manifest.follow_light, draft.reference
+    found = {}
+    for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):
+        errors = baseline_errors(baseline, session.folder.listed("checks"), reference, ball, follow_light=follow)
+        found[name] = {
+            "depth_mm": float(np.mean([error.depth_mae_mm for error in errors])),
+            "normal_deg": float(np.mean([error.mean_deg for error in errors])),
+        }
+    return found
 
 
 def _words(figures: dict[str, Any], passed: bool, session: Session) -> str:

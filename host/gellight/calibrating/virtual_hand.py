@@ -15,10 +15,12 @@ BALL_DEPTHS_MM = (0.2, 2.0)
 alone would teach that brightness means slope."""
 DEPTH_POWER = 1.5
 """more light presses than deep ones: a deep one shows ten times the pixels"""
-MARGIN = 0.95
-"""of the contact radius: ball centres stay so far inside the picture that its border is reached, and hardly cut"""
-CHECK_MARGIN = 1.15
-"""a fresh press is whole"""
+MARGIN = 1.1
+"""in contact radii: a circle that the border of the picture cuts would be refused"""
+CHECK_MARGIN = 1.2
+STRETCH = 0.08
+"""so much of the even sequence falls beyond the border and is pressed at it: what lies outside of all presses is
+learnt worst"""
 BALL_RADIUS_MM = 4.0
 CHECK_SEED = 1000
 
@@ -50,6 +52,7 @@ class VirtualHand:
 
     def _press(self, seed: int, number: int, margin: float, size_mm: float, shape: tuple[int, int]) -> None:
         u, v, w = spread(seed, number)
+        u, v = (min(max((1 + 2 * STRETCH) * share - STRETCH, 0.0), 1.0) for share in (u, v))
         low, high = BALL_DEPTHS_MM
         depth = round(min(low + (high - low) * w**DEPTH_POWER, self._stage.max_depth_mm), 1)
         inside_mm = margin * sqrt(BALL_RADIUS_MM * depth)  # Hertz: the radius of the contact is sqrt(R d)
@@ -60,10 +63,11 @@ class VirtualHand:
 def spread(seed: int, number: int) -> tuple[float, float, float]:
     """Return the `number`-th point in the unit cube of a sequence that fills it evenly, shifted by the seed.
 
-    The additive recurrence of Roberts (2018), with the real root g of g^4 = g + 1: every stretch of it is even.
+    Additive recurrences: that of Roberts (2018) in two dimensions, with the real root g of g^3 = g + 1, and the golden
+    ratio in the third. Every stretch of them is even.
     """
-    g = 1.2207440846057596
-    steps = np.array([1 / g, 1 / g**2, 1 / g**3])
+    g, golden = 1.324717957244746, (1 + 5**0.5) / 2
+    steps = np.array([1 / g, 1 / g**2, 1 / golden])
     shift: NDArray[np.float64] = np.random.default_rng(seed).random(3)
     u, v, w = ((shift + steps * number) % 1.0).tolist()
     return u, v, w

@@ -9,6 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from gellight.bench import DepthScale, FrameTimes
+    from gellight.photometric.simulated_presses import Figures
 
 
 class Subject(StrEnum):
@@ -17,12 +18,14 @@ class Subject(StrEnum):
     FRAMES = "frames"
     INTEGRATOR = "integrator"
     PRESSES = "presses"
+    PHOTOMETRIC = "photometric"
 
 
 def command(
-    subject: Annotated[Subject, typer.Argument(help="frames: time; integrator: depth scale; presses: accuracy.")] = (
-        Subject.FRAMES
-    ),
+    subject: Annotated[
+        Subject,
+        typer.Argument(help="frames: time; integrator: depth scale; presses, photometric: accuracy."),
+    ] = (Subject.FRAMES),
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
     rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the network, both ways.")] = 1,
@@ -31,6 +34,7 @@ def command(
     """Time the frame path against a plain run of its network, or measure depth scale or accuracy.
 
     `presses` presses the 4 mm ball 1 mm deep at 20 random places of the simulated sensor, with noise of 1 grey level.
+    `photometric` compares GelNet with photometric stereo on other such presses, and on the ten benchmark objects.
     """
     from gellight import bench
 
@@ -48,6 +52,12 @@ def command(
         figures = asdict(evaluate_simulated(load_calibration(calibration)))
         typer.echo(json.dumps(figures) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in figures.items()))
         return
+    if subject is Subject.PHOTOMETRIC:
+        from gellight.photometric.simulated_presses import as_rows, compare_ways
+
+        ways = compare_ways(load_calibration(calibration))
+        typer.echo(json.dumps(as_rows(ways), indent=2) if as_json else _way_table(ways))
+        return
     times = bench.frame_times(load_calibration(calibration), rounds=rounds, threads=threads)
     typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
 
@@ -63,6 +73,18 @@ def _time_table(times: "Sequence[FrameTimes]") -> str:
             f"  the plain network takes {t.plain_over_slopes:.1f} x mask + gradient, "
             f"{t.plain_over_whole:.1f} x the whole frame"
         )
+    return "\n".join(lines)
+
+
+def _way_table(ways: "Sequence[Figures]") -> str:
+    columns = ("exposure", "contact, deg", "all, deg", "x GelNet's", "depth, mm")
+    lines = [f"{'errors':24}" + "".join(f"{name:>14}" for name in columns)]
+    for w in ways:
+        if w.exposures == 1:
+            lines.append(f"{w.presses} presses, {w.objects}")
+        figures = (w.contact_normal_deg, w.whole_normal_deg, w.over_network)
+        row = "".join(f"{value:14.3f}" for value in figures)
+        lines.append(f"  {w.way:22}{w.exposure_us / 1e3:11.1f} ms{row}{w.contact_depth_mm:14.4f}")
     return "\n".join(lines)
 
 

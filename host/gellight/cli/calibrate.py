@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gellight.cli import calibrate_detect
+
 if TYPE_CHECKING:
     from gellight.presses import Ball, Press
     from gellight.training import Progress, Reference, TrainingOptions
@@ -19,6 +21,8 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
+app.command("detect")(calibrate_detect.command)
+
 Presses = Annotated[
     Path,
     typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it"),
@@ -26,11 +30,12 @@ Presses = Annotated[
 Untouched = Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
 BallRadius = Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
 PixelSize = Annotated[float, typer.Option(help="mm per pixel on the gel")]
-Recipe = Annotated[str, typer.Option(help="fast, or paper (L1, Adam 1e-6, batch 128, 150 epochs: hours)")]
+Recipe = Annotated[str, typer.Option(help="fast, thorough (three times as long), or paper (hours)")]
 Width = Annotated[int, typer.Option(min=1, help="units in each hidden layer")]
 Seed = Annotated[int, typer.Option(help="the same seed gives the same network")]
 Epochs = Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")]
 Threads = Annotated[int, typer.Option(min=1, help="of torch")]
+Refine = Annotated[bool, typer.Option("--refine", help="refit the circles together with the light before training")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
 
 
@@ -42,17 +47,23 @@ def fit(
     pixel_size_mm: PixelSize,
     out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
     sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
-    recipe: Recipe = "fast",
+    recipe: Recipe = "thorough",
     width: Width = 32,
     seed: Seed = 0,
     epochs: Epochs = None,
     threads: Threads = 1,
     folds: Annotated[int, typer.Option(help="also measure the error by this many folds; 0: do not")] = 0,
+    refine: Refine = False,
     overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    previous: Annotated[
+        str | None, typer.Option(help="earlier bundle of this sensor: refuses a ball of another size than it feels")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Train on ball presses and write a calibration bundle."""
     from gellight import training
+    from gellight.calibration import load_calibration
+    from gellight.labelling.ball_size import check_ball
 
     options = _options(recipe, width, seed, epochs, threads)
     labelled, untouched, ball = _read(presses, reference, ball_radius_mm, pixel_size_mm)
@@ -60,10 +71,12 @@ def fit(
         # Said before minutes of training, not after.
         raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
     extra: dict[str, Any] = {}
+    if previous is not None:
+        extra["felt_ball_radius_mm"] = check_ball(load_calibration(previous), labelled, ball)
     if folds:
         with _progress("folds") as report:
             extra["cross_validation"] = training.cross_validate(
-                labelled, untouched, ball, folds=folds, options=options, progress=report
+                labelled, untouched, ball, folds=folds, options=options, refine=refine, progress=report
             )
     with _progress("training") as report:
         calibration = training.fit(
@@ -73,6 +86,7 @@ def fit(
             out,
             sensor=sensor,
             options=options,
+            refine=refine,
             extra_metrics=extra,
             overwrite=overwrite,
             progress=report,
@@ -89,15 +103,21 @@ def evaluate(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure the normal error of a bundle inside the contact circles of labelled presses."""
+    """Measure the normal error of a bundle inside the contact circles of labelled presses, and the ball it feels."""
     from gellight import evaluation
     from gellight.calibration import load_calibration
+    from gellight.labelling.ball_size import felt_radius_mm
     from gellight.presses import read_presses
 
     bundle = load_calibration(calibration)
     ball = _ball_of(bundle.metrics, bundle.pixel_size_mm, ball_radius_mm)
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
-    _print(evaluation.evaluate(bundle, labelled, ball), as_json, _error_text)
+    result = {
+        **evaluation.evaluate(bundle, labelled, ball),
+        "ball_radius_mm": ball.radius_mm,
+        "felt_ball_radius_mm": felt_radius_mm(bundle, labelled),
+    }
+    _print(result, as_json, _error_text)
 
 
 @app.command()
@@ -107,11 +127,12 @@ def crossvalidate(
     ball_radius_mm: BallRadius,
     pixel_size_mm: PixelSize,
     folds: Annotated[int, typer.Option(min=2, help="parts the presses are divided into")] = 5,
-    recipe: Recipe = "fast",
+    recipe: Recipe = "thorough",
     width: Width = 32,
     seed: Seed = 0,
     epochs: Epochs = None,
     threads: Threads = 1,
+    refine: Refine = False,
     as_json: Json = False,
 ) -> None:
     """Measure the error on presses that were not trained on: each press once, in folds by image."""
@@ -120,7 +141,9 @@ def crossvalidate(
     labelled, untouched, ball = _read(presses, reference, ball_radius_mm, pixel_size_mm)
     options = _options(recipe, width, seed, epochs, threads)
     with _progress("folds") as report:
-        result = training.cross_validate(labelled, untouched, ball, folds=folds, options=options, progress=report)
+        result = training.cross_validate(
+            labelled, untouched, ball, folds=folds, options=options, refine=refine, progress=report
+        )
     _print(result, as_json, _error_text)
 
 
@@ -225,4 +248,22 @@ def _error_text(result: dict[str, Any]) -> str:
         lines.append(
             f"{image['image']:<24}{image['pixels']:>8}{error['mean']:>8.2f}{error['median']:>8.2f}{error['p95']:>8.2f}"
         )
-    return "\n".join([*lines, f"depth error in contact {result['depth_mae_mm']:.4f} mm"])
+    lines.append(
+        f"depth error in contact {result['depth_mae_mm']:.4f} mm, contact patch IoU {result['contact_iou']:.2f}"
+    )
+    if "felt_ball_radius_mm" in result:
+        lines.append(
+            f"ball of {result['ball_radius_mm']:g} mm radius feels like {result['felt_ball_radius_mm']:.2f} mm"
+        )
+    for labels, figures in (("as labelled", result), ("labels refined", result.get("refined", {}))):
+        ways = {"GelNet": figures, **figures.get("baselines", {})} if "baselines" in figures else {}
+        lines += [_way_text(f"{name.replace('_', ' ')}, {labels}", way) for name, way in ways.items()]
+    return "\n".join(lines)
+
+
+def _way_text(name: str, figures: dict[str, Any]) -> str:
+    error = figures["normal_error_deg"]
+    return (
+        f"{name:<36}{error['mean']:>8.2f}{error['median']:>8.2f}{error['p95']:>8.2f} deg"
+        f"{figures['depth_mae_mm']:>10.4f} mm{figures['contact_iou']:>7.2f} IoU"
+    )

@@ -50,6 +50,7 @@ def command(
     largest_depth_error_um: Annotated[float, typer.Option(help="a calibration worse than this is not kept")] = 80.0,
     largest_normal_error_deg: Annotated[float, typer.Option(help="the same for the normals")] = 7.0,
     seed: Annotated[int, typer.Option(help="of the virtual hand's places and of the training")] = 0,
+    recipe: Annotated[str, typer.Option(help="of the training: thorough, fast or paper")] = "thorough",
     threads: Annotated[int, typer.Option(min=1, help="of the training")] = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -57,8 +58,10 @@ def command(
     if context.invoked_subcommand:
         return
     from gellight.calibrating.choices import Limits, RoutineOptions
-    from gellight.training import TrainingOptions
+    from gellight.training import RECIPES, TrainingOptions
 
+    if recipe not in RECIPES:
+        raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
     place = folder or out.with_name(out.name + ".state")
     _choose_state(place, resume=resume, restart=restart)
     options = RoutineOptions(
@@ -69,7 +72,7 @@ def command(
         presses=presses,
         verifications=verifications,
         limits=Limits(depth_mm=largest_depth_error_um / 1000, normal_deg=largest_normal_error_deg),
-        training=TrainingOptions(seed=seed, threads=threads),
+        training=TrainingOptions(recipe=recipe, seed=seed, threads=threads),
         overwrite=overwrite,
     )
     result = _calibrate(sensor, options, place, seed=seed if auto else None, quiet=as_json)
@@ -82,13 +85,15 @@ def objects(
     calibration: Annotated[str, typer.Option(help="bundle: folder, .gelcal file or 'synthetic'")],
     sensor: Sensor = None,
     press_depth_mm: Annotated[float, typer.Option(min=0.05, help="how deep the objects are pressed, mm")] = 0.3,
+    rezero: Annotated[bool, typer.Option(help="record the untouched gel anew before, nothing else")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Press the ten benchmark objects into the simulated sensor and measure the error of a bundle on each."""
     from gellight.calibrating.benchmark import object_errors, summary
 
     settings = _settings(sensor)
-    errors = object_errors(calibration, settings.sensor.url, settings.geometry.overrides(), press_depth_mm)
+    geometry = settings.geometry.overrides()
+    errors = object_errors(calibration, settings.sensor.url, geometry, press_depth_mm, rezero=rezero)
     result = {"calibration": calibration, "sensor": settings.sensor.url, "press_depth_mm": press_depth_mm}
     rows = [*errors, summary(errors)]
     typer.echo(json.dumps({**result, "objects": [vars(e) for e in rows]}, indent=2) if as_json else _object_text(rows))
@@ -203,6 +208,8 @@ def _screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> "Renderabl
     progress = snapshot["progress"]
     if progress.get("done") is not None:
         lines.append(Text(f"{progress['done']} of {progress['wanted']} {progress['unit']}", style="cyan"))
+    if snapshot["awaiting"]:
+        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[snapshot["awaiting"]], style="bold green"))
     press = snapshot["press"]
     if press:
         circle = ", ".join(f"{press[k]:.1f}" for k in ("center_x_px", "center_y_px", "contact_radius_px"))

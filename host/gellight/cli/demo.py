@@ -20,6 +20,9 @@ def command(
     sensor: Annotated[str | None, typer.Option(help="URL of the camera. [default: sim://]")] = None,
     calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
     port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one. [default: 8420]")] = None,
+    mode: Annotated[
+        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid. [default: network]")
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,
     as_json: Annotated[
@@ -34,6 +37,7 @@ def command(
 
     # A bounded run is for programs, several of which may run at once: it takes any free port unless told.
     flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
+    flags["reconstruction.mode"] = mode
     settings = load_settings({**flags, "dashboard.port": 0} if frames and port is None else flags)
     with (
         open_session(settings) as daemon,

@@ -9,15 +9,23 @@ from gellight.cli import (
     bench,
     calibrate,
     calibrate_bundles,
+    calibrate_lights,
     calibrate_routine,
     config,
     demo,
+    doctor,
+    find,
     firmware,
+    install_udev,
     optimize,
     reconstruct,
     ring,
     selfcheck,
     sim,
+    virtual_sensor,
+)
+from gellight.cli import (
+    run as run_verb,
 )
 from gellight.errors import GellightError
 
@@ -36,8 +44,13 @@ def gellight() -> None:
 
 
 app.command("demo")(demo.command)
+app.command("run")(run_verb.command)
+app.command("find")(find.command)
+app.command("doctor")(doctor.command)
+app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
+calibrate.app.command("lights")(calibrate_lights.command)
 calibrate_routine.attach(calibrate.app)
 calibrate_bundles.attach(calibrate.app)
 app.add_typer(calibrate.app)
@@ -47,6 +60,7 @@ app.add_typer(optimize.app, name="optimize")
 app.add_typer(ring.app)
 app.add_typer(firmware.app)
 app.command("sim")(sim.command)
+app.command("virtual-sensor")(virtual_sensor.command)
 
 
 def run() -> None:

@@ -4,24 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, optimize
 
 from gellight.errors import InputError
-from gellight.labelling.pattern import STEEPEST, PressShape, background, response
+from gellight.labelling.fitting import Window, difference_image, fitted, left_over, starts, window, without
+from gellight.labelling.pattern import STEEPEST, PressShape, background
 from gellight.labelling.search import Candidate, best_candidate
-from gellight.light_drift import light_drift
 from gellight.presses import Ball
 
 Array = NDArray[np.float64]
-_BLUR_PX = 0.8
-_FITTED_PIXELS = 1200
-"""chosen at random from the window: a thousand pixels know the circle to a tenth of a pixel"""
-_WINDOW = 1.6
-"""in contact radii"""
-_ROBUST_GREY = 4.0
-"""residuals beyond it count by their size, not its square: scratches, shadows, dust"""
-_STARTS = (0.35, 0.65, 1.0)
-"""of the candidate's contact radius"""
 _LEAST_GREY = 3.0
 _LEAST_QUALITY = 0.8
 _LEAST_SHARE = 0.2
@@ -30,7 +20,6 @@ _LEAST_VIEW = 0.95
 _MOST_CLIPPED = 0.2
 """of the values in the circle: one channel of three may lose half of its slopes, and the circle is still known"""
 _RIVAL = 0.3
-_DARK_GREY = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,14 +46,16 @@ def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball
     Raises InputError with the reason when there is no press, it is too shallow, off the image, clipped or dark, is
     no ball of this size, or there are several.
     """
-    difference = _difference(image, reference)
+    difference = difference_image(image, reference)
     if ball.radius_px < 2 * _LEAST_RADIUS_PX or ball.radius_px > max(image.shape[:2]):
         raise InputError(
             f"the ball is {ball.radius_px:.1f} px in radius in an image of {image.shape[1]} x {image.shape[0]} px: "
             "check the ball radius and the pixel size"
         )
     candidate = best_candidate(difference, ball.radius_px)
-    shape, circle = _fitted(difference, candidate, ball.radius_px)
+    shape, circle = fit_circle(
+        difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
+    )
     _check_press(circle, ball)
     _check_view(circle, image.shape[:2])
     _check_clipped(circle, image, reference)
@@ -72,88 +63,21 @@ def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball
     return circle
 
 
-def _difference(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
-    """The (H, W, 3) difference image, slightly blurred, without the drift of the light."""
-    if image.shape != reference.shape or image.ndim != 3 or image.shape[2] != 3:
-        raise InputError(
-            f"the image is {image.shape}, the reference {reference.shape}: give (H, W, 3) images of one camera setting"
-        )
-    if image.mean() < _DARK_GREY:
-        raise InputError(f"the image is dark (mean {image.mean():.1f} grey levels): light the gel, open the camera")
-    difference = image.astype(np.float32) - reference.astype(np.float32)
-    difference -= light_drift(difference)
-    blurred: Array = ndimage.gaussian_filter(difference.astype(np.float64), (_BLUR_PX, _BLUR_PX, 0))
-    return blurred
+def fit_circle(
+    difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float
+) -> tuple[PressShape, PressCircle]:
+    """Fit the pattern to the (H, W, 3) difference image around a first guess of the circle, px, with free response."""
+    pixels = window(difference, center, contact_radius, ball_radius)
+    begin = starts(center, contact_radius, ball_radius)
+    shape = fitted(lambda tried: left_over(pixels, tried, ball_radius), begin, ball_radius)
+    return shape, judged(shape, pixels, left_over(pixels, shape, ball_radius), ball_radius)
 
 
-def _fitted(difference: Array, candidate: Candidate, ball_radius: float) -> tuple[PressShape, PressCircle]:
-    """Refine a candidate by robust least squares; the linear response is eliminated (variable projection)."""
-    x, y, colour = _window(difference, candidate, ball_radius)
-
-    def left(vector: Array) -> Array:
-        shape = PressShape.of(vector)
-        columns = np.concatenate(
-            [background(x, y, shape, ball_radius), response(x, y, shape, ball_radius)],
-            axis=1,
-        )
-        orthogonal, _ = np.linalg.qr(columns)
-        rest: Array = colour - orthogonal @ (orthogonal.T @ colour)
-        return rest
-
-    starts = [_start(candidate, share, ball_radius) for share in _STARTS]
-    solutions = [
-        optimize.least_squares(
-            lambda vector: left(vector).ravel(),
-            start.vector(),
-            x_scale=[1, 1, 1, 0.1, 1, 5],
-            bounds=_bounds(start, ball_radius),
-            loss="soft_l1",
-            f_scale=_ROBUST_GREY,
-            diff_step=1e-3,
-            ftol=1e-6,
-            max_nfev=30,
-        )
-        for start in starts
-    ]
-    solution = min(solutions, key=lambda found: float(found.cost))
-    shape = PressShape.of(solution.x)
-    return shape, _judged(shape, x, y, colour, left(solution.x), ball_radius)
-
-
-def _start(candidate: Candidate, share: float, ball_radius: float) -> PressShape:
-    """A first guess; a wide flat skirt looks like contact, so it is tried from smaller circles too."""
-    return PressShape(
-        center_x=candidate.center_x,
-        center_y=candidate.center_y,
-        contact_radius=min(share * candidate.contact_radius, 0.85 * ball_radius),
-        step_length=0.15 * ball_radius,
-        skirt_length=1.2 * ball_radius,
-    )
-
-
-def _window(difference: Array, candidate: Candidate, ball_radius: float) -> tuple[Array, Array, Array]:
-    """Pixels around the candidate: x (N,), y (N,), colour (N, 3)."""
-    rows, columns = np.indices(difference.shape[:2])
-    distance = np.hypot(columns - candidate.center_x, rows - candidate.center_y)
-    near = np.flatnonzero(distance < _WINDOW * max(candidate.contact_radius, 0.6 * ball_radius))
-    chosen = np.random.default_rng(0).choice(near, min(len(near), _FITTED_PIXELS), replace=False)
-    x, y = chosen % difference.shape[1], chosen // difference.shape[1]
-    return x.astype(np.float64), y.astype(np.float64), difference[y, x]
-
-
-def _bounds(start: PressShape, ball_radius: float) -> tuple[list[float], list[float]]:
-    r = ball_radius
-    low = [start.center_x - r, start.center_y - r, 0.05 * r, 0.0, 0.02 * r, 0.3 * r]
-    high = [start.center_x + r, start.center_y + r, STEEPEST * r, 1.0, 0.5 * r, 5 * r]
-    return low, high
-
-
-def _judged(shape: PressShape, x: Array, y: Array, colour: Array, left: Array, ball_radius: float) -> PressCircle:
-    """Say how well the pattern explains the colours."""
-    orthogonal, _ = np.linalg.qr(background(x, y, shape, ball_radius))
-    changed = colour - orthogonal @ (orthogonal.T @ colour)
+def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -> PressCircle:
+    """Say how well the pattern explains the colours; left: (N, 3) what it does not, grey levels."""
+    changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
     pattern = changed - left
-    inside = np.hypot(x - shape.center_x, y - shape.center_y) < shape.contact_radius
+    inside = np.hypot(pixels.x - shape.center_x, pixels.y - shape.center_y) < shape.contact_radius
     return PressCircle(
         center_x_px=shape.center_x,
         center_y_px=shape.center_y,

@@ -117,15 +117,17 @@ def _object_statements(result: CoarseResult) -> list[Statement]:
 
 
 def fine_statements(result: FineResult, geometry: SensorGeometry) -> list[Statement]:
-    """Return the statements of sections 2.3 and 3.1.2."""
+    """Return the statements of sections 2.3, 3.1.2 and 3.2.2."""
+    at_20 = fine.illumination(fine.at_height(geometry, geometry.camera_height_mm / 2), fine.View())
+    return [*_height_statements(result, at_20), *_uniformity_statements(at_20), _best_height_statement(result)]
+
+
+def _height_statements(result: FineResult, at_20: fine.Illumination) -> list[Statement]:
     heights = np.array(result.heights_mm)
     nsd, sat, mean = (np.array([getattr(one, name) for one in result.light]) for name in ("nsd", "saturation", "mean"))
     below = heights <= 32
     half = fine.height_of_saturation(heights, sat)
     peak = float(heights[mean.argmax()])
-    at_20 = fine.illumination(fine.at_height(geometry, geometry.camera_height_mm / 2), fine.View())
-    air = np.degrees(result.errors_rad["air"][list(METHODS).index("one exposure"), :, 0])
-    near, low = (float(np.interp(height, heights, air)) for height in (20, 8))
     return [
         Statement(
             "3.1.2",
@@ -148,6 +150,11 @@ def fine_statements(result: FineResult, geometry: SensorGeometry) -> list[Statem
             peak <= 4,
             "the LEDs come nearer; only beyond that does the beam miss the gel",
         ),
+    ]
+
+
+def _uniformity_statements(at_20: fine.Illumination) -> list[Statement]:
+    return [
         Statement(
             "3.2.2",
             "64.05 / 96.17 / 99.90 % of the pixels lie within 1, 2, 3 σ",
@@ -161,15 +168,20 @@ def fine_statements(result: FineResult, geometry: SensorGeometry) -> list[Statem
             abs(at_20.variation - 0.042) < 0.01,
             "the spread of real LEDs and noise add to it: they are not in the model",
         ),
-        Statement(
-            "3.1.2",
-            "a height of 20 mm is best",
-            f"one exposure, 20 mm: MAE {near:.2f}°, 8 mm: {low:.2f}°",
-            near <= 1.1 * low,
-            "the paper judges by colour; judged by the reconstruction, lower rings are better as long as there is "
-            "light enough",
-        ),
     ]
+
+
+def _best_height_statement(result: FineResult) -> Statement:
+    air = np.degrees(result.errors_rad["air"][list(METHODS).index("one exposure"), :, 0])
+    near, low = (float(np.interp(height, np.array(result.heights_mm), air)) for height in (20, 8))
+    return Statement(
+        "3.1.2",
+        "a height of 20 mm is best",
+        f"one exposure, 20 mm: MAE {near:.2f}°, 8 mm: {low:.2f}°",
+        near <= 1.1 * low,
+        "the paper judges by colour; judged by the reconstruction, lower rings are better as long as there is "
+        "light enough",
+    )
 
 
 def ball_statements() -> list[Statement]:

@@ -1,0 +1,51 @@
+"""`gellight find`: which sensors, cameras and light rings are plugged in."""
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.discovery import Discovery, Node
+
+
+def command(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the sensors that are plugged in, and cameras and light rings without a partner."""
+    from gellight.discovery import discover
+
+    found = discover()
+    if as_json:
+        print(json.dumps(as_dictionary(found)))
+        return
+    if not (found.cameras or found.rings or found.sensors):
+        found.only()  # says what to do
+    for sensor in found.sensors:
+        print(f"sensor://{sensor.name}   USB {sensor.port}, camera {sensor.camera.path}, {sensor.camera.name}, ring "
+              f"{sensor.ring.path if sensor.ring else 'none'}")  # fmt: skip
+    for kind, nodes in (("camera without a ring", found.cameras), ("ring without a camera", found.rings)):
+        for node in nodes:
+            print(f"{kind}: {node.stable}   {node.name}" + (f", USB {node.usb.port}" if node.usb else ""))
+    for text in found.ambiguities:
+        print(f"ambiguous: {text}")
+
+
+def as_dictionary(found: "Discovery") -> dict[str, object]:
+    """Return everything by name, ready for JSON."""
+    return {
+        "sensors": [
+            {"url": f"sensor://{sensor.name}", "serial": sensor.serial, "port": sensor.port,
+             "camera": _node(sensor.camera), "ring": _node(sensor.ring) if sensor.ring else None}
+            for sensor in found.sensors
+        ],
+        "cameras": [_node(node) for node in found.cameras],
+        "rings": [_node(node) for node in found.rings],
+        "ambiguities": list(found.ambiguities),
+    }  # fmt: skip
+
+
+def _node(node: "Node") -> dict[str, object]:
+    speed = node.usb.speed_mbps if node.usb else None
+    port = node.usb.port if node.usb else None
+    return {"path": node.path, "stable": node.stable, "name": node.name, "port": port, "speed_mbps": speed}

@@ -1,0 +1,17 @@
+"""`gellight install-udev`: let users who are not root use the sensor."""
+
+from typing import Annotated
+
+import typer
+
+
+def command(
+    show: Annotated[bool, typer.Option("--print", help="Only print the rule.")] = False,
+) -> None:
+    """Install the udev rule that lets users who are not root use the sensor; needs root."""
+    from gellight import udev
+
+    if show:
+        print(udev.RULE.read_text(), end="")
+        return
+    print(f"{udev.install()} is installed: unplug the sensor and plug it in")

@@ -1,0 +1,69 @@
+"""`gellight virtual-sensor`: a simulated sensor that Linux takes for a real one."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gellight.virtual.device import VirtualSensor
+
+REPLUG_S = 2.0
+
+
+def command(
+    sensor: Annotated[str, typer.Option(help="The simulated sensor inside: sim:// with its parameters.")] = "sim://",
+    serial: Annotated[str, typer.Option(help="Serial number, up to 16 hexadecimal digits.")] = "E6605838833A5D2F",
+    port: Annotated[int | None, typer.Option(help="Virtual USB port to plug it in. [default: the first free]")] = None,
+    size: Annotated[str | None, typer.Option(help="Pixels of the picture, as 640x480. [default: as set]")] = None,
+    fault: Annotated[list[str] | None, typer.Option(help="What is wrong with it, as drop=0.1; repeatable.")] = None,
+    listen: Annotated[str | None, typer.Option(help="Offer it to `usbip attach` at HOST:PORT instead.")] = None,
+    seconds: Annotated[float, typer.Option(help="End after so long; 0: at Ctrl-C.", min=0)] = 0,
+) -> None:
+    """Plug a simulated sensor into this Linux: camera and light ring in one USB device (needs root and vhci-hcd)."""
+    import contextlib
+
+    from gellight.virtual import vhci
+    from gellight.virtual.device import open_virtual
+    from gellight.virtual.faults import parse_faults
+    from gellight.virtual.geometry import sized_geometry
+
+    if listen is None:
+        vhci.choose_port(port)
+    faults = parse_faults(fault or [])
+    opened = open_virtual(sensor, serial_number=serial, geometry=sized_geometry(size), faults=faults)
+    with contextlib.suppress(KeyboardInterrupt), opened as device:
+        serve(device, listen, seconds) if listen else hold(device, port, seconds)
+
+
+def hold(device: "VirtualSensor", port: int | None, seconds: float) -> None:
+    """Keep the sensor plugged in; when the cable is pulled (a fault) plug it into the next port a while later."""
+    import time
+
+    from gellight.virtual.attaching import plug_in
+
+    end = time.monotonic() + (seconds or 1e9)
+    while time.monotonic() < end:
+        chosen = plug_in(device, port)
+        print(f"virtual sensor {device.serial_number} at virtual USB port {chosen}   (Ctrl-C unplugs)", flush=True)
+        device.unplugged.wait(max(end - time.monotonic(), 0))
+        if time.monotonic() < end:
+            print(f"the cable is out; it is plugged in again in {REPLUG_S:g} s", flush=True)
+            time.sleep(REPLUG_S)
+            port = None
+
+
+def serve(device: "VirtualSensor", address: str, seconds: float) -> None:
+    """Offer the sensor over the network until the time is over."""
+    import time
+
+    from gellight.virtual.server import PORT, UsbipServer
+
+    host, _, number = address.rpartition(":") if ":" in address else (address, "", str(PORT))
+    if not number.isdecimal():
+        from gellight.errors import InputError
+
+        raise InputError(f"--listen {address!r}: give HOST:PORT, for example 127.0.0.1:{PORT}")
+    with UsbipServer({"1-1": device}, host=host, port=int(number)) as server:
+        print(f"virtual sensor {device.serial_number} offered: sudo usbip --tcp-port {server.port} attach -r "
+              f"{host} -b 1-1   (Ctrl-C ends)", flush=True)  # fmt: skip
+        time.sleep(seconds or 1e9)

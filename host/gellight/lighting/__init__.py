@@ -1,0 +1,6 @@
+"""Under which light was a frame taken: sequencing the ring, and tying its lights to the frames of the camera.
+
+`hold` shows light groups one by one and returns a clean frame of each; `sequenced` labels a stream of frames. They
+stand on `clock` (board and host), `timeline` (what was lit when), `label` (exposure against light), `content` (what the
+picture itself says) and `hold_time` (how many frames a light has to stay).
+"""

@@ -1,0 +1,61 @@
+"""One guest for all checks, and sensors to plug into it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gellight.virtual.device import VirtualSensor, open_virtual
+from tests.vm.bench import Bench
+from tests.vm.machine import Guest, booted
+from tests.vm.packages import Missing
+
+ONE, TWO, LIT = "00000000000000A1", "00000000000000B2", "00000000000000C3"
+"""serial numbers: two sensors with steady light, and one with the emulated firmware that lights it"""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.vm)
+
+
+def sized(width: int, height: int) -> dict[str, float | int | str]:
+    """The geometry of the paper's sensor, seen with fewer pixels."""
+    return {"image_width_px": width, "image_height_px": height, "pixel_size_mm": 0.0588 * 640 / width}
+
+
+@pytest.fixture(scope="session")
+def guest(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guest]:
+    try:
+        with booted(tmp_path_factory.mktemp("guest")) as guest:
+            yield guest
+    except Missing as finding:
+        pytest.skip(str(finding))
+
+
+@pytest.fixture(scope="session")
+def whole_bench(guest: Guest) -> Iterator[Bench]:
+    def steady(serial: str) -> VirtualSensor:
+        url = "sim://?board=0&programme=0&object=BALL&depth=1.0"
+        return open_virtual(url, serial_number=serial, geometry=sized(160, 120))
+
+    lit = open_virtual(
+        "sim://?programme=0&object=BALL&depth=1.0&x=2.0&y=1.0", serial_number=LIT, geometry=sized(80, 60)
+    )
+    with Bench(guest, {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit}) as bench:
+        yield bench
+
+
+@pytest.fixture
+def bench(whole_bench: Bench) -> Iterator[Bench]:
+    """The workbench, with every cable pulled after the test."""
+    yield whole_bench
+    whole_bench.clear()
+
+
+@pytest.fixture
+def one(bench: Bench) -> VirtualSensor:
+    """A sensor in port 0 of the guest."""
+    bench.plug("one", 0)
+    return bench.sensors["one"]

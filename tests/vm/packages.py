@@ -1,0 +1,133 @@
+"""Debian packages for the virtual machine: downloaded and unpacked into a cache folder, never installed.
+
+The folder's name is a digest of every package and its version, so that a new kernel gets a folder of its own. What the
+machine has installed already is not unpacked again: the guest sees the machine's own files beneath.
+"""
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+TOOLS = ("qemu-system-x86", "busybox-static", "udev", "libusb-1.0-0")
+KERNEL = "linux-image-amd64"
+KERNEL_PARTS = ("./boot/vmlinuz-*", *(f"*/kernel/{part}*" for part in (
+    "drivers/media/", "drivers/usb/", "drivers/virtio/", "drivers/net/virtio_net", "drivers/net/net_failover",
+    "net/core/", "fs/9p/", "net/9p/", "fs/netfs/", "fs/fscache/", "fs/overlayfs/",
+)))  # fmt: skip
+REMEDY = "on Debian: sudo apt-get update; elsewhere these tests cannot run"
+
+
+class Missing(Exception):  # noqa: N818  (it is a finding, not a fault)
+    """The machine cannot provide the virtual machine; says what is missing and what to do."""
+
+
+def run(*command: str, cwd: Path | None = None) -> str:
+    """Return what a command prints; `Missing` in one line when it cannot do its work."""
+    try:
+        return subprocess.run(
+            command, check=True, capture_output=True, text=True, cwd=cwd, env=os.environ | {"LC_ALL": "C"}
+        ).stdout
+    except FileNotFoundError:
+        raise Missing(f"the virtual machine needs {command[0]}: {REMEDY}") from None
+    except subprocess.CalledProcessError as error:
+        told = (error.stderr or error.stdout).strip().splitlines() or ["no reason given"]
+        raise Missing(f"`{' '.join(command)[:80]}` fails ({told[-1]}): {REMEDY}") from None
+
+
+def cache_folder() -> Path:
+    """Return the folder for everything that can be made again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gellight" / "vm"
+
+
+def wanted() -> list[str]:
+    """Return `package=version` of all that has to be unpacked: the kernel, and tools with what they depend on."""
+    depends = run("apt-cache", "depends", KERNEL)
+    image = re.search(r"Depends: (linux-image-\d\S+)", depends)
+    if not image:
+        raise Missing(f"the package lists know no {KERNEL}: {REMEDY}")
+    plan = run("apt-get", "-s", "-y", "--no-install-recommends", "install", *TOOLS)
+    tools = re.findall(r"^Inst (\S+)(?: \[\S+\])? \((\S+)", plan, re.MULTILINE)
+    version = re.search(r"Candidate: (\S+)", run("apt-cache", "policy", image[1]))
+    return sorted({f"{name}={number}" for name, number in tools} | {f"{image[1]}={version[1] if version else ''}"})
+
+
+def unpacked() -> Path:
+    """Return the folder with `kernel/` and `tools/`, made now if it is not there.
+
+    Where the package lists are missing or old, root renews them; anyone else gets `Missing`.
+    """
+    try:
+        return _unpacked()
+    except Missing:
+        if os.geteuid() or not shutil.which("apt-get"):
+            raise
+        run("apt-get", "update", "-qq")
+        return _unpacked()
+
+
+def _unpacked() -> Path:
+    packages = wanted()
+    folder = cache_folder() / hashlib.sha256("\n".join((*packages, *KERNEL_PARTS)).encode()).hexdigest()[:16]
+    if not folder.exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as draft:
+            fill(Path(draft), packages)
+            with contextlib.suppress(OSError):  # somebody else has made the same meanwhile
+                (Path(draft) / "files").rename(folder)
+    return folder
+
+
+def fill(draft: Path, packages: list[str]) -> None:
+    """Download packages and unpack them into `draft`/files."""
+    (draft / "files").mkdir()
+    download(packages, draft / "packages")
+    for package in sorted((draft / "packages").glob("*.deb")):
+        unpack(package, draft / "files")
+    merge_usr(draft / "files/tools")
+
+
+def download(packages: list[str], folder: Path) -> None:
+    """Fetch packages from the sources that the machine's apt knows."""
+    folder.mkdir(parents=True)
+    run("apt-get", "-q", "download", *packages, cwd=folder)
+
+
+def unpack(package: Path, folder: Path) -> None:
+    """Unpack a package, of the kernel only what the guest may load."""
+    target = folder / ("kernel" if package.name.startswith("linux-image") else "tools")
+    target.mkdir(exist_ok=True)
+    chosen = ["--wildcards", *KERNEL_PARTS] if target.name == "kernel" else []
+    with subprocess.Popen(["dpkg-deb", "--fsys-tarfile", str(package)], stdout=subprocess.PIPE) as archive:
+        tar = ["tar", "-x", "--no-same-owner", "-C", str(target), *chosen]
+        subprocess.run(
+            tar, stdin=archive.stdout, check=not chosen, stderr=subprocess.DEVNULL
+        )  # a pattern may match nothing
+
+
+def merge_usr(tools: Path) -> None:
+    """Move /bin, /sbin and /lib into /usr, as installed systems have it: else they would hide the machine's own."""
+    for name in ("bin", "sbin", "lib", "lib64"):
+        part = tools / name
+        if part.is_dir() and not part.is_symlink():
+            shutil.copytree(part, tools / "usr" / name, symlinks=True, dirs_exist_ok=True)
+            shutil.rmtree(part)
+
+
+def main() -> int:
+    """Make the virtual machine's files ready ahead of the tests; what is missing is told in one line."""
+    try:
+        unpacked()
+    except Missing as finding:
+        print(f"tests in the virtual machine are left out: {finding}", file=sys.stderr)
+        return 2 if os.environ.get("GELLIGHT_NO_SKIPS") else 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""The kernel, udev, pyserial and pyusb take the virtual sensor for what it says it is."""
+
+import pytest
+
+from gellight.virtual.device import VirtualSensor
+from tests.vm.bench import Bench
+from tests.vm.conftest import ONE, TWO
+from tests.vm.machine import Guest
+
+
+def names(links: list[str], kind: str) -> list[str]:
+    """What stands after /dev/ in the links of a kind."""
+    return [link.split(" -> ")[0].removeprefix("/dev/") for link in links if f"/{kind}/" in link]
+
+
+def test_udev_names_camera_and_serial_port_by_the_serial_number(bench: Bench) -> None:
+    found = bench.plug("one", 0)
+    prefix = f"usb-GelLight_GelLight_virtual_sensor_{ONE}"
+    assert names(found["links"], "by-id") == [
+        f"serial/by-id/{prefix}-if00",
+        f"v4l/by-id/{prefix}-video-index0",
+        f"v4l/by-id/{prefix}-video-index1",
+    ]
+    print(f"links {found['seconds']:.2f} s after the plug went in")
+
+
+def test_camera_and_ring_share_one_usb_parent_and_say_who_they_are(guest: Guest, one: VirtualSensor) -> None:
+    found = guest.run("commanding:identity", number=ONE)
+    assert found["camera parent"] == found["ring parent"]
+    assert found["ports"] == [[0x1209, 0x0001, "GelLight", "GelLight virtual sensor"]]
+
+
+def test_pyusb_finds_it_with_its_four_interfaces(guest: Guest, one: VirtualSensor) -> None:
+    assert guest.run("commanding:identity", number=ONE)["pyusb"] == [[ONE, 4]]
+
+
+def test_two_sensors_stand_side_by_side(guest: Guest, bench: Bench) -> None:
+    bench.plug("one", 0)
+    bench.plug("two", 3)
+    parents = [guest.run("commanding:identity", number=number)["camera parent"] for number in (ONE, TWO)]
+    assert parents == ["1-1", "1-4"]
+
+
+def test_two_sensors_with_one_serial_number_share_a_link_by_id_but_not_by_path(bench: Bench) -> None:
+    bench.plug("one", 0)
+    links = bench.plug("twin", 1)["links"]
+    cameras = [name for name in names(links, "by-path") if name.startswith("v4l") and name.endswith("index0")]
+    assert len([name for name in names(links, "by-id") if name.endswith("index0")]) == 1
+    assert len(cameras) == 2
+
+
+@pytest.mark.parametrize("letters", ["MJPG", "YUYV"])
+def test_two_sensors_stream_at_once(guest: Guest, bench: Bench, letters: str) -> None:
+    bench.plug("one", 0)
+    bench.plug("two", 3)
+    other = guest.aside.start("looking:stream", serial=TWO, options=f"format={letters}", count=10)
+    mine = guest.run("looking:stream", serial=ONE, options=f"format={letters}", count=10)
+    assert len(mine["stamps"]) == len(other.result()["stamps"]) == 10

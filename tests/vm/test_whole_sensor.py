@@ -1,0 +1,134 @@
+"""From the plug to the depth map: discovery, recovery, `find`, `doctor` and `run` on the virtual sensor."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.vm.bench import Bench
+from tests.vm.conftest import LIT, ONE, TWO, sized
+from tests.vm.machine import Guest
+from tests.vm.tiny import tiny_bundle
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _heavy_modules(guest: Guest) -> None:
+    """What several verbs import when they start."""
+    guest.main.preload("gellight.session", "gellight.simulated", "gellight.virtual.device")
+
+
+def test_discovery_pairs_camera_and_ring_by_their_usb_parent(guest: Guest, bench: Bench) -> None:
+    bench.plug("one", 0)
+    bench.plug("two", 3)
+    found = guest.run("sensing:sensors")
+    pairs = {sensor["serial"]: (sensor["port"], sensor["ring"]) for sensor in found["sensors"]}
+    assert {serial: port for serial, (port, _) in pairs.items()} == {ONE: "1-1", TWO: "1-4"}
+    assert len({ring for _, ring in pairs.values()}) == 2
+    assert found["single cameras"] == len(found["ambiguities"]) == 0
+    assert f"sensor://{ONE}" in found["only"]
+    assert f"sensor://{TWO}" in found["only"]
+
+
+def test_two_sensors_with_one_serial_number_are_told_as_ambiguous(guest: Guest, bench: Bench) -> None:
+    bench.plug("one", 0)
+    bench.plug("twin", 1)
+    found = guest.run("sensing:sensors")
+    (text,) = found["ambiguities"]
+    assert f"2 sensors have the serial number {ONE}" in text
+    assert "sensor://1-1 or sensor://1-2" in text
+    assert "name the USB port" in guest.run("sensing:refusal", url=f"sensor://{ONE}")
+
+
+def test_without_a_sensor_it_says_what_to_do(guest: Guest, bench: Bench) -> None:
+    found = guest.run("sensing:gellight", arguments=["run", "--sensor", "auto", "--frames", "1"], limit_s=60)
+    assert found["status"] == 2
+    assert "check the cable, or try --sensor sim://" in found["err"]
+
+
+def test_a_sensor_that_is_plugged_into_another_port_goes_on(guest: Guest, bench: Bench) -> None:
+    bench.plug("lit", 0)
+    recovering = guest.start("sensing:recover", number=LIT, limit_s=60)
+    recovering.event("streaming")
+    bench.unplug("lit", aside=True)
+    plugged = bench.plug("lit", 6, aside=True)
+    found = recovering.result()
+    print(
+        f"recovery: first frame {found['back_s'] - plugged['attached_s']:.2f} s after the plug went in, "
+        f"{found['back_s'] - found['lost_s']:.2f} s after the loss was noticed"
+    )
+    assert "reconnecting" in found["said"]
+    assert found["status"]["reconnections"] == 1
+    assert found["back_s"] > plugged["attached_s"] > found["lost_s"]
+    assert found["sequences"] == sorted(set(found["sequences"])), "no frame comes twice or out of order"
+
+
+def test_find_names_the_sensor(guest: Guest, bench: Bench) -> None:
+    bench.plug("lit", 2)
+    found = guest.run("sensing:gellight", arguments=["find", "--json"], limit_s=60)
+    (sensor,) = json.loads(found["out"])["sensors"]
+    assert (sensor["url"], sensor["port"]) == (f"sensor://{LIT}", "1-3")
+
+
+def test_doctor_finds_the_sensor_well(guest: Guest, bench: Bench) -> None:
+    bench.plug("lit", 2)
+    found = guest.run("sensing:gellight", arguments=["doctor", "--json"], limit_s=90)
+    findings = {(each["check"], each["level"]): each["text"] for each in json.loads(found["out"])["findings"]}
+    print("\n".join(f"{level} {check}: {text}" for (check, level), text in findings.items()))
+    assert ("board", "ok") in findings
+    assert LIT in findings["board", "ok"]
+    assert ("leds", "ok") in findings
+    assert ("settings", "ok") in findings
+    assert ("usb", "ok") in findings
+
+
+def test_the_udev_rule_gives_the_sensor_to_the_video_group(guest: Guest, bench: Bench) -> None:
+    assert guest.run("sensing:gellight", arguments=["install-udev"], limit_s=60)["status"] == 0
+    bench.plug("one", 0)
+    assert guest.run("guest:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
+
+
+def test_the_guest_can_plug_a_virtual_sensor_into_itself(guest: Guest, bench: Bench) -> None:
+    number = "00000000000000D4"
+    options = ["--sensor", "sim://?board=0&programme=0&fps=5", "--size", "32x24", "--serial", number, "--port", "4"]
+    plugged = guest.start("sensing:gellight", arguments=["virtual-sensor", *options, "--seconds", "12"], limit_s=100)
+    seen = guest.aside.run("sensing:await_stream", number=number, limit_s=90)
+    found = plugged.result()
+    assert found["status"] == 0, found["err"]
+    assert f"virtual sensor {number} at virtual USB port 4" in found["out"]
+    assert seen == {"mode": "MJPG 32x24 at 5 fps", "shape": [24, 32, 3]}
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bundle") / "tiny"
+    tiny_bundle(folder, sized(80, 60))
+    return folder
+
+
+def test_run_streams_the_depth_of_what_is_pressed_into_the_virtual_sensor(
+    guest: Guest, bench: Bench, bundle: Path
+) -> None:
+    bench.plug("lit", 0)
+    found = guest.run(
+        "sensing:gellight",
+        arguments=[
+            "run",
+            "--sensor",
+            "auto",
+            "--calibration",
+            str(bundle),
+            "--frames",
+            "2",
+            "--no-dashboard",
+            "--json",
+        ],
+        limit_s=110,
+    )
+    assert found["status"] == 0, found["err"]
+    summary = json.loads(found["out"].splitlines()[-1])
+    print(f"run: {found['seconds']:.0f} s in the guest, {summary}")
+    assert summary["frames"] == 2
+    assert summary["error"] is None
+    board = bench.sensors["lit"]._body.board
+    assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the program has ended"
+    assert summary["indentation_mm"] == pytest.approx(1.0, abs=0.15), "a ball 1 mm deep, at 0.47 mm a pixel"
