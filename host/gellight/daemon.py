@@ -29,6 +29,8 @@ logger = logging.getLogger(__name__)
 POLL_S = 0.5
 """how often a waiting thread looks whether it should stop"""
 SELFCHECK_PERIOD_S = 1.0
+PAUSED_S = 0.3
+"""between two frames while somebody else rules the light"""
 
 
 class Daemon:
@@ -53,6 +55,7 @@ class Daemon:
         self._rebuild = rebuild
         self._bundle = reconstructor.calibration
         self._watch = watch
+        self._paused = False
         self._replacing = threading.RLock()
         """held while the reconstructor is replaced"""
         self._selfcheck = selfcheck
@@ -134,9 +137,13 @@ class Daemon:
                 watch.paused = self._watch.paused
             self._reconstructor, self._bundle, self._watch, self._selfcheck = replacement, bundle, watch, judge
 
-    def pause_watch(self, paused: bool) -> None:
-        """Let the watch rest while somebody else rules the light; harmless without one."""
+    def pause(self, paused: bool) -> None:
+        """Let somebody else rule the light: the watch rests, and no more than some frames a second are reconstructed.
+
+        What is felt under another light means nothing, and whoever calibrates needs the processor.
+        """
         with self._replacing:
+            self._paused = paused
             if self._watch is not None:
                 self._watch.paused = paused
 
@@ -210,7 +217,7 @@ class Daemon:
     def _reconstruct(self) -> None:
         number = 0
         try:
-            while not self._stopping.is_set():
+            while not self._stopping.wait(PAUSED_S if self._paused else 0):
                 try:
                     number, frame = self._captured.take(number, POLL_S)
                 except TimeoutError:

@@ -57,6 +57,9 @@ class Guide(Protocol):
     def act(self, action: str, **arguments: float) -> None:
         """Do what the user chose; InputError where it is not possible now."""
 
+    def stop(self) -> None:
+        """Abort at the next frame, whatever is going on."""
+
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended."""
 
@@ -96,7 +99,7 @@ class Desk:
     def __exit__(self, *problem: object) -> None:
         """Stop a calibration that still runs; what it has measured is kept."""
         if self._guide is not None and not self._guide.ended:
-            self.act("abort")
+            self._guide.stop()
             self._guide.join()
         if self._waiter is not None:
             self._waiter.join()
@@ -130,7 +133,7 @@ class Desk:
             if wishes.anew:
                 shutil.rmtree(self._folder, ignore_errors=True)
             self._guide = self._begin(wishes, self._install)
-            self._daemon.pause_watch(True)
+            self._daemon.pause(True)
             self._guide.act("start")
             self._waiter = threading.Thread(target=self._wait, args=(self._guide,), name="desk", daemon=True)
             self._waiter.start()
@@ -162,7 +165,7 @@ class Desk:
 
     def _wait(self, guide: Guide) -> None:
         guide.join()
-        self._daemon.pause_watch(False)
+        self._daemon.pause(False)
 
     def _install(self, bundle: Calibration) -> None:
         install(bundle, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)

@@ -138,7 +138,7 @@ def remember(ring: LightRing, bundle: Calibration) -> None:
         _configure(ring, replace(configuration, bundle=identity))
     finally:
         if bundle.manifest.led:
-            ring.set_leds(np.array([led.rgb for led in bundle.manifest.led], np.uint8))
+            ring.wait_for_light(ring.set_leds(np.array([led.rgb for led in bundle.manifest.led], np.uint8)).light_id)
 
 
 def _configure(ring: LightRing, configuration: Configuration) -> None:

@@ -1,21 +1,19 @@
 """`gellight calibrate list`, `install`, `restore` from the outside."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
 from gellight.calibration import load_calibration, write_calibration
+from gellight.cli.main import app
+from gellight.errors import CalibrationError
 
-ROOM = Path(__file__).parents[2]
 
-
-def gellight(home: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "XDG_DATA_HOME": str(home), "OPENBLAS_NUM_THREADS": "1"}
-    code = "from gellight.cli.main import run; run()"
-    command = [sys.executable, "-c", code, "calibrate", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+def gellight(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["calibrate", *arguments])
 
 
 def made(folder: Path, sensor: str, mark: str) -> Path:
@@ -34,23 +32,24 @@ def made(folder: Path, sensor: str, mark: str) -> Path:
     return folder
 
 
-def test_bundles_are_installed_listed_and_restored(tmp_path: Path) -> None:
-    assert "no bundles in" in gellight(tmp_path, "list").stdout
+def test_bundles_are_installed_listed_and_restored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_: tmp_path)
+    assert "no bundles in" in gellight("list").stdout
     sensor = ("--sensor", "sim://?board=0")
     first, second = made(tmp_path / "first", "simulated", "1"), made(tmp_path / "second", "simulated", "2")
     for bundle in (first, second):
-        done = gellight(tmp_path, "install", str(bundle), *sensor)
-        assert done.returncode == 0, done.stderr
+        done = gellight("install", str(bundle), *sensor)
+        assert done.exit_code == 0, done.output
         assert "it has no board" in done.stdout
-    done = gellight(tmp_path, "restore", *sensor, "--json")
+    done = gellight("restore", *sensor, "--json")
     assert json.loads(done.stdout)["identity"] == load_calibration(first).identity
-    listed = json.loads(gellight(tmp_path, "list", "--json").stdout)["bundles"]
+    listed = json.loads(gellight("list", "--json").stdout)["bundles"]
     assert {entry["identity"]: entry["in_service"] for entry in listed} == {
         load_calibration(first).identity: True,
         load_calibration(second).identity: False,
     }
-    assert f"* {'simulated':<20} {load_calibration(first).identity}" in gellight(tmp_path, "list").stdout
+    assert f"* {'simulated':<20} {load_calibration(first).identity}" in gellight("list").stdout
     other = made(tmp_path / "other", "GL-9", "3")
-    done = gellight(tmp_path, "install", str(other), *sensor)
-    assert done.returncode == 2
-    assert "is the bundle of sensor 'GL-9', this is 'simulated': nothing was replaced" in done.stderr
+    done = gellight("install", str(other), *sensor)
+    assert isinstance(done.exception, CalibrationError)
+    assert "is the bundle of sensor 'GL-9', this is 'simulated': nothing was replaced" in str(done.exception)

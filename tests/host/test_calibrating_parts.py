@@ -1,15 +1,17 @@
 """The parts of the calibration routine, each by itself: light, gel, coverage, live error, ball, state."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gellight.calibrating.ball_radius import likely_radius_mm
+from gellight.calibrating.bulletin import Bulletin
 from gellight.calibrating.coverage import advice, coverage
 from gellight.calibrating.folder import Folder, has_state
 from gellight.calibrating.live_error import LiveError
-from gellight.calibrating.sensing import Watcher, check_light
+from gellight.calibrating.sensing import Watcher, check_light, wait_free
 from gellight.calibrating.uniformity import contour_picture, of_image, uniformity
 from gellight.calibrating.untouched import foreign_share
 from gellight.calibrating.virtual_hand import spread
@@ -96,7 +98,7 @@ def test_what_moves_between_two_frames_is_not_still() -> None:
 def test_a_clipped_and_a_dark_picture_are_told_apart() -> None:
     with pytest.raises(InputError, match="clipped at 255"):
         check_light(np.full((*SHAPE, 3), 255, np.uint8), "the press")
-    with pytest.raises(InputError, match=r"dark \(3 of 255"):
+    with pytest.raises(InputError, match="the press is dark"):
         check_light(np.full((*SHAPE, 3), 3, np.uint8), "the press")
 
 
@@ -206,3 +208,32 @@ def test_the_noise_of_the_camera_does_not_look_like_a_touch(scene: Scene) -> Non
     looks = [watcher.look(frame(digitise(grey, 1.0, random))) for _ in range(5)]
     assert all(look.free for look in looks)
     assert all(look.still for look in looks[1:])
+
+
+class DarkUntilRelit:
+    """Stands for a session whose LEDs went dark; its board answers the `answers`-th time."""
+
+    hand = None
+
+    def __init__(self, answers: int) -> None:
+        self.bulletin = Bulletin()
+        self.relit, self.answers = 0, answers
+
+    def relight(self) -> None:
+        self.relit += 1
+
+    def frames(self) -> Iterator[CameraFrame]:
+        while True:
+            yield frame(np.full((*SHAPE, 3), 100 if self.relit >= self.answers else 0, np.uint8))
+
+
+def test_leds_that_went_dark_are_lit_again() -> None:
+    session = DarkUntilRelit(answers=2)
+    wait_free(session, Watcher(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
+    assert session.relit == 2
+
+
+def test_leds_that_stay_dark_are_told() -> None:
+    session = DarkUntilRelit(answers=99)
+    with pytest.raises(InputError, match="the gel is dark: check the LEDs"):
+        wait_free(session, Watcher(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]

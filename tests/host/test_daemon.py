@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
-from gellight.camera import EndOfStream
+from gellight.camera import Camera, EndOfStream
 from gellight.daemon import Daemon
 from gellight.errors import CalibrationError, CameraError
 from gellight.frames import CameraFrame, Contact, TactileFrame
@@ -18,7 +18,7 @@ from gellight.pipeline import Reconstructor
 from tests.host.linear_sensor import linear_calibration, reference_image
 
 
-class ScriptedCamera:
+class ScriptedCamera(Camera):
     """Gives frames as fast as they are taken, then raises `ending`."""
 
     url = "scripted"
@@ -62,15 +62,14 @@ class FlatCamera(ScriptedCamera):
 class CountingReconstructor:
     """Passes frames through; holds each until `gate` is open."""
 
-    calibration = SimpleNamespace(pixel_size_mm=(0.1, 0.2))
+    calibration = SimpleNamespace(
+        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted")
+    )
 
     def __init__(self) -> None:
         self.gate = threading.Event()
         self.gate.set()
         self.failure: Exception | None = None
-
-    def status(self) -> dict[str, object]:
-        return {"mode": "counting"}
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         assert self.gate.wait(10)

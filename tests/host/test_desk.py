@@ -1,6 +1,7 @@
 """The desk beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 
 from gellight.bundle_store import BundleStore
 from gellight.calibration import Calibration
-from gellight.camera import Camera
+from gellight.camera import Camera, open_camera
 from gellight.daemon import Daemon
 from gellight.desk import Desk, Wishes
 from gellight.errors import CalibrationError, CameraError, InputError
@@ -19,6 +20,7 @@ from gellight.pipeline import Reconstructor
 from gellight.shared_camera import SharedCamera
 from gellight.watch.monitor import Watch
 from tests.host.linear_sensor import linear_calibration
+from tests.host.scripted_desk import snapshot
 from tests.host.test_daemon import FlatCamera
 from tests.host.test_installing import bundle
 
@@ -47,6 +49,9 @@ class Guide:
         self.acts.append((action, arguments))
         if action == "abort":
             self.over.set()
+
+    def stop(self) -> None:
+        self.act("abort")
 
     def join(self, timeout_s: float | None = None) -> None:
         assert self.over.wait(10)
@@ -165,3 +170,28 @@ def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> Non
     captured.close(CameraError("unplugged"))
     with pytest.raises(CameraError, match="unplugged"):
         shared.read()
+
+
+def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path) -> None:
+    small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
+    camera = open_camera("sim://?board=0&fps=100", geometry=small)
+    running = linear_calibration(tmp_path / "running", (120, 160))
+    with (
+        Daemon(camera, Reconstructor(running), watch=Watch(running)) as daemon,
+        Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as desk,
+    ):
+        sequence = daemon.wait_frame(0, 20).camera_frame.sequence
+        desk.begin(Wishes(hand=True, presses=8))
+        deadline_s = time.monotonic() + 120
+        while "prepare" not in (routine := desk.state()["routine"])["figures"]:
+            assert routine["step"] in ("idle", "prepare", "reference"), routine["problem"]
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        assert set(snapshot("presses")) <= set(routine), "the page's tests know what the routine says"
+        assert daemon.wait_frame(sequence, 20).camera_frame.sequence > sequence
+        desk.act("abort")
+        while desk.state()["routine"]["step"] != "aborted":
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        assert desk.state()["interrupted"]
+        assert daemon.calibration.identity == running.identity

@@ -122,6 +122,18 @@ def test_an_object_that_is_held_for_minutes_is_no_spot(new_sensor: New) -> None:
     assert sensor.told == []
 
 
+def test_a_gel_that_was_never_seen_at_rest_is_told_until_it_is(new_sensor: New) -> None:
+    sensor = new_sensor(1650)
+    frame = sensor.frame(Press("TSTEP", 0.5))
+    for second in range(0, 130, 5):
+        object.__setattr__(frame.camera_frame, "time_s", float(second))
+        sensor.watch.note(frame)
+    assert [finding.kind for finding in sensor.watch.findings()] == ["never_at_rest"]
+    sensor.time_s = 130.0
+    sensor.run(4)
+    assert sensor.watch.findings() == []
+
+
 def test_frames_under_another_light_are_not_judged(new_sensor: New, synthetic: Calibration) -> None:
     sensor = new_sensor(1700)
     sensor.run(3)

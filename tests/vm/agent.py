@@ -39,6 +39,13 @@ def perform(call: dict[str, Any]) -> None:
     print(json.dumps(answer, default=str), file=_answers, flush=True)
 
 
+def preload(modules: list[str]) -> None:
+    """Import modules in this process, so that every later call has them."""
+    for name in modules:
+        importlib.import_module(name)
+    print(json.dumps({"result": None}), file=_answers, flush=True)
+
+
 def supervise(call: dict[str, Any]) -> None:
     """Run a call in a child; one that does not end, or ends without an answer, is told as an error."""
     child = os.fork()
@@ -80,7 +87,11 @@ def serve(line: str) -> None:
     requests, _answers = connection.makefile("r"), connection.makefile("w")
     report("ready", line=line, uptime_s=time.monotonic())
     for request in requests:
-        supervise(json.loads(request))
+        call = json.loads(request)
+        if "preload" in call:
+            preload(call["preload"])
+        else:
+            supervise(call)
 
 
 if __name__ == "__main__":

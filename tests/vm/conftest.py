@@ -1,6 +1,7 @@
 """One guest for all checks, and sensors to plug into it."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +16,7 @@ ONE, TWO, LIT = "00000000000000A1", "00000000000000B2", "00000000000000C3"
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if "/vm/" in str(item.path):
+        if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.vm)
 
 

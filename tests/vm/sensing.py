@@ -11,7 +11,6 @@ from gellight.cli import main
 from gellight.discovery import discover
 from gellight.errors import GellightError
 from gellight.sensor_camera import open_sensor
-from gellight.session import open_session  # noqa: F401  (imported for `gellight run`, which would do it late)
 from tests.vm.agent import report
 from tests.vm.guest import settle, video_link, wait_for
 from tests.vm.looking import FIXED, opened
@@ -79,7 +78,7 @@ def await_stream(number: str) -> dict[str, Any]:
 
 
 def gellight(arguments: list[str]) -> dict[str, Any]:
-    """Run the command line in this process, which is the call's own; its modules were imported before it began."""
+    """Run the command line in this process, which is the call's own."""
     begun_s, status = time.monotonic(), 0
     said, complained = io.StringIO(), io.StringIO()
     sys.argv = ["gellight", *arguments]

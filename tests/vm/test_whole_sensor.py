@@ -11,6 +11,12 @@ from tests.vm.machine import Guest
 from tests.vm.tiny import tiny_bundle
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _heavy_modules(guest: Guest) -> None:
+    """What several verbs import when they start."""
+    guest.main.preload("gellight.session", "gellight.simulated", "gellight.virtual.device")
+
+
 def test_discovery_pairs_camera_and_ring_by_their_usb_parent(guest: Guest, bench: Bench) -> None:
     bench.plug("one", 0)
     bench.plug("two", 3)

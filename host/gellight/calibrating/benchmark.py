@@ -1,21 +1,26 @@
 """The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
 
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gellight.calibrating.preparing import apply_calibration
-from gellight.calibration import load_calibration
+from gellight.calibration import Calibration, load_calibration, write_calibration
 from gellight.camera import Camera, open_camera
-from gellight.errors import InputError
+from gellight.errors import CameraError, InputError
 from gellight.evaluation import angle_deg
+from gellight.frames import CameraFrame
 from gellight.pipeline import Reconstructor
 from gellight.reconstruction import normals
 
 BALL = "BALL"
 _SETTLE_FRAMES = 3
+_REFERENCE_FRAMES = 30
+_ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +36,15 @@ class ObjectError:
     contact_depth_mm: float
 
 
-def object_errors(calibration: str, url: str, geometry: Mapping[str, Any], press_depth_mm: float) -> list[ObjectError]:
+def object_errors(
+    calibration: str, url: str, geometry: Mapping[str, Any], press_depth_mm: float, *, rezero: bool = False
+) -> list[ObjectError]:
     """Press every object but the ball in the middle of the view and measure one frame of each.
 
-    Camera and LEDs are set as they were when the bundle was made. Raises InputError for a sensor that knows no truth.
+    Camera and LEDs are set as they were when the bundle was made. rezero: the untouched gel is recorded anew before,
+    nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
     """
     bundle = load_calibration(calibration)
-    reconstructor = Reconstructor(bundle)
     with open_camera(url, geometry=geometry) as camera:
         if camera.stage is None:
             raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
@@ -45,14 +52,44 @@ def object_errors(calibration: str, url: str, geometry: Mapping[str, Any], press
         camera.stage.take_over()
         for _ in range(_SETTLE_FRAMES):
             camera.read()
+        reconstructor = Reconstructor(_rezeroed(bundle, camera) if rezero else bundle)
         names = [name for name in camera.stage.objects if name != BALL]
         return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
+
+
+def _lit_frame(camera: Camera, bundle: Calibration) -> CameraFrame:
+    """A frame under the light of the bundle; a board that was kept waiting too long is dark, and lit again."""
+    wanted = np.array([led.rgb for led in bundle.manifest.led], np.uint8)
+    for _ in range(_ATTEMPTS):
+        frame = camera.read()
+        if frame.light is None or not len(wanted) or np.array_equal(frame.light, wanted):
+            return frame
+        apply_calibration(camera, bundle)
+    raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
+
+
+def _rezeroed(bundle: Calibration, camera: Camera) -> Calibration:
+    """The bundle with the untouched gel as the camera sees it now."""
+    untouched = np.mean([_lit_frame(camera, bundle).image for _ in range(_REFERENCE_FRAMES)], axis=0)
+    with tempfile.TemporaryDirectory(prefix="gellight-rezeroed-") as folder:
+        return write_calibration(
+            Path(folder) / "bundle",
+            sensor=bundle.manifest.sensor,
+            reference=untouched,
+            reference_frames=_REFERENCE_FRAMES,
+            noise_grey=bundle.manifest.noise_grey,
+            pixel_size_mm=bundle.pixel_size_mm,
+            network=bundle.network,
+            follow_light=bundle.manifest.follow_light,
+            led=bundle.manifest.led,
+            metrics={},
+        )
 
 
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
     assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
-    frame = camera.read()
+    frame = _lit_frame(camera, reconstructor.calibration)
     truth = frame.truth
     assert truth is not None
     felt = reconstructor.reconstruct(frame)

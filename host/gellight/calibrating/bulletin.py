@@ -28,6 +28,8 @@ class Bulletin:
     advice: str = ""
     verdict: dict[str, Any] | None = None
     bundle: str = ""
+    reached: str = ""
+    """the last of STEPS"""
     version: int = 0
     _pictures: dict[str, Picture] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -39,6 +41,7 @@ class Bulletin:
                 if not hasattr(self, name):
                     raise AttributeError(f"a bulletin has no {name}")
                 setattr(self, name, value)
+            self.reached = self.step if self.step in STEPS else self.reached
             self.version += 1
 
     def note(self, name: str, figures: Any) -> None:
@@ -59,7 +62,8 @@ class Bulletin:
     def snapshot(self) -> dict[str, Any]:
         """Return everything but the pictures, ready for JSON."""
         with self._lock:
-            done = STEPS.index(self.step) if self.step in STEPS else len(STEPS) * (self.step == "finished")
+            done = STEPS.index(self.reached) if self.reached else 0
+            done = len(STEPS) if self.step == "finished" else done
             steps = [
                 {"name": name, "state": "done" if i < done else "now" if name == self.step else "to do"}
                 for i, name in enumerate(STEPS)

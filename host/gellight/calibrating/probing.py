@@ -22,14 +22,19 @@ def measure_pixel_size(session: Session) -> None:
     noise = session.folder.steps["reference"]["noise_grey"]
     watcher = Watcher(reference, noise)
     found: list[Imprint] = []
+    refused = 0
     while len(found) < options.cylinder_presses:
         _announce(session, len(found))
         wait_free(session, watcher)
         if session.hand:
             session.hand.cylinder(len(found))
-        imprint = _one_press(session, watcher, reference, noise)
-        if imprint:
-            found.append(imprint)
+        try:
+            found.append(_one_press(session, watcher, reference, noise))
+        except InputError as error:
+            refused += 1
+            if session.hand and refused > options.cylinder_presses:
+                raise
+            session.bulletin.post(problem=str(error))
         if session.hand:
             session.hand.lift()
     wait_free(session, watcher)
@@ -45,17 +50,12 @@ def _announce(session: Session, done: int) -> None:
     )
 
 
-def _one_press(session: Session, watcher: Watcher, reference: NDArray[np.float32], noise: float) -> Imprint | None:
+def _one_press(session: Session, watcher: Watcher, reference: NDArray[np.float32], noise: float) -> Imprint:
+    """Wait for one press and measure it; InputError says why it is refused."""
     capture = wait_press(session, watcher, lambda: False)
     assert capture is not None
-    try:
-        check_light(capture.image, "the press")
-        imprint = find_cylinder(capture.image - reference, noise)
-    except InputError as error:
-        if session.hand:
-            raise
-        session.bulletin.post(problem=str(error))
-        return None
+    check_light(capture.image, "the press")
+    imprint = find_cylinder(capture.image - reference, noise)
     session.bulletin.post(
         problem="",
         press={

@@ -87,16 +87,21 @@ class Capture:
 
 def wait_free(session: Session, watcher: Watcher, *, patience: int = 150) -> None:
     """Wait until nothing touches; after so many frames say what may be wrong."""
-    complained = False
+    complained, dark = False, 0
     session.bulletin.post(awaiting="lift")
     for count, frame in enumerate(session.frames()):
         sight = watcher.look(frame)
         session.bulletin.show(live=frame.image)
-        if sight.free and sight.still:
+        black = is_dark(frame.image)
+        if sight.free and sight.still and not black:
             session.bulletin.post(problem="" if complained else session.bulletin.problem, awaiting="")
             return
-        if not count % patience:
-            _check_dark(frame.image, "the gel")
+        if black:
+            if dark > patience:
+                check_light(frame.image, "the gel")
+            if not dark % (patience // 3):
+                session.relight()
+            dark += 1
         if count == patience:
             problem = (
                 f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
@@ -152,12 +157,10 @@ def check_light(image: NDArray[np.uint8], what: str) -> None:
         raise InputError(
             f"{clipped:.1%} of {what} is clipped at 255: lower the exposure or dim the LEDs, and begin again"
         )
-    _check_dark(image, what)
+    if is_dark(image):
+        raise InputError(f"{what} is dark: check the LEDs, the lens cap and the exposure")
 
 
-def _check_dark(image: NDArray[np.uint8], what: str) -> None:
-    brightest = float(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9))
-    if brightest < _DARK_GREY:
-        raise InputError(
-            f"{what} is dark ({brightest:.0f} of 255 grey levels): check the LEDs, the lens and the exposure"
-        )
+def is_dark(image: NDArray[np.uint8]) -> bool:
+    """Tell whether not even the bright part of a picture is lit."""
+    return bool(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9) < _DARK_GREY)

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+import numpy as np
+
 from gellight.calibrating.bulletin import Bulletin
 from gellight.calibrating.choices import RoutineOptions
 from gellight.calibrating.folder import Folder
@@ -89,6 +91,12 @@ class Session:
             yield
         finally:
             self.bulletin.post(actions=("abort",))
+
+    def relight(self) -> None:
+        """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
+        levels, ring = self.folder.steps["prepare"]["led"], self.camera.ring
+        if levels and ring is not None:
+            ring.wait_for_light(ring.set_leds(np.array(levels, np.uint8)).light_id)
 
     def confirmed(self, instruction: str) -> None:
         """Show an instruction and wait until the user says next; a hand needs no telling."""

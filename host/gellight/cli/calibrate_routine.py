@@ -85,13 +85,15 @@ def objects(
     calibration: Annotated[str, typer.Option(help="bundle: folder, .gelcal file or 'synthetic'")],
     sensor: Sensor = None,
     press_depth_mm: Annotated[float, typer.Option(min=0.05, help="how deep the objects are pressed, mm")] = 0.3,
+    rezero: Annotated[bool, typer.Option(help="record the untouched gel anew before, nothing else")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Press the ten benchmark objects into the simulated sensor and measure the error of a bundle on each."""
     from gellight.calibrating.benchmark import object_errors, summary
 
     settings = _settings(sensor)
-    errors = object_errors(calibration, settings.sensor.url, settings.geometry.overrides(), press_depth_mm)
+    geometry = settings.geometry.overrides()
+    errors = object_errors(calibration, settings.sensor.url, geometry, press_depth_mm, rezero=rezero)
     result = {"calibration": calibration, "sensor": settings.sensor.url, "press_depth_mm": press_depth_mm}
     rows = [*errors, summary(errors)]
     typer.echo(json.dumps({**result, "objects": [vars(e) for e in rows]}, indent=2) if as_json else _object_text(rows))

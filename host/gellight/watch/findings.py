@@ -32,7 +32,7 @@ class Finding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck or recalibrate"""
+    """drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest or recalibrate"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -130,6 +130,18 @@ def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[
             "area_mm2": round(area, 2),
             "light": [round(share, 3) for share in spot.light],
         },
+    )
+
+
+def never_at_rest(seconds: float) -> Finding:
+    """Tell that nothing can be told: every look since the start saw something that light cannot do."""
+    return Finding(
+        kind="never_at_rest",
+        severity=Severity.WARNING,
+        text=f"for {seconds:.0f} s, ever since the start, the gel has not been seen as it was calibrated: something "
+        "lies on it, the camera has moved far, or this is another gel or bundle; lift everything off, else calibrate "
+        "again",
+        figures={"seconds": round(seconds)},
     )
 
 

@@ -16,7 +16,7 @@ from gellight.watch.baseline import Baseline, Mask
 from gellight.watch.cells import Cells, cell_means, spread
 from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
-from gellight.watch.findings import Finding, advice, light_findings, spot_finding
+from gellight.watch.findings import Finding, advice, light_findings, never_at_rest, spot_finding
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
 
@@ -27,6 +27,8 @@ JUDGE_S = 1.0
 REST_LOOKS, FEWEST_LOOKS = 12, 6
 """looks at the gel at rest that a judgement is made of"""
 REST_MEMORY_S = 30.0
+NEVER_S = 120.0
+"""without a single look at the gel at rest since the start, that is told"""
 FREE_CELLS = 2
 """so many cells may be outliers by chance"""
 JUMP_GREY = 0.5
@@ -74,6 +76,7 @@ class Watch:
         self._rest: deque[tuple[float, Cells]] = deque(maxlen=REST_LOOKS)
         self._noises: deque[float] = deque([self._baseline.noise_grey], maxlen=15)
         self._last: Cells | None = None
+        self._begun_s = 0.0
         self._judgement: _Judgement | None = None
         self._touched = False
         self._state = "starting"
@@ -108,7 +111,9 @@ class Watch:
         return bool(calibrated) and frame.light is not None and not np.array_equal(frame.light, calibrated)
 
     def _look(self, change: Cells, time_s: float) -> None:
-        if self._last is not None:
+        if self._last is None:
+            self._begun_s = time_s
+        else:
             # The median over the cells sees noise and flicker, and no touch that covers less than half of the view.
             self._noises.append(1.05 * float(np.median(np.abs(change - self._last))))
         self._last = change
@@ -127,6 +132,8 @@ class Watch:
             self._rest.append((time_s, change))
         if len(self._rest) >= FEWEST_LOOKS and (self._judgement is None or time_s - self._judgement.time_s >= JUDGE_S):
             self._judge(time_s, ~self._spots.around)
+        if self._judgement is None and time_s - self._begun_s >= NEVER_S:
+            self._findings = [never_at_rest(time_s - self._begun_s)]
 
     @property
     def _noise_grey(self) -> float:

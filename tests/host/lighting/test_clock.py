@@ -129,3 +129,42 @@ def test_before_the_first_ping_nothing_is_known() -> None:
     assert not known.covers(0.0, 1.0)
     with pytest.raises(ValueError, match="before the first ping"):
         known.board_us(1.0)
+
+
+def stalled(rng: np.random.Generator, stall_us: float) -> tuple[TrueClock, ClockMap]:
+    """Eight quick pings, then the clock stands still, then a slow ping and two quick ones."""
+    clock, known = TrueClock(rng), ClockMap()
+    for number in range(8):
+        known.add(ping(clock, 10 + number, 2e-4, 0.0, 2e-4))
+    clock.offset_us -= stall_us
+    known.add(ping(clock, 18.0, 0.03, 0.0, 1e-3))
+    return clock, known
+
+
+def test_a_slow_ping_does_not_vouch_for_a_clock() -> None:
+    _, known = stalled(np.random.default_rng(6), 28_000.0)
+    assert known.jumps == 0, "its bounds are too wide to show the jump"
+    assert not known.covers(16.5, 17.5)
+    assert known.covers(15.5, 16.9)
+
+
+@pytest.mark.parametrize("stall_us", [1500.0, 4000.0, 28_000.0])
+def test_a_clock_that_stood_still_is_believed_only_near_its_pings(stall_us: float) -> None:
+    clock, known = stalled(np.random.default_rng(7), stall_us)
+    for host_s in (19.0, 19.5):
+        known.add(ping(clock, host_s, 3e-4, 0.0, 2e-4))
+    assert known.irregular
+    low_us, high_us = known.offset_us(19.1, 19.4)
+    assert low_us <= clock.board_us(19.3) - 19.3e6 <= high_us
+    assert high_us - low_us < 1500
+    with pytest.raises(ValueError, match=r"no pings before 19\.6 s"):
+        known.offset_us(19.6, 19.7)
+
+
+def test_a_crystal_is_never_taken_for_irregular() -> None:
+    rng = np.random.default_rng(8)
+    clock, known = TrueClock(rng), ClockMap()
+    for number in range(400):
+        known.add(jittered(clock, 10 + 0.033 * number, rng))
+    assert not known.irregular
+    assert known.offset_us(22.9, 23.0).error <= known.board_us(22.95).error + 20

@@ -65,11 +65,11 @@ export function drawPlaces(svg, places) {
 
 /** Draw counts of pixels, directions x steepness, as sectors of a rose: gentle slopes inside, steep ones outside. */
 export function drawSlopes(svg, slopes, steepnessDeg) {
-  const most = slopes[0].map((_, band) => Math.max(1, ...slopes.map((row) => row[band])));
+  const most = Math.max(1, ...slopes.flat());
   const bands = slopes[0].length;
   const turn = (2 * Math.PI) / slopes.length;
   svg.replaceChildren(...slopes.flatMap((row, direction) => row.map((count, band) => {
-    const sector = shape("path", { d: ring(direction * turn, turn, (band / bands) * 50, ((band + 1) / bands) * 50), fill: tint(count / most[band]), stroke: "#11161f", "stroke-width": 0.8 });
+    const sector = shape("path", { d: ring(direction * turn, turn, (band / bands) * 50, ((band + 1) / bands) * 50), fill: tint(Math.sqrt(count / most)), stroke: "#11161f", "stroke-width": 0.8 });
     const title = shape("title", {});
     title.textContent = `${steepnessDeg[band]} to ${steepnessDeg[band + 1]} degrees: ${count} pixels`;
     sector.append(title);

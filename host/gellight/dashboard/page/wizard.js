@@ -57,6 +57,7 @@ function takeIn(state) {
   element("sensor").textContent = state.sensor;
   const routine = state.routine;
   const running = Boolean(routine) && !ENDS.includes(routine.step);
+  document.body.dataset.step = routine?.step ?? "";
   showSteps(routine);
   showGuide(state, routine, running);
   showWishes(state, running);
@@ -130,10 +131,10 @@ let offered = "";
 
 function showActions(routine, running, state) {
   const actions = running ? routine.actions.filter((name) => name !== "correct") : ["begin"];
-  const key = actions.join() + state.interrupted;
+  const key = [...actions, state.interrupted, Boolean(routine)].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
-  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : "Start the calibration" };
+  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
     button.dataset.testid = `action-${name}`;
