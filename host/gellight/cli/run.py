@@ -26,6 +26,9 @@ def command(
     ] = None,
     calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
     port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one. [default: 8420]")] = None,
+    mode: Annotated[
+        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid. [default: network]")
+    ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,
     as_json: Annotated[
@@ -35,7 +38,7 @@ def command(
     """Stream depth from a sensor; while it is unplugged, go on serving the status and look for it."""
     from gellight.session import open_session
 
-    settings = settings_of(sensor, calibration, 0 if frames and port is None else port)
+    settings = settings_of(sensor, calibration, 0 if frames and port is None else port, mode)
     # a termination has to make the LEDs dark too
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     with open_session(settings) as daemon, served(daemon, settings, dashboard):
@@ -47,11 +50,12 @@ def command(
     print(json.dumps(summary) if as_json else "\n".join(f"{name:16} {value}" for name, value in summary.items()))
 
 
-def settings_of(sensor: str | None, calibration: str | None, port: int | None) -> "Settings":
+def settings_of(sensor: str | None, calibration: str | None, port: int | None, mode: str | None = None) -> "Settings":
     """Return the settings; where none of them names a sensor it is the one that is plugged in, not a simulated one."""
     from gellight.config import load_settings, read_layers
 
     flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
+    flags["reconstruction.mode"] = mode
     if not any("url" in layer.values.get("sensor", {}) for layer in read_layers(flags)):
         flags["sensor.url"] = "auto"
     return load_settings(flags)
@@ -73,8 +77,9 @@ def served(daemon: "Daemon", settings: "Settings", wanted: bool) -> "Iterator[No
         yield
         return
     from gellight.dashboard.server import DashboardServer
+    from gellight.desk import Desk
 
-    with DashboardServer(daemon, port=settings.dashboard.port) as server:
+    with Desk(daemon) as desk, DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server:
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         yield
 

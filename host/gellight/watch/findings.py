@@ -139,7 +139,8 @@ def never_at_rest(seconds: float) -> Finding:
         kind="never_at_rest",
         severity=Severity.WARNING,
         text=f"for {seconds:.0f} s, ever since the start, the gel has not been seen as it was calibrated: something "
-        "lies on it, the camera has moved far, or this is another gel or bundle; lift everything off, else calibrate again",
+        "lies on it, the camera has moved far, or this is another gel or bundle; lift everything off, else calibrate "
+        "again",
         figures={"seconds": round(seconds)},
     )
 
