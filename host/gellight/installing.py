@@ -21,7 +21,8 @@ from gellight.errors import CalibrationError
 from gellight.protocol import Configuration
 from gellight.ring import LightRing, RefusedError
 
-DARK_WITHIN_S = 0.5
+DARK_WITHIN_S = 5.0
+"""a board darkens its LEDs in a millisecond; an emulated one on a busy machine takes longer"""
 SIMULATED = "simulated"
 """Sensor of the bundle that comes with GelLight."""
 
@@ -163,7 +164,13 @@ def bundle_of(camera: Camera, store: BundleStore) -> Calibration:
     sensor = sensor_name(camera)
     identity = camera.ring.configuration().bundle if camera.ring is not None else b""
     if any(identity) and set(identity) != {0xFF}:
-        bundle = store.find(identity.hex()).load()
+        try:
+            bundle = store.find(identity.hex()).load()
+        except CalibrationError as error:
+            raise CalibrationError(
+                f"the board of sensor {sensor} names bundle {identity.hex()}, which cannot be had here ({error}): "
+                "bring it with `gellight calibrate install`, or calibrate the sensor again"
+            ) from error
         check_sensor(bundle, sensor)
         return bundle
     if camera.url.startswith("sim://") and sensor not in store.sensors():

@@ -158,8 +158,10 @@ def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleSto
         install(second, sensor=name, store=store)
         assert bundle_of(camera, store).identity == first.identity, "the board knows better than this computer"
         foreign = bundle(tmp_path / "foreign", sensor="GL-8")
-        store.add(foreign)
         remember(ring, foreign)
+        with pytest.raises(CalibrationError, match=r"cannot be had here .* bring it with `gellight calibrate install"):
+            bundle_of(camera, store)
+        store.add(foreign)
         with pytest.raises(CalibrationError, match="bundle of sensor 'GL-8'"):
             bundle_of(camera, store)
 
