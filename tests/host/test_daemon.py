@@ -71,6 +71,9 @@ class CountingReconstructor:
         self.gate.set()
         self.failure: Exception | None = None
 
+    def status(self) -> dict[str, object]:
+        return {"mode": "scripted"}
+
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         assert self.gate.wait(10)
         if self.failure:
