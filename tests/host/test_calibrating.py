@@ -175,7 +175,7 @@ def test_a_press_that_is_too_shallow_or_off_the_picture_is_told(tmp_path: Path) 
     def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
         hand.ball_press = (0.5, 18.5, 0.0)
 
-    assert "press nearer to the middle" in refused(tmp_path, press)
+    assert "press nearer to the middle" in refused(tmp_path, press, presses=8)
 
 
 def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:

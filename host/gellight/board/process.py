@@ -102,8 +102,9 @@ class Pace:
 
 
 def tell(**what: object) -> None:
-    """Print one line for the parent."""
-    print(json.dumps(what), flush=True)
+    """Print one line for the parent, in one piece: a signal may end the process at any moment."""
+    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.flush()
 
 
 def serve(board: EmulatedBoard, stream: Bytes) -> None:

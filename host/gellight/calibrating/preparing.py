@@ -18,6 +18,7 @@ from gellight.calibration import Calibration, LedSetting
 from gellight.camera import Camera, CameraControls
 from gellight.errors import CameraError, InputError
 from gellight.ring import LightRing
+from gellight.v4l2.options import CaptureOptions
 
 LED_COLOURS = "RRRRGGGGBBBB"
 """of the ring, anticlockwise from the right"""
@@ -68,10 +69,15 @@ def apply_settings(camera: Camera, controls: dict[str, Any], led: list[list[int]
         camera.ring.wait_for_light(camera.ring.set_leds(np.array(led, np.uint8)).light_id)
 
 
+_CAPTURE = set(CaptureOptions.model_fields) - {"exposure_us", "gain", "white_balance_k"}
+"""recorded with the controls but none: format, rate and delays, which the camera is opened with"""
+
+
 def apply_calibration(camera: Camera, calibration: Calibration) -> None:
     """Set a camera's controls and LEDs as they were when `calibration` was made."""
     manifest = calibration.manifest
-    apply_settings(camera, dict(manifest.camera), [list(led.rgb) for led in manifest.led] or None)
+    controls = {name: value for name, value in manifest.camera.items() if name not in _CAPTURE}
+    apply_settings(camera, controls, [list(led.rgb) for led in manifest.led] or None)
 
 
 def settings_of(camera: Camera) -> dict[str, float]:

@@ -90,7 +90,7 @@ def pixel_size(found: list[Imprint], diameter_mm: float) -> dict[str, Any]:
     if spread > _LARGEST_SPREAD * mean_px:
         raise CalibrationError(
             f"the cylinder measures {mean_px:.1f} px with a spread of {spread:.1f} px between its presses: press it "
-            "straight, or correct the distortion of the lens"
+            "straight, and nearer to the middle, where the lens distorts less"
         )
     if abs(x_mm / y_mm - 1) > SQUARE:
         raise CalibrationError(

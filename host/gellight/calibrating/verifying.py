@@ -57,6 +57,7 @@ def verify(session: Session) -> Calibration | None:
         if session.hand:
             session.hand.lift()
     wait_free(session, watcher)
+    _announce(session)
     return _conclude(session, draft, judge)
 
 

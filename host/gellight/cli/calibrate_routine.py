@@ -5,6 +5,7 @@ import shutil
 import sys
 import threading
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from gellight.calibrating.benchmark import ObjectError
     from gellight.calibrating.choices import RoutineOptions
     from gellight.calibrating.routine import Routine
+    from gellight.calibration import Calibration
+    from gellight.camera import Camera
 
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor. [default: as in the settings, or sim://]")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
@@ -37,12 +40,15 @@ def command(
     context: typer.Context,
     auto: Annotated[bool, typer.Option("--auto", help="a virtual hand presses, on the simulated sensor")] = False,
     sensor: Sensor = None,
-    name: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
+    name: Annotated[str | None, typer.Option(help="name of the sensor. [default: serial number of its board]")] = None,
     out: Annotated[Path, typer.Option(help="folder of the bundle to write")] = Path("calibration"),
     folder: Annotated[Path | None, typer.Option(help="where the state is kept. [default: OUT.state]")] = None,
     resume: Annotated[bool, typer.Option(help="go on with an interrupted calibration")] = False,
     restart: Annotated[bool, typer.Option(help="throw an interrupted calibration away")] = False,
     overwrite: Annotated[bool, typer.Option(help="replace an existing bundle of this sensor")] = False,
+    install: Annotated[
+        bool, typer.Option("--install", help="put what passes into service: kept, and remembered by the board")
+    ] = False,
     ball_radius_mm: Annotated[float, typer.Option(help="radius of the ball, mm")] = 4.0,
     cylinder_diameter_mm: Annotated[float, typer.Option(help="diameter of the flat-ended cylinder, mm")] = 8.0,
     presses: Annotated[int, typer.Option(help="ball presses to learn from")] = 40,
@@ -66,7 +72,6 @@ def command(
     _choose_state(place, resume=resume, restart=restart)
     options = RoutineOptions(
         out=out,
-        sensor=name,
         ball_radius_mm=ball_radius_mm,
         cylinder_diameter_mm=cylinder_diameter_mm,
         presses=presses,
@@ -75,7 +80,8 @@ def command(
         training=TrainingOptions(recipe=recipe, seed=seed, threads=threads),
         overwrite=overwrite,
     )
-    result = _calibrate(sensor, options, place, seed=seed if auto else None, quiet=as_json)
+    work = _Work(sensor, options, place, name=name, seed=seed if auto else None, install=install)
+    result = _calibrate(work, quiet=as_json)
     typer.echo(json.dumps(result, indent=2) if as_json else _result_text(result))
     if not result["verdict"]["passed"]:
         raise CalibrationError("the calibration did not pass: go on with --resume to press more")
@@ -117,22 +123,46 @@ def _choose_state(place: Path, *, resume: bool, restart: bool) -> None:
         raise InputError(f"an interrupted calibration lies in {place}: give --resume to go on, or --restart")
 
 
-def _calibrate(
-    sensor: str | None, options: "RoutineOptions", place: Path, *, seed: int | None, quiet: bool
-) -> dict[str, Any]:
-    """Run the routine to its end; seed: of the virtual hand, None where a user presses."""
-    from gellight.calibrating.routine import Routine
-    from gellight.calibrating.virtual_hand import hand_of
+@dataclass(frozen=True)
+class _Work:
+    """What one call is to do."""
+
+    sensor: str | None
+    options: "RoutineOptions"
+    place: Path
+    name: str | None
+    seed: int | None
+    """of the virtual hand; None where a user presses"""
+    install: bool
+
+    def routine(self, camera: "Camera") -> "Routine":
+        """Make the routine for the sensor behind a camera."""
+        from gellight.bundle_store import BundleStore
+        from gellight.calibrating.routine import Routine
+        from gellight.calibrating.virtual_hand import hand_of
+        from gellight.installing import install, sensor_name
+
+        options = replace(self.options, sensor=self.name or sensor_name(camera))
+
+        def serve(bundle: "Calibration") -> None:
+            if self.install:
+                install(bundle, sensor=options.sensor, store=BundleStore(), camera=camera, limits=options.limits)
+
+        hand = None if self.seed is None else hand_of(camera, seed=self.seed)
+        return Routine(camera, options, self.place, hand=hand, install=serve)
+
+
+def _calibrate(work: _Work, *, quiet: bool) -> dict[str, Any]:
+    """Run the routine to its end."""
     from gellight.camera import open_camera
 
-    settings = _settings(sensor)
+    settings = _settings(work.sensor)
     begun_s = time.monotonic()
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
-        hand = None if seed is None else hand_of(camera, seed=seed)
-        routine = Routine(camera, options, place, hand=hand)
+        routine = work.routine(camera)
         routine.act("start")
         try:
-            _follow(routine, place, interactive=hand is None, quiet=quiet)
+            _follow(routine, work.place, interactive=work.seed is None, quiet=quiet)
         except KeyboardInterrupt:
             routine.stop()
         routine.join()
@@ -140,7 +170,7 @@ def _calibrate(
         raise routine.error
     snapshot = routine.snapshot()
     if snapshot["step"] == "aborted":
-        raise InputError(f"stopped; what was measured is kept in {place}: go on with --resume")
+        raise InputError(f"stopped; what was measured is kept in {work.place}: go on with --resume")
     kept = ("figures", "verdict", "bundle")
     return {**{name: snapshot[name] for name in kept}, "seconds": round(time.monotonic() - begun_s, 1)}
 

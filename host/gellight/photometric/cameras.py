@@ -111,6 +111,8 @@ class SeriesCamera(RingCamera):
     _hold: Hold | None = None
     _next: CameraFrame | None = None
     _exposure_us: float | None = None
+    _taken = 0
+    """series so far, which is how they are numbered"""
 
     def read(self) -> ExposureSeries:
         """Take the exposures of all groups; raises what they raise, ReconnectingError while they are away."""
@@ -127,9 +129,8 @@ class SeriesCamera(RingCamera):
         opening = first[0]
         frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
         self._next = closing = hold.expose(self._groups[0], 0)
-        number = self._numbered(opening)
-        self._skipped += closing.sequence - opening.sequence - 1
-        return as_series(opening, closing, frames, self._groups, number=number, exposure_us=self._exposure_us)
+        self._taken += 1
+        return as_series(opening, closing, frames, self._groups, number=self._taken, exposure_us=self._exposure_us)
 
     def close(self) -> None:
         """Give the ring back and close the camera."""

@@ -127,10 +127,11 @@ def test_a_series_has_every_light_once_and_the_first_again(kind: LightGroups, fr
     assert camera.closed
 
 
-def test_the_repetition_of_one_series_opens_the_next_and_no_frame_counts_as_lost() -> None:
-    with SeriesCamera(FakeCamera(), TRIPLES, exposure_us=None, frames=1) as camera:
+@pytest.mark.parametrize("frames", [1, 3])
+def test_the_repetition_of_one_series_opens_the_next_and_no_frame_counts_as_lost(frames: int) -> None:
+    with SeriesCamera(FakeCamera(), TRIPLES, exposure_us=None, frames=frames) as camera:
         one, two, three = (camera.read() for _ in range(3))
-    assert two.frames[0][0] is one.closing
+    assert (two.opening.time_s == one.closing.time_s) == (frames == 1), "averaged frames are all taken anew"
     assert [series.sequence for series in (one, two, three)] == [1, 2, 3]
 
 

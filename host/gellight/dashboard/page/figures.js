@@ -30,8 +30,19 @@ export function showStatus(status) {
   write("age-median", fixed(status.frame_age_ms?.median, 1));
   write("age-p95", fixed(status.frame_age_ms?.p95, 1));
   write("dropped", String(status.dropped ?? "–"));
+  write("mode", modeOf(status));
   showStages(status.stage_ms ?? {});
   showChecks(status.selfcheck);
+}
+
+/** How slopes are found, and what the last series of exposures said. */
+function modeOf({ mode, exposures, network_error: error }) {
+  if (mode === "photometric") {
+    if (!exposures) return mode;
+    return `${mode}, ${exposures.exposures} exposures${exposures.moved ? ", scene moved" : ""}`;
+  }
+  if (mode === "hybrid") return error ? `GelNet ${fixed(error.normal_deg, 2)}° off ${fixed(error.measured_s_ago, 0)} s ago` : mode;
+  return "";
 }
 
 function showStages(stages) {
