@@ -33,6 +33,9 @@ FREE_CELLS = 2
 """so many cells may be outliers by chance"""
 JUMP_GREY = 0.5
 """a look at rest that is farther than that from those before it begins anew"""
+NOISE_LOOKS = 20
+MOST_NOISE = 2.0
+"""times the noise of the bundle; what is louder than that counts as touched"""
 ESTIMATE_GREY = 0.3
 """rms by which the change must have changed for another estimate of its cost"""
 
@@ -74,7 +77,7 @@ class Watch:
         self._estimated: tuple[Cells, Cells] | None = None
         self._expected: ExpectedError | None = None
         self._rest: deque[tuple[float, Cells]] = deque(maxlen=REST_LOOKS)
-        self._noises: deque[float] = deque([self._baseline.noise_grey], maxlen=15)
+        self._noises: deque[float] = deque([self._baseline.noise_grey], maxlen=NOISE_LOOKS)
         self._last: Cells | None = None
         self._begun_s = 0.0
         self._judgement: _Judgement | None = None
@@ -137,7 +140,9 @@ class Watch:
 
     @property
     def _noise_grey(self) -> float:
-        return max(self._baseline.noise_grey, statistics.median(self._noises))
+        # The quietest of the recent pairs: whatever moves all over the view must not pass for noise.
+        least, most = self._baseline.noise_grey, MOST_NOISE * self._baseline.noise_grey
+        return min(max(least, min(self._noises)), most)
 
     def _judge(self, time_s: float, kept: Mask) -> None:
         change: Cells = np.stack([look for _, look in self._rest]).mean(axis=0, dtype=np.float32)
