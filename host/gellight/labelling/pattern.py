@@ -74,7 +74,7 @@ def background(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Arr
 
 
 def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
-    """(N, 8) pattern of the press at the pixels (x, y): products of the normal's components, and the depth."""
+    """(N, 9) pattern of the press at the pixels (x, y): products of the normal's components, and the depth."""
     dx, dy = x - shape.center_x, y - shape.center_y
     r = np.hypot(dx, dy)
     slope, depth = profile(r, shape, ball_radius)
