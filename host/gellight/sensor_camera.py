@@ -195,7 +195,8 @@ class SensorCamera(Camera):
         while True:
             frame = self._camera.read()
             self._watch()
-            if frame.time_s > self._lit_s:
+            # How late a camera stamps its frames is often not known: a frame counts once it was lit in any case.
+            if frame.time_s - self._camera.timing.stamp_error_s > self._lit_s:
                 return self._numbered(frame)
             if self._clock() > self._lit_s + OLD_S:
                 break
