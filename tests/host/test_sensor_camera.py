@@ -111,7 +111,7 @@ def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Cali
     with bench.open("auto", bundle) as camera:
         frame = camera.read()
         assert (bench.rings[0].lit == [led.rgb for led in bundle.manifest.led]).all()
-        assert frame.time_s - camera.timing.stamp_error_s > bench.rings[0].lit_s, "nothing exposed before the light was on"
+        assert frame.time_s - camera.timing.stamp_error_s > bench.rings[0].lit_s, "nothing from before the light"
         assert frame.image.shape == (24, 32, 3)
         assert device.controls[c.EXPOSURE].value == 80
         assert device.controls[c.WHITE_BALANCE].value == 5000
