@@ -6,6 +6,8 @@ TORCH  ?= torch==2.13.0
 VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
+# processes that share the tests
+JOBS   ?= 2
 
 .PHONY: demo test check lint types pytest bench clean
 
@@ -24,7 +26,7 @@ types: $(VENV)/.dev
 	$(BIN)/mypy
 
 pytest: $(VENV)/.dev | tools
-	$(BIN)/pytest $(ARGS)
+	$(BIN)/pytest --numprocesses $(JOBS) $(ARGS)
 
 bench: $(VENV)/.dev
 	$(BIN)/gellight bench $(ARGS)

@@ -11,7 +11,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hardware", metavar="URL", help="run the tests marked `hardware` on the sensor at this URL")
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep a file's tests in one process, and all that need the virtual machine, which come first: they take longest."""
+    items.sort(key=lambda item: not item.get_closest_marker("vm"))
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group("vm" if item.get_closest_marker("vm") else item.path.name))
     if config.getoption("--hardware"):
         return
     skip = pytest.mark.skip(reason="needs real hardware: --hardware URL")

@@ -119,12 +119,12 @@ def check_disk(folder: Path) -> Finding:
 
 
 def check_clock(sysfs: Path) -> Iterator[Finding]:
-    """Look whether the date can be true and the clock of the time stamps is quick to read."""
+    """Look whether the date is plausible and the clock of the time stamps is quick to read."""
     year = time.gmtime().tm_year
     if year < EARLIEST_YEAR:
         yield problem("clock", f"the computer believes it is {year}", "set the date, for example with NTP")
     else:
-        yield ok("clock", f"the date can be true ({time.strftime('%Y-%m-%d')})")
+        yield ok("clock", f"the date is plausible ({time.strftime('%Y-%m-%d')})")
     try:
         source = (sysfs / "devices/system/clocksource/clocksource0/current_clocksource").read_text().strip()
     except OSError:
