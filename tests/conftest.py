@@ -13,7 +13,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep a file's tests in one process, and all that need the virtual machine, which come first: they take longest."""
+    """Keep the tests of a file in one process, and all of the virtual machine, which come first: they take longest."""
     items.sort(key=lambda item: not item.get_closest_marker("vm"))
     for item in items:
         item.add_marker(pytest.mark.xdist_group("vm" if item.get_closest_marker("vm") else item.path.name))
