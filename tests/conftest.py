@@ -1,6 +1,7 @@
 """Options and rules that hold for every test."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -11,12 +12,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hardware", metavar="URL", help="run the tests marked `hardware` on the sensor at this URL")
 
 
-@pytest.hookimpl(trylast=True)
+VM = Path(__file__).parent / "vm"
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep the tests of a file in one process, and all of the virtual machine, which come first: they take longest."""
-    items.sort(key=lambda item: not item.get_closest_marker("vm"))
+    """Keep the tests of a file in one process, and all of the virtual machine, which come first: they take longest.
+
+    First of all hooks, because pytest-xdist reads the groups in its own.
+    """
+    items.sort(key=lambda item: VM not in item.path.parents)
     for item in items:
-        item.add_marker(pytest.mark.xdist_group("vm" if item.get_closest_marker("vm") else item.path.name))
+        item.add_marker(pytest.mark.xdist_group("vm" if VM in item.path.parents else str(item.path)))
     if config.getoption("--hardware"):
         return
     skip = pytest.mark.skip(reason="needs real hardware: --hardware URL")
