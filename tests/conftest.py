@@ -15,15 +15,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 VM = Path(__file__).parent / "vm"
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep the tests of a file in one process, and all of the virtual machine, which come first: they take longest.
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Keep the tests of a file in one process, and all that share the virtual machine."""
+    item.add_marker(pytest.mark.xdist_group("vm" if VM in item.path.parents else str(item.path)))
 
-    First of all hooks, because pytest-xdist reads the groups in its own.
-    """
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Begin with the virtual machine, which takes longest; leave out what needs hardware."""
     items.sort(key=lambda item: VM not in item.path.parents)
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group("vm" if VM in item.path.parents else str(item.path)))
     if config.getoption("--hardware"):
         return
     skip = pytest.mark.skip(reason="needs real hardware: --hardware URL")
