@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from xdist.scheduler import LoadFileScheduling
 
 ALLOWED_SKIPS = ("needs real hardware", "needs a GPU")
 
@@ -15,9 +16,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 VM = Path(__file__).parent / "vm"
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
+class ByFile(LoadFileScheduling):
     """Keep the tests of a file in one process, and all that share the virtual machine."""
-    item.add_marker(pytest.mark.xdist_group("vm" if VM in item.path.parents else str(item.path)))
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "vm" if nodeid.startswith("tests/vm/") else super()._split_scope(nodeid)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
+    return ByFile(config, log)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
