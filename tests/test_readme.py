@@ -33,7 +33,7 @@ def test_every_verb_in_the_readme_exists() -> None:
     from gellight.cli.main import app
 
     verbs = set(get_command(app).commands)  # type: ignore[attr-defined]
-    assert set(re.findall(r"`gellight (\w+)", README)) <= verbs
+    assert set(re.findall(r"`gellight ([\w-]+)", README)) <= verbs
 
 
 @pytest.mark.parametrize("name", gellight.__all__)
