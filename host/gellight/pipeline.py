@@ -89,7 +89,7 @@ class Reconstructor:
         gradient_map = self._network.gradient_map(difference, touched if self.masked else None)
         watch.lap("gradient")
         if self._undistortion is not None:
-            gradient_map, touched = self._undistortion.gradient_map(gradient_map), self._undistortion.mask(touched)
+            gradient_map, touched = self._undistortion.apply(gradient_map, touched)
             watch.lap("lens")
         depth_mm = integrate(
             gradient_map,

@@ -34,27 +34,33 @@ class Undistortion:
         gel = gel_points_mm(lens.image_shape, pixel_size_mm)
         places = lens.to_picture(gel).astype(np.float32)
         height, width = lens.image_shape
-        self.seen: Bools = np.all((places >= 0) & (places <= (width - 1, height - 1)), axis=-1)
-        """(H, W) what lies in the picture; beyond it slopes and depth are 0"""
+        self.seen: Bools = np.all((places >= -0.5) & (places <= (width - 0.5, height - 0.5)), axis=-1)
+        """(H, W) what lies in the picture, half of an outermost pixel included; elsewhere slopes and depth are 0"""
         self._x, self._y = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
         turn = np.linalg.inv(lens.jacobian(gel)) / np.array(pixel_size_mm)
         self._turn = np.ascontiguousarray(np.moveaxis(turn, (-2, -1), (0, 1)), np.float32) if from_circles else None
 
-    def gradient_map(self, gradient_map: Floats) -> Floats:
-        """Map (H, W, 2) slopes over the picture to slopes over the gel."""
-        moved: Floats = np.asarray(
-            cv2.remap(gradient_map, self._x, self._y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32
-        )
+    def apply(self, gradient_map: Floats, touched: Bools) -> tuple[Floats, Bools]:
+        """Map (H, W, 2) slopes over the picture, and where it is touched, to the same over the gel.
+
+        Linear interpolation would flatten a contact of sigma 3 px by 2 %, cubic does not; elsewhere slopes are gentle.
+        What is not seen is not touched.
+        """
+        moved_touch = cv2.remap(touched.astype(np.uint8), self._x, self._y, cv2.INTER_NEAREST)
+        moved = self._resampled(gradient_map, (slice(None), slice(None)), cv2.INTER_LINEAR)
+        left, top, width, height = cv2.boundingRect(moved_touch)
+        if width and height:
+            window = slice(top, top + height), slice(left, left + width)
+            moved[window] = self._resampled(gradient_map, window, cv2.INTER_CUBIC)
         if self._turn is not None:
             moved = _leaning(moved, self._turn)
         if not self.seen.all():
             moved[~self.seen] = 0
-        return moved
+        return moved, np.asarray(moved_touch, np.bool_)
 
-    def mask(self, mask: Bools) -> Bools:
-        """Map a (H, W) mask over the picture to one over the gel; what is not seen is not marked."""
-        moved = cv2.remap(mask.astype(np.uint8), self._x, self._y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
-        return np.asarray(moved, np.bool_)
+    def _resampled(self, gradient_map: Floats, window: tuple[slice, slice], how: int) -> Floats:
+        x, y = self._x[window], self._y[window]
+        return np.asarray(cv2.remap(gradient_map, x, y, how, borderMode=cv2.BORDER_REPLICATE), np.float32)
 
 
 def gel_points_mm(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> NDArray[np.float64]:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.host.linear_sensor import GREY_PER_SLOPE
+
 SHAPE = (480, 640)
 PIXEL_MM = 0.0588
 
@@ -98,3 +100,14 @@ def map_error_px(found: np.ndarray, true: np.ndarray) -> float:
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     u, _, v = np.linalg.svd(a.T @ b)
     return float(np.sqrt(np.mean(np.sum((a @ (u @ v) - b) ** 2, axis=1)))) / PIXEL_MM
+
+
+def dimple_picture(lens: TrueLens, *, pitch_mm: float = 2.0, noise: float = 0.0, seed: int = 0) -> np.ndarray:
+    """(H, W, 3) uint8: pins press Gaussian dimples, 0.15 mm deep, into a gel that is lit from three sides."""
+    gel = lens.gel_of_pixels()
+    offset = gel - np.rint(gel / pitch_mm) * pitch_mm
+    depth = 0.15 * np.exp(-(offset**2).sum(axis=-1) / (2 * 0.25**2))
+    slopes = -offset / 0.25**2 * depth[..., None]
+    image = untouched(lens.shape) + slopes @ GREY_PER_SLOPE.T
+    image = image + np.random.default_rng(seed).normal(0, noise, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
