@@ -43,15 +43,16 @@ class Undistortion:
     def apply(self, gradient_map: Floats, touched: Bools) -> tuple[Floats, Bools]:
         """Map (H, W, 2) slopes over the picture, and where it is touched, to the same over the gel.
 
-        Linear interpolation would flatten a contact of sigma 3 px by 2 %, cubic does not; elsewhere slopes are gentle.
-        What is not seen is not touched.
+        Half-way between pixels linear interpolation takes 2.7 % off the height of a contact of sigma 3 px; the cubic of
+        OpenCV adds 1.1 %, that of Lanczos takes 0.1 %, is slow, and serves where the gel is touched. Elsewhere slopes
+        are gentle. What is not seen is not touched.
         """
         moved_touch = cv2.remap(touched.astype(np.uint8), self._x, self._y, cv2.INTER_NEAREST)
         moved = self._resampled(gradient_map, (slice(None), slice(None)), cv2.INTER_LINEAR)
         left, top, width, height = cv2.boundingRect(moved_touch)
         if width and height:
             window = slice(top, top + height), slice(left, left + width)
-            moved[window] = self._resampled(gradient_map, window, cv2.INTER_CUBIC)
+            moved[window] = self._resampled(gradient_map, window, cv2.INTER_LANCZOS4)
         if self._turn is not None:
             moved = _leaning(moved, self._turn)
         if not self.seen.all():
