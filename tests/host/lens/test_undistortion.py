@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gellight.bench import frame_times
 from gellight.calibration import Calibration, extend_calibration, load_calibration
 from gellight.config import ReconstructionSettings
 from gellight.errors import CalibrationError
@@ -121,6 +122,11 @@ def test_without_the_file_there_is_no_such_stage(plain: Calibration, tmp_path: P
     assert not has_lens(plain)
     assert "lens" not in felt(plain, flat).stage_seconds
     assert "lens" in felt(with_lens(plain, tmp_path / "lens", BARREL), flat).stage_seconds
+
+
+def test_a_bundle_with_a_lens_can_be_timed(plain: Calibration, tmp_path: Path) -> None:
+    times = frame_times(with_lens(plain, tmp_path / "lens", BARREL), rounds=1)
+    assert all("lens" in scene.stages for scene in times)
 
 
 def test_what_the_camera_does_not_see_is_not_felt(plain: Calibration, tmp_path: Path) -> None:
