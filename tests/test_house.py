@@ -31,6 +31,8 @@ HOST_DOORS = {
         "decoding.py",
         "encoding.py",
         "opencv_camera.py",
+        "pins.py",
+        "undistortion.py",
     },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }

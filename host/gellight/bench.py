@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gellight.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.calibration import Calibration
 from gellight.frames import CameraFrame, TactileFrame
-from gellight.pipeline import STAGES, Reconstructor
+from gellight.pipeline import Reconstructor
 from gellight.reconstruction import integrate
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
@@ -132,7 +132,7 @@ def _measure(
 ) -> FrameTimes:
     result: TactileFrame = reconstructor.reconstruct(frame)
     plain(result.difference)
-    stages: dict[str, list[float]] = {stage: [] for stage in STAGES}
+    stages: dict[str, list[float]] = {stage: [] for stage in result.stage_seconds}
     whole, single = [], []
     for _ in range(rounds):
         start = time.perf_counter()

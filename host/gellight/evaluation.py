@@ -54,8 +54,9 @@ def press_errors(calibration: Calibration, presses: Sequence[Press], ball: Ball)
     """Reconstruct each press and compare it with its label."""
     if not presses:
         raise InputError("there are no presses to evaluate: give at least one")
-    # Without the mask: a pixel of the contact circle counts whether or not its colour changed.
-    reconstructor = Reconstructor(calibration, masked=False)
+    # Without the mask: a pixel of the contact circle counts whether or not its colour changed. Over the picture, as the
+    # circles are drawn: with a lens, labels and slopes are distorted alike.
+    reconstructor = Reconstructor(calibration, masked=False, undistorted=False)
     return [_press_error(reconstructor, press, ball, number) for number, press in enumerate(presses)]
 
 

@@ -119,7 +119,8 @@ class TactileFrame:
     difference: NDArray[np.float32]
     """(H, W, 3) image minus reference image, grey levels"""
     gradient_map: NDArray[np.float32]
-    """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
+    """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless; with a lens in the bundle, over the undistorted gel, as are
+    all maps below, while the images above are as taken"""
     normal_map: NDArray[np.float32]
     """(H, W, 3) unit normals of the gel surface, towards the camera"""
     depth_mm: NDArray[np.float32]

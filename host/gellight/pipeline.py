@@ -12,11 +12,12 @@ from gellight.contact import THRESHOLD_MM, find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame, TactileFrame
 from gellight.gelnet import SMOOTHING_PX, GradientNetwork
+from gellight.lens.lens_file import has_lens, read_undistortion
 from gellight.light_drift import light_drift
 from gellight.reconstruction import integrate, normals
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
-"""Keys of `TactileFrame.stage_seconds`, in the order of the path."""
+"""Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
 
 
 _CELL_PX = 8
@@ -48,16 +49,20 @@ class Reconstructor:
         smoothing_px: int = SMOOTHING_PX,
         masked: bool = True,
         contact_threshold_mm: float = THRESHOLD_MM,
+        undistorted: bool = True,
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
         threads: of the network. smoothing_px: half width of the smoothing of the gradient map. masked: run the
-        network only where the image differs from the reference; without, everywhere. Raises CalibrationError.
+        network only where the image differs from the reference; without, everywhere. undistorted: take the lens of the
+        bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
+        CalibrationError.
         """
         self.calibration = calibration
         self.masked = masked
         self.contact_threshold_mm = contact_threshold_mm
         self._reference = calibration.reference
+        self._undistortion = read_undistortion(calibration) if undistorted and has_lens(calibration) else None
         self._network = GradientNetwork(
             calibration.network,
             calibration.image_shape,
@@ -83,12 +88,17 @@ class Reconstructor:
         watch.lap("mask")
         gradient_map = self._network.gradient_map(difference, touched if self.masked else None)
         watch.lap("gradient")
+        if self._undistortion is not None:
+            gradient_map, touched = self._undistortion.apply(gradient_map, touched)
+            watch.lap("lens")
         depth_mm = integrate(
             gradient_map,
             self.calibration.pixel_size_mm,
             at_rest=far_from_touch(touched),
             bulge=self.calibration.manifest.bulge,
         )
+        if self._undistortion is not None:
+            depth_mm[~self._undistortion.seen] = 0
         watch.lap("depth")
         normal_map = normals(gradient_map)
         watch.lap("normals")

@@ -9,6 +9,7 @@ from gellight.cli import (
     bench,
     calibrate,
     calibrate_bundles,
+    calibrate_lens,
     calibrate_lights,
     calibrate_routine,
     config,
@@ -50,6 +51,7 @@ app.command("doctor")(doctor.command)
 app.command("install-udev")(install_udev.command)
 app.command("reconstruct")(reconstruct.command)
 app.command("selfcheck")(selfcheck.command)
+calibrate.app.command("lens")(calibrate_lens.command)
 calibrate.app.command("lights")(calibrate_lights.command)
 calibrate_routine.attach(calibrate.app)
 calibrate_bundles.attach(calibrate.app)

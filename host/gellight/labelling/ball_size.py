@@ -29,7 +29,7 @@ def felt_radius_mm(calibration: Calibration, presses: Sequence[Press]) -> float:
     """
     if not presses:
         raise InputError("there are no presses to measure the ball by: give at least one")
-    reconstructor = Reconstructor(calibration, masked=False)
+    reconstructor = Reconstructor(calibration, masked=False, undistorted=False)
     return float(np.median([_radius_px(reconstructor, press) for press in presses])) * calibration.pixel_size_mm[0]
 
 

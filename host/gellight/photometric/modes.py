@@ -6,6 +6,8 @@ from math import floor
 from gellight.calibration import Calibration
 from gellight.camera import Camera
 from gellight.config import ReconstructionSettings
+from gellight.errors import CalibrationError
+from gellight.lens.lens_file import FILE_NAME, has_lens
 from gellight.photometric.cameras import EXPOSURE, RestingCamera, SeriesCamera
 from gellight.photometric.hybrid import HybridReconstructor
 from gellight.photometric.light_model import LightGroups, LightModel
@@ -32,11 +34,17 @@ class Mode(StrEnum):
 def frame_path(calibration: Calibration, settings: ReconstructionSettings, network: Reconstructor) -> FramePath:
     """Return the frame path of the mode that is set; `network` is that of GelNet mode.
 
-    Raises CalibrationError where the bundle does not know its lights.
+    Raises CalibrationError where the bundle does not know its lights, or has a lens, which only GelNet's maps are
+    freed of.
     """
     mode = Mode(settings.mode)
     if mode is Mode.NETWORK:
         return network
+    if has_lens(calibration):
+        raise CalibrationError(
+            f"{calibration.source} has {FILE_NAME}, and {mode} mode measures in the distorted picture: use network "
+            "mode, or the bundle without its lens"
+        )
     model, kind = read_lights(calibration), LightGroups(settings.light_groups)
     stereo = PhotometricReconstructor(calibration, model, kind, smoothing_px=settings.smoothing_px)
     return stereo if mode is Mode.PHOTOMETRIC else HybridReconstructor(network, stereo)

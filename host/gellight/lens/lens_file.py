@@ -1,0 +1,105 @@
+"""`lens.json`: the lens of a sensor and where it was measured, a file of its calibration bundle."""
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+
+from gellight.calibration import Calibration
+from gellight.errors import CalibrationError
+from gellight.lens.model import Lens
+from gellight.lens.undistortion import Undistortion
+
+if TYPE_CHECKING:
+    from gellight.lens.fitting import LensFit
+
+FILE_NAME = "lens.json"
+REMEDY = "measure it again with `gellight calibrate lens IMAGE --pitch-mm P --calibration BUNDLE --out NEW`"
+_PRESSES = "presses.npz"
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class LensRecord(BaseModel):
+    """The content of the file; an unknown key is an error. The first eight as in `Lens`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1] = 1
+    image_width_px: Annotated[int, Field(ge=2)]
+    image_height_px: Annotated[int, Field(ge=2)]
+    centre_px: tuple[Number, Number]
+    k1: Annotated[float, Field(gt=-1, lt=1)]
+    k2: Annotated[float, Field(gt=-1, lt=1)]
+    px_per_mm: tuple[Positive, Number, Positive]
+    origin_mm: tuple[Number, Number]
+    learnt_from_circles: bool
+    """the network of the bundle learnt from contact circles in the distorted picture; else from true slopes"""
+    pitch_mm: Positive
+    images: tuple[str, ...]
+    pins: Annotated[int, Field(ge=1)]
+    rms_before_px: Annotated[float, Field(ge=0)]
+    rms_after_px: Annotated[float, Field(ge=0)]
+    created: AwareDatetime
+
+
+def has_lens(calibration: Calibration) -> bool:
+    """Tell whether the bundle knows its lens."""
+    return FILE_NAME in calibration.files
+
+
+def read_record(calibration: Calibration) -> LensRecord:
+    """Return the checked content of the file; CalibrationError where it is damaged or of another picture size."""
+    try:
+        record = LensRecord.model_validate_json(calibration.files[FILE_NAME])
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "content"
+        raise CalibrationError(f"{calibration.source}: {FILE_NAME}: {place}: {first['msg']}; {REMEDY}") from error
+    height, width = calibration.image_shape
+    if (record.image_height_px, record.image_width_px) != (height, width):
+        raise CalibrationError(
+            f"{calibration.source}: {FILE_NAME} is for {record.image_width_px} x {record.image_height_px} px, "
+            f"the bundle for {width} x {height} px; {REMEDY}"
+        )
+    return record
+
+
+def read_undistortion(calibration: Calibration) -> Undistortion:
+    """Return the resampling of a bundle that has a lens; CalibrationError as `read_record`."""
+    record = read_record(calibration)
+    return Undistortion(lens_of(record), calibration.pixel_size_mm, from_circles=record.learnt_from_circles)
+
+
+def lens_of(record: LensRecord) -> Lens:
+    """Return the lens of a record."""
+    return Lens(
+        image_shape=(record.image_height_px, record.image_width_px),
+        centre_px=record.centre_px,
+        k1=record.k1,
+        k2=record.k2,
+        px_per_mm=record.px_per_mm,
+        origin_mm=record.origin_mm,
+    )
+
+
+def lens_json(fit: "LensFit", images: tuple[str, ...], calibration: Calibration) -> bytes:
+    """Return the content of the file for a bundle; one with presses learnt from contact circles."""
+    lens = fit.lens
+    record = LensRecord(
+        image_width_px=lens.image_shape[1],
+        image_height_px=lens.image_shape[0],
+        centre_px=lens.centre_px,
+        k1=lens.k1,
+        k2=lens.k2,
+        px_per_mm=lens.px_per_mm,
+        origin_mm=lens.origin_mm,
+        learnt_from_circles=_PRESSES in calibration.files,
+        pitch_mm=fit.pitch_mm,
+        images=images,
+        pins=fit.pins,
+        rms_before_px=fit.rms_before_px,
+        rms_after_px=fit.rms_after_px,
+        created=datetime.now(UTC).replace(microsecond=0),
+    )
+    return (record.model_dump_json(indent=1) + "\n").encode()

@@ -1,0 +1,89 @@
+"""Measure a lens from pictures and add it to a bundle; draw what was found."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gellight.calibration import Calibration, extend_calibration
+from gellight.camera import read_image
+from gellight.errors import InputError
+from gellight.lens.fitting import Floats, LensFit, fit_lens, read_pins
+from gellight.lens.lens_file import FILE_NAME, lens_json
+from gellight.lens.pins import marked
+from gellight.lens.undistortion import Undistortion
+from gellight.pictures import Picture, write_png
+from gellight.training import read_reference
+
+
+def measure_lens(
+    calibration: Calibration, images: Sequence[Path], pitch_mm: float, reference: str | None = None
+) -> LensFit:
+    """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
+
+    reference: the untouched gel, for pins that press into it; without it they are spots in the picture itself. Raises
+    InputError with the reason where the pictures do not tell the lens.
+    """
+    if not (np.isfinite(pitch_mm) and pitch_mm > 0):
+        raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
+    if not images:
+        raise InputError("there is no picture: give at least one of the pin grid")
+    untouched = None if reference is None else read_reference(reference).image
+    if untouched is not None:
+        calibration.check_fits(str(reference), (untouched.shape[0], untouched.shape[1]))
+    lattices = [
+        read_pins(
+            _picture(path, calibration),
+            untouched,
+            pixel_size_mm=calibration.pixel_size_mm,
+            pitch_mm=pitch_mm,
+            source=path,
+        )
+        for path in images
+    ]
+    return fit_lens(lattices, calibration.image_shape, pitch_mm)
+
+
+def add_lens(
+    calibration: Calibration, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False
+) -> Calibration:
+    """Write the bundle with the lens as a new one and return it; CalibrationError where that cannot be."""
+    content = lens_json(fit, tuple(path.name for path in images), calibration)
+    return extend_calibration(calibration, out, {FILE_NAME: content}, overwrite=overwrite)
+
+
+def figures(fit: LensFit, calibration: Calibration) -> dict[str, Any]:
+    """Return what was measured, ready for JSON; mm at the size of a pixel in the middle of the picture."""
+    x_mm, y_mm = fit.lens.mm_per_px
+    mm = float(np.sqrt(x_mm * y_mm))
+    undistortion = Undistortion(fit.lens, calibration.pixel_size_mm, from_circles=False)
+    return {
+        "pins": fit.pins,
+        "pictures": len(fit.lattices),
+        "rms_before_px": round(fit.rms_before_px, 4),
+        "rms_after_px": round(fit.rms_after_px, 4),
+        "rms_before_mm": round(fit.rms_before_px * mm, 5),
+        "rms_after_mm": round(fit.rms_after_px * mm, 5),
+        "corner_moves_px": round(fit.lens.bend_px, 2),
+        "k1": round(fit.lens.k1, 5),
+        "k2": round(fit.lens.k2, 5),
+        "centre_px": [round(c, 1) for c in fit.lens.centre_px],
+        "middle_mm_per_px": [round(x_mm, 6), round(y_mm, 6)],
+        "bundle_mm_per_px": list(calibration.pixel_size_mm),
+        "not_seen_share": round(float(1 - undistortion.seen.mean()), 4),
+    }
+
+
+def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
+    """Draw the pins found in the first picture, and where the lens expects them, as a PNG file."""
+    try:
+        write_png(path, marked(read_image(image), fit.lattices[0].points, fit.expected_px[0]))
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}): choose another place") from error
+
+
+def _picture(path: Path, calibration: Calibration) -> Floats:
+    picture: Picture = read_image(path)
+    calibration.check_fits(str(path), (picture.shape[0], picture.shape[1]))
+    return picture.astype(np.float32)
