@@ -6,6 +6,11 @@ from pathlib import Path
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
+# Before NumPy is loaded, and for all children: several processes share the processors, and threads of one small product
+# of matrices that wait for each other spin.
+for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
+
 ALLOWED_SKIPS = ("needs real hardware", "needs a GPU")
 
 
@@ -17,8 +22,8 @@ TESTS = Path(__file__).parent
 LONGEST = (
     "vm", "host/test_calibrate_verb.py", "host/test_calibrating.py", "firmware/test_mutants.py", "host/test_demo.py",
     "host/lighting/test_labels.py", "host/test_watch.py", "host/photometric/test_demo_modes.py",
-    "host/test_optimize.py", "host/test_page.py", "host/test_desk.py", "host/lighting/test_sequenced.py",
-    "host/test_rezero.py", "firmware/test_fuzz.py", "firmware/test_image.py", "host/test_page_in_use.py",
+    "host/test_optimize.py", "host/test_page.py", "host/lighting/test_sequenced.py", "host/test_rezero.py",
+    "host/test_measured_response.py", "firmware/test_fuzz.py", "firmware/test_image.py", "host/test_page_in_use.py",
 )  # fmt: skip
 """files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
 
