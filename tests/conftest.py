@@ -23,6 +23,7 @@ class ByFile(LoadFileScheduling):
         return "vm" if nodeid.startswith("tests/vm/") else super()._split_scope(nodeid)
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
     return ByFile(config, log)
 

@@ -1,15 +1,13 @@
 """The core under ASan and UBSan: its own tests, a short fuzzing run, and the corpus replayed through the real image."""
 
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from fuzzing import CORPUS, compile_fuzzer, fuzz
 from mutations import LOGIC
-from virtual_board import compile_library
+from virtual_board import compile_library, run_core_tests
 
 from gellight.board.chip import EmulatedBoard
 from gellight.ring import LightRing
@@ -53,12 +51,7 @@ def test_the_tests_of_the_core_pass_under_asan(tmp_path: Path) -> None:
     asan = subprocess.run(
         ["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
     ).stdout.strip()
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "tests/firmware/test_core.py",
-         "tests/firmware/test_core_config.py"],
-        cwd=CHECKOUT, capture_output=True, text=True, check=False,
-        env=os.environ | {"GELLIGHT_CORE_LIBRARY": str(library), "LD_PRELOAD": asan, "ASAN_OPTIONS": "detect_leaks=0"},
-    )  # fmt: skip
+    done = run_core_tests(library, LD_PRELOAD=asan, ASAN_OPTIONS="detect_leaks=0")
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 

@@ -4,10 +4,7 @@ Mutants of the board are built and run in the emulator under `examine`; mutants 
 the core against a library built from the changed sources.
 """
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -187,14 +184,9 @@ def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
 def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    from virtual_board import compile_library
+    from virtual_board import compile_library, run_core_tests
 
     library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
-    tests = [CHECKOUT / "tests/firmware" / name for name in ("test_core.py", "test_core_config.py")]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, tests)],
-        cwd=CHECKOUT, env=os.environ | {"GELLIGHT_CORE_LIBRARY": str(library)}, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
+    done = run_core_tests(library)
     assert done.returncode != 0, "survived"
     assert "error" not in done.stdout.lower().split("short test summary")[-1].split("failed")[0], done.stdout[-2000:]
