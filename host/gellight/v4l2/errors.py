@@ -29,6 +29,10 @@ class DeniedError(CameraError):
     """The user may not open the camera."""
 
 
+class CorruptPictureError(ValueError):
+    """A picture is not whole; the text says how. It is counted, and the next one taken."""
+
+
 @contextmanager
 def told(path: str, doing: str) -> Iterator[None]:
     """Turn an OSError of the kernel into the error of this module that says what to do."""

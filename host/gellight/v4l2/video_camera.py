@@ -7,9 +7,9 @@ from gellight.errors import CameraError
 from gellight.frames import CameraFrame
 from gellight.lighting.timing import CameraTiming
 from gellight.v4l2.controls import V4l2Controls
-from gellight.v4l2.decoding import CorruptPictureError, decode
+from gellight.v4l2.decoding import decode
 from gellight.v4l2.device import Device
-from gellight.v4l2.errors import StalledError
+from gellight.v4l2.errors import CorruptPictureError, StalledError
 from gellight.v4l2.formats import Offer
 from gellight.v4l2.kernel import Kernel
 from gellight.v4l2.options import CaptureOptions, parse_url
