@@ -115,7 +115,7 @@ def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_p
     [
         ("format=H264", "format"),
         ("fps=0", "fps"),
-        ("speed=3", "speed: Extra inputs.*parameters: width, height, format"),
+        ("speed=3", "unknown parameter speed: choose one of width, height, format"),
         ("width=640", "width and height together"),
         ("exposure_us=x", "exposure_us"),
     ],

@@ -1,7 +1,9 @@
 """`gellight`: the verbs, and the one place where an error becomes a message and an exit status."""
 
+import importlib.metadata
 import os
 import sys
+from typing import Annotated
 
 import typer
 
@@ -39,8 +41,18 @@ app = typer.Typer(
 )
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"gellight {importlib.metadata.version('gellight')}")
+        raise typer.Exit
+
+
 @app.callback()
-def gellight() -> None:
+def gellight(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
     """Camera-based tactile sensing: from light to depth."""
 
 
