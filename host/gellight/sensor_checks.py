@@ -52,11 +52,10 @@ def check_formats(camera: V4l2Camera) -> Iterator[Finding]:
     offered = camera.offers
     yield ok("formats", "; ".join(str(offer) for offer in offered))
     mode = camera.mode
-    raw = [
-        offer.letters
-        for offer in offered
-        if offer.letters in ("YUYV", "RGB3") and offer.has(mode.width, mode.height) and max(offer.rates) >= mode.fps
+    fitting = [
+        offer for offer in offered if offer.has(mode.width, mode.height) and max(offer.rates, default=0) >= mode.fps
     ]
+    raw = [offer.letters for offer in fitting if offer.letters in ("YUYV", "RGB3")]
     if raw and mode.letters == "MJPG":
         text = f"{raw[0]} comes at {mode.fps:g} fps too, without JPEG's artefacts"
         yield ok("formats", f"{text}: use ?format={raw[0]} where the camera has its bus for itself")

@@ -109,6 +109,13 @@ def test_what_is_wrong_with_the_frames_is_found(
     assert clinic.all_dark()
 
 
+def test_a_camera_that_does_not_tell_its_rates_is_examined_too(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", formats={"YUYV": {(32, 24): []}})
+    findings = clinic.examine(tmp_path)
+    assert wrong(findings) == {}
+    assert "YUYV 32x24 at ? fps" in [finding.text for finding in findings]
+
+
 def test_a_camera_that_repeats_its_pictures_is_found(clinic: Clinic, tmp_path: Path) -> None:
     camera = clinic.plug("1-2", "GL0001")
     camera.payload = lambda number: clinic.look(number // 2)

@@ -118,6 +118,9 @@ def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_p
         ("speed=3", "unknown parameter speed: choose one of width, height, format"),
         ("width=640", "width and height together"),
         ("exposure_us=x", "exposure_us"),
+        ("delay_us=inf", "delay_us"),
+        ("readout_us=2e6", "readout_us"),
+        ("gain=nan", "gain"),
     ],
 )
 def test_wrong_parameters_of_a_url_are_named(query: str, message: str) -> None:

@@ -48,6 +48,8 @@ def explained(path: str, doing: str, error: OSError) -> CameraError:
         return UnpluggedError(f"no camera at {path}: plug it in, or let `gellight find` list what is there")
     if error.errno in GONE:
         return UnpluggedError(f"the camera at {path} was unplugged: plug it in again")
+    if error.errno == errno.EBADF:
+        return CameraError(f"the camera at {path} is closed: open it again")
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeniedError(
             f"you may not use {path} ({os.strerror(error.errno)}): run `sudo gellight install-udev` once, then unplug "
