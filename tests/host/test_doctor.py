@@ -15,9 +15,13 @@ from gellight.cli.main import app
 from gellight.discovery import discover
 from gellight.doctor import Finding, Level, examine
 from gellight.errors import BoardError, CameraError, InputError
+from gellight.sensor_checks import check_stamps
 from gellight.v4l2 import controls as c
 from gellight.v4l2 import structures as v
+from gellight.v4l2.options import parse_url
+from gellight.v4l2.video_camera import V4l2Camera
 from tests.host.test_sensor_camera import Bench, FakeRing
+from tests.host.v4l2_pictures import jpeg, scene
 
 WEBCAM = (0x046D, 0x0825)
 
@@ -83,7 +87,7 @@ def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp
     assert wrong(findings) == {}
     checks = {finding.check for finding in findings}
     assert checks >= {"udev rule", "disk", "clock", "sensors", "usb", "permission", "formats", "settings", "rate",
-                      "bandwidth", "frames", "board", "leds"}  # fmt: skip
+                      "stamps", "bandwidth", "frames", "board", "leds"}  # fmt: skip
     text = {finding.check: finding.text for finding in findings}
     assert "30.00 frames/s by the kernel's stamps" in text["rate"]
     assert clinic.all_dark()
@@ -97,6 +101,18 @@ def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp
         ({"missing": lambda number: number % 4 == 2}, "frames", "lost", "cable"),
         ({"bad": lambda number: v.FLAG_ERROR * (number % 4 == 2)}, "frames", "damaged", "cable"),
         ({"stamp": lambda number, time_s: time_s + 9}, "clock", "cannot be true", "hwtimestamps"),
+        (
+            {"stamp": lambda number, time_s: time_s + 0.005 * (number % 7 == 3)},
+            "stamps",
+            "than the 2 ms",
+            "without a hub",
+        ),
+        (
+            {"missing": lambda number: number % 9 == 4, "sequence": lambda number: number - (number + 4) // 9},
+            "frames",
+            "missing without a gap in the driver's numbers",
+            "lower the rate",
+        ),
     ],
 )
 def test_what_is_wrong_with_the_frames_is_found(
@@ -114,6 +130,28 @@ def test_a_camera_that_does_not_tell_its_rates_is_examined_too(clinic: Clinic, t
     findings = clinic.examine(tmp_path)
     assert wrong(findings) == {}
     assert "YUYV 32x24 at ? fps" in [finding.text for finding in findings]
+
+
+def test_the_remedy_for_stamps_that_wander_is_one_that_helps(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", stamp=lambda number, time_s: time_s + 0.005 * (number % 7 == 3))
+    remedy = wrong(clinic.examine(tmp_path))["stamps"].remedy
+    option = remedy.rpartition("?")[2]
+    node = next(iter(clinic.kernel.cameras))
+    with V4l2Camera(node, parse_url(f"v4l2://x?{option}")[1], kernel=clinic.kernel) as camera:
+        pictures = [camera.picture() for _ in range(60)]
+        assert check_stamps(camera, pictures).level is Level.OK
+        assert camera.timing.stamp_error_s >= 0.0042, "5 ms, less what the steady rate takes of it"
+
+
+def test_jpegs_that_are_not_whole_are_found(clinic: Clinic, tmp_path: Path) -> None:
+    whole = jpeg(scene(shape=(24, 32)))
+    camera = clinic.plug("1-2", "GL0001", formats={"MJPG": {(32, 24): [30]}})
+    camera.payload = lambda number: (
+        (whole[:-40] if number % 4 == 1 else whole[:-2]) + bytes([number % 251]) + whole[-2:]
+    )
+    found = [finding for finding in clinic.examine(tmp_path) if finding.check == "frames"]
+    assert "15 not whole" in found[0].text
+    assert "cable" in found[0].remedy
 
 
 def test_a_camera_that_repeats_its_pictures_is_found(clinic: Clinic, tmp_path: Path) -> None:

@@ -104,6 +104,11 @@ def test_what_was_not_measured_makes_the_light_of_a_frame_less_sure(tmp_path: Pa
     assert camera.timing.readout_s == 0.012
     assert np.diff(doubts) == pytest.approx([-1 / 30, -1 / 30])
     assert doubts[-1] == 0.002
+    options = parse_url("v4l2://x?exposure_us=8000&width=32&height=24&readout_us=12000&delay_us=0&stamp_error_us=500")[
+        1
+    ]
+    with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
+        assert camera.timing.stamp_error_s == 0.0005
 
 
 def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_path: Path) -> None:
