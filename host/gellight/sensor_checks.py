@@ -10,7 +10,7 @@ from gellight.discovery import Sensor
 from gellight.doctor import ISOCHRONOUS_BYTES_S, Finding, failure, ok, problem, warning
 from gellight.errors import GellightError
 from gellight.ring import LightRing
-from gellight.sensor_camera import Surroundings
+from gellight.sensor_connection import Surroundings
 from gellight.v4l2.decoding import decode
 from gellight.v4l2.errors import CorruptPictureError
 from gellight.v4l2.options import CaptureOptions

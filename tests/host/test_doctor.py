@@ -6,7 +6,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -36,9 +35,6 @@ class TalkingRing(FakeRing):
 
     def clock(self) -> None:
         self.kernel.sleep(self.answer_s)
-
-    def blank(self) -> None:
-        self.lit = np.zeros((12, 3), np.uint8)
 
     def __enter__(self) -> "TalkingRing":
         self.hello.firmware_major, self.hello.firmware_minor, self.hello.firmware_patch = 1, 2, 3
