@@ -6,6 +6,7 @@ with rising sequence numbers, so nothing that was taken before is ever taken for
 """
 
 import logging
+import os
 import threading
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 from gellight.calibration import Calibration
 from gellight.camera import Camera, CameraControls, ReconnectingError
 from gellight.discovery import Discovery, Node, Sensor
-from gellight.errors import BoardError, CameraError, GellightError
+from gellight.errors import BoardError, CameraError, GellightError, InputError
 from gellight.frames import CameraFrame
 from gellight.lighting.timing import CameraTiming
 from gellight.sensor_connection import Connection, Setup, Surroundings
@@ -200,6 +201,10 @@ def open_sensor(
     """
     around = surroundings or Surroundings(kernel=LinuxKernel())
     place, options = parse_url(url)
+    if not place:
+        raise InputError(
+            f"{url} names no sensor: give auto, sensor://NAME or v4l2:///dev/video0; `gellight find` lists all"
+        )
     found = around.look()
     if url.startswith("v4l2://"):
         sensor = _camera_alone(found, place)
@@ -218,7 +223,7 @@ def _camera_alone(found: Discovery, path: str) -> Sensor:
     try:
         return replace(found.of_camera(path), ring=None)
     except UnpluggedError:
-        if not Path(path).exists():
+        if not os.path.exists(path):  # noqa: PTH110  (Path.exists raises for a name that is too long)
             raise
     node = Node(path=str(Path(path).resolve()), stable=path, name="", usb=None)  # no camera: opening it will say so
     return Sensor(camera=node, ring=None)

@@ -103,7 +103,7 @@ def test_no_camera_a_foreign_camera_and_no_permission_are_told_apart() -> None:
     with pytest.raises(CameraError, match="delivers no pictures"):
         Device(PATH, kernel=kernel)
     camera.errors[v.QUERYCAP] = errno.ENOTTY
-    with pytest.raises(CameraError, match="no V4L2 device"):
+    with pytest.raises(CameraError, match="is no V4L2 camera: `gellight find` lists"):
         Device(PATH, kernel=kernel)
     assert not kernel.opened, "what could not be used was closed again"
 

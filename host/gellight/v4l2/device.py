@@ -10,7 +10,7 @@ from typing import Self
 from gellight.errors import CameraError
 from gellight.v4l2 import structures as v
 from gellight.v4l2.controls import V4l2Controls
-from gellight.v4l2.errors import told
+from gellight.v4l2.errors import no_camera, told
 from gellight.v4l2.formats import RATE_TOLERANCE, Mode, Offer, Wanted, choose, not_offered, offers
 from gellight.v4l2.kernel import Kernel, LinuxKernel
 from gellight.v4l2.stream import BUFFERS, Stream
@@ -56,8 +56,13 @@ class Device:
 
     def _identify(self) -> Identity:
         found = v.Capability()
-        with told(self.path, "to say what it is (it is no V4L2 device)"):
-            self.ask(v.QUERYCAP, found)
+        with told(self.path, "to say what it is"):
+            try:
+                self.ask(v.QUERYCAP, found)
+            except OSError as error:
+                if error.errno == errno.ENOTTY:
+                    raise CameraError(no_camera(self.path)) from error
+                raise
         able = found.device_caps if found.capabilities & v.CAP_DEVICE_CAPS else found.capabilities
         needed = v.CAP_VIDEO_CAPTURE | v.CAP_STREAMING
         return Identity(
