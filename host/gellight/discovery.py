@@ -114,7 +114,7 @@ class Discovery:
         rings = ", ".join(node.stable for node in self.rings) or "none"
         remedy = "plug both into one hub of their own"
         if self.cameras and self.rings:
-            remedy += f", or name them: v4l2://{self.cameras[0].stable}?ring={self.rings[0].stable}"
+            remedy += f", or name them with v4l2://{self.cameras[0].stable}?ring={self.rings[0].stable}"
         return f"cameras {cameras}, rings {rings}: {remedy}"
 
     def of_camera(self, path: str) -> Sensor:

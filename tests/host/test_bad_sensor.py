@@ -104,8 +104,18 @@ def test_urls_of_real_sensors_go_to_real_sensors(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="speed"):
         open_camera("auto?speed=3")
     (tmp_path / "v4l2").write_text("text")
-    with pytest.raises(CameraError, match=r"fails to say what it is|delivers no pictures"):
-        open_camera(f"v4l2://{tmp_path}/v4l2")
+    for path in (tmp_path / "v4l2", tmp_path, Path("/dev/null")):
+        with pytest.raises(CameraError, match=rf"^{path} is no V4L2 camera: `gellight find` lists"):
+            open_camera(f"v4l2://{path}")
+    for url in ("v4l2://", "sensor://", "v4l2://?fps=30"):
+        with pytest.raises(InputError, match=r"names no sensor: give auto, sensor://NAME"):
+            open_camera(url)
+
+
+@pytest.mark.parametrize("url", ["{}", "auto{}", "v4l2://{}", "v4l2:///dev/{}", "sensor://{}"])
+def test_a_name_that_is_too_long_for_a_file_is_one_that_is_not_there(url: str) -> None:
+    with pytest.raises(CameraError, match=r"no camera at|no sensor is called|is no file"):
+        open_camera(url.format("x" * 300))
 
 
 def test_a_folder_called_auto_is_still_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

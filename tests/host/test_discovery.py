@@ -47,7 +47,9 @@ def test_a_webcam_at_the_root_hub_is_never_paired_with_a_ring(usb: FakeUsb) -> N
     usb.plug("1-2", serial="RING", rings=1)
     found = seen(usb)
     assert not found.sensors
-    with pytest.raises(UnpluggedError, match=r"plug both into one hub of their own, or name them: v4l2://\S+\?ring="):
+    with pytest.raises(
+        UnpluggedError, match=r"plug both into one hub of their own, or name them with v4l2://\S+\?ring="
+    ):
         found.only()
 
 

@@ -11,7 +11,8 @@ from gellight.calibration import Calibration, LedSetting, write_calibration
 from gellight.camera import ReconnectingError
 from gellight.daemon import Daemon
 from gellight.errors import BoardError, CalibrationError, CameraError, GellightError
-from gellight.sensor_camera import SensorCamera, Surroundings, open_sensor
+from gellight.sensor_camera import SensorCamera, open_sensor
+from gellight.sensor_connection import Surroundings
 from gellight.v4l2 import controls as c
 from gellight.v4l2.errors import BusyError, DeniedError
 from tests.host.fake_kernel import FakeCamera, FakeKernel
@@ -43,6 +44,9 @@ class FakeRing:
             raise self.refusal
         self.lit = colours
         return SimpleNamespace(light_id=1)
+
+    def blank(self) -> None:
+        self.lit = np.zeros((12, 3), np.uint8)
 
     def wait_for_light(self, light_id: int) -> None:
         self.kernel.sleep(0.02)
@@ -153,6 +157,57 @@ def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnectio
         camera.read()
         assert device.controls[c.EXPOSURE].value == 160
         assert (bench.rings[-1].lit == [led.rgb for led in darker]).all()
+
+
+def test_a_sensor_that_was_opened_dark_is_dark_again_when_a_bundle_cannot_be_adopted(
+    bench: Bench, bundle: Calibration
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open(f"auto?{SIZE}&exposure_us=4000") as camera:
+
+        def fail(light_id: int) -> None:
+            raise BoardError("the board did not say that it is lit")
+
+        bench.rings[0].wait_for_light = fail  # type: ignore[method-assign]
+        with pytest.raises(BoardError, match="did not say that it is lit"):
+            camera.adopt(bundle)
+        assert not bench.rings[0].lit.any()
+        assert device.controls[c.EXPOSURE].value == 40
+        assert camera.read().sequence == 0
+
+
+def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto?format=YUYV&width=32&height=24") as camera:
+        camera.read()
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        camera.adopt(bundle)
+        bench.plug("1-3", "GL0001")
+        camera.read()
+        assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
+
+
+def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    camera = bench.open("auto", bundle)
+    camera.read()
+    bench.unplug("1-2")
+    with pytest.raises(ReconnectingError):
+        camera.read()
+    bench.plug("1-2", "GL0001")
+    opened = bench.kernel.open
+
+    def closing(path: str) -> int:
+        camera.close()
+        return opened(path)
+
+    bench.kernel.open = closing  # type: ignore[method-assign]
+    with pytest.raises(CameraError, match="is closed"):
+        camera.read()
+    assert bench.all_dark()
+    assert not bench.kernel.opened
 
 
 def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Calibration) -> None:

@@ -18,7 +18,7 @@ def command(
 ) -> None:
     """Check computer, USB, camera, light ring and frames; exits with 1 when something prevents use."""
     from gellight.doctor import Level, examine
-    from gellight.sensor_camera import Surroundings
+    from gellight.sensor_connection import Surroundings
     from gellight.v4l2.kernel import LinuxKernel
 
     findings = []
