@@ -103,6 +103,10 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, desk:
     page.get_by_test_id("action-begin").click()
     (begin, wishes), *_ = wait_for(desk, page, 1)
     assert begin == "begin"
+    assert wishes.pin_pitch_mm is None
+    page.get_by_test_id("pins").fill("2")
+    page.get_by_test_id("action-begin").click()
+    assert wait_for(desk, page, 2)[1][1].pin_pitch_mm == 2
     assert (wishes.ball_radius_mm, wishes.cylinder_diameter_mm, wishes.presses) == (2.5, 8.0, 24)
     assert (wishes.hand, wishes.anew) == (False, False)
 
