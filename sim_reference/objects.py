@@ -12,7 +12,7 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.gel import NO_OBJECT
+from sim_reference.deformation import NO_OBJECT
 
 Array = NDArray[np.float64]
 

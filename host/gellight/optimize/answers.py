@@ -124,7 +124,7 @@ def top1_curves(result: CoarseResult, name: str | None) -> str:
 
 def fine_answer(result: FineResult) -> dict[str, Any]:
     """Return the fine study by height; errors are null where the LEDs would be inside the window."""
-    air, chosen = result.errors_rad["air"], list(METHODS).index("12 exposures, shadows dropped")
+    air, chosen = result.errors_rad["air"], list(METHODS).index("each LED by itself, shadows dropped")
     heights, saturations = np.array(result.heights_mm), np.array([light.saturation for light in result.light])
     half = fine.height_of_saturation(heights, saturations)
     return {
@@ -249,7 +249,7 @@ def designed(candidate: designing.Candidate, geometry: SensorGeometry) -> Sensor
     """Return the sensor with a candidate's ring; the radius is trimmed to the housing if the new tilt asks for it."""
     ring = replace(
         geometry,
-        led_colours=designing.colours_of(candidate.number),
+        led_colours=designing.colours_of(candidate.number, geometry),
         incident_angle_rad=round(candidate.incident_angle_rad, 4),
         mounting_height_mm=round(candidate.mounting_height_mm, 1),
     )

@@ -11,7 +11,7 @@ from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import maximum_elevation
 from sim_reference.optimizer import fine
 from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult
-from sim_reference.optimizer.refraction import Medium, refracted
+from sim_reference.optimizer.refraction import Medium, refracted, window_of
 
 Array = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def _best_height_statement(result: FineResult) -> Statement:
 def ball_statements() -> list[Statement]:
     """Return the statements around equation 8."""
     elevation = degrees(maximum_elevation(4.0, 2.0))
-    acrylic = 90 - degrees(refracted(np.radians(29), Medium(refractive_index=1.49)))
+    acrylic = 90 - degrees(refracted(np.radians(29), Medium(refractive_index=1.49, thickness_mm=3.0)))
     return [
         Statement("2.3", "a ball of 4 mm pressed by 2 mm records 60°", f"{elevation:.9f}°", abs(elevation - 60) < 1e-9),
         Statement(
@@ -211,7 +211,7 @@ def saturation_table(geometry: SensorGeometry) -> list[tuple[str, float, float]]
         "crosstalk of 10 % to each neighbour": fine.View(camera=replace(ideal, crosstalk=leaky)),
         "even grey light of half the mean": fine.View(ambient=0.5),
         "gamma of 2.2": fine.View(camera=replace(ideal, gamma=2.2)),
-        "bent by the window": fine.View(medium=Medium()),
+        "bent by the window": fine.View(medium=window_of(geometry)),
     }
     heights = np.arange(0.0, 31.0, 2.0)
     rows = []

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.optimize.sweep import Task, Way, run
-from sim_reference.gel import grid
+from sim_reference.deformation import grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters, object_height
 from sim_reference.optimizer import coarse, design, exposures, fine, near_field, sensitivity
 from sim_reference.optimizer.benchmark import Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
-from sim_reference.optimizer.refraction import VACUUM, WINDOW, Medium
+from sim_reference.optimizer.refraction import VACUUM, Medium, window_of
 
 Array = NDArray[np.float64]
 FINE_SAMPLING = Sampling(region_diameter_mm=30.0)
@@ -25,8 +25,8 @@ DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
 CAMERA = LightGroups(full_scale_grey=230.0)
 METHODS = {
     "one exposure": (True, False),
-    "12 exposures": (False, False),
-    "12 exposures, shadows dropped": (False, True),
+    "each LED by itself": (False, False),
+    "each LED by itself, shadows dropped": (False, True),
 }
 """whether all LEDs shine at once, whether shadowed observations are dropped"""
 THINNING = 6
@@ -110,7 +110,7 @@ class FineResult:
 
 def fine_study(subject: Subject, heights_mm: tuple[float, ...], way: Way) -> FineResult | None:
     """Return the fine study, or None while shards are missing."""
-    media = {"air": VACUUM, "window": WINDOW}
+    media = {"air": VACUUM, "window": window_of(subject.geometry)}
     tasks = [
         Task(f"{name} ({label})", fine_of_object, (name, subject, heights_mm, medium))
         for label, medium in media.items()
@@ -141,6 +141,7 @@ def beyond_of_object(name: str, subject: Subject) -> Any:
     camera = LightGroups()
     number = len(subject.geometry.led_colours) // 3 * 3
     twelve = exposures.in_turn(number)
+    window = window_of(subject.geometry)
     curves = {
         "least squares": [exposures.directional_error([seen], twelve, a, camera) for a in BEYOND_ANGLES],
         "shadows dropped": [
@@ -149,7 +150,7 @@ def beyond_of_object(name: str, subject: Subject) -> Any:
     }
     for label, restored in (("window, same lamps", False), ("window, exposure restored", True)):
         curves[label] = [
-            exposures.directional_error([seen], twelve, a, camera, medium=WINDOW, exposure_restored=restored)
+            exposures.directional_error([seen], twelve, a, camera, medium=window, exposure_restored=restored)
             for a in BEYOND_ANGLES
         ]
     for label, crosstalk in (("", None), (", crosstalk", CROSSTALK)):
