@@ -51,7 +51,7 @@ def _tiles(steps: dict[str, Any], verdict: dict[str, Any], session: Session) -> 
         (f"{verdict['depth_um']:.0f} µm", f"mean depth error in contact on {fresh} fresh presses; paper: 20 µm"),
         (f"{verdict['normal_deg']:.2f}°", "mean angle between the normals in contact there"),
         (f"{1000 * size['pixel_size_mm']:.2f} µm", f"a pixel, from {size['presses']} presses of the cylinder"),
-        (f"{steps['reference']['noise_grey']:.2f}", "grey levels of noise in a pixel of a frame"),
+        (f"{steps['reference']['pixel_noise_grey']:.2f}", "grey levels of noise in a pixel of a frame"),
         (f"{steps['presses']['presses']}", f"ball presses learnt from; {steps['presses']['refused']} refused"),
         ("passed" if verdict["passed"] else "not passed", "verdict"),
     ]
@@ -164,7 +164,8 @@ def _preparation(session: Session) -> str:
     return (
         "<h2>Light</h2>"
         f"<p>Camera locked: {escape(camera)}. Reference: mean of {reference['frames']} frames, "
-        f"{reference['noise_grey']:.2f} grey levels of noise; while warming up the light moved by "
+        f"{reference['pixel_noise_grey']:.2f} grey levels of noise in a pixel, {reference['noise_grey']:.2f} where "
+        "neighbours share it, as a camera that compresses makes them; while warming up the light moved by "
         f"{reference['warm_up_grey']:.2f} grey levels.</p>"
         + _pictures(pictures)
         + _table(["intensity", "mean", "sigma", "within 1 sigma", "2 sigma", "3 sigma"], rows)
