@@ -411,10 +411,14 @@ def test_the_daemon_serves_its_status_while_the_sensor_is_away_and_goes_on(bench
     reconstructor: Any = CountingReconstructor()
     with Daemon(sensor, reconstructor) as daemon:
         before = daemon.wait_frame(10, 10).camera_frame
+        told: list[Any] = []
+        bench.rings[0].close = lambda: told.append(daemon.status()["error"])  # type: ignore[method-assign]
         bench.unplug("1-2")
         deadline = time.monotonic() + 10
-        while not daemon.status()["error"] and time.monotonic() < deadline:
+        while "reconnecting" not in (daemon.status()["error"] or "") and time.monotonic() < deadline:
             time.sleep(0.005)
+        assert "was unplugged" in told[0], "before the ring was given up, which may take seconds"
+        bench.rings.pop(0)
         status: Any = daemon.status()
         assert "reconnecting to sensor GL0001" in status["error"]
         assert status["camera"]["connection"] == "reconnecting"

@@ -18,18 +18,21 @@ if TYPE_CHECKING:
     from gellight.calibration import Calibration
     from gellight.camera import Camera
 
-Sensor = Annotated[str | None, typer.Option(help="URL of the sensor. [default: as in the settings, or sim://]")]
+Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
 Out = Annotated[Path, typer.Option(help="folder of the bundle to write")]
-State = Annotated[Path | None, typer.Option(help="where the state is kept. [default: OUT.state]")]
+State = Annotated[Path | None, typer.Option(help="where the state is kept.", show_default="OUT.state")]
 BallRadius = Annotated[
-    float | None, typer.Option(help="radius of the ball, mm. [default: 4, or as the interrupted calibration has it]")
+    float | None,
+    typer.Option(help="radius of the ball, mm.", show_default="4, or as the interrupted calibration has it"),
 ]
 Cylinder = Annotated[
-    float | None, typer.Option(help="diameter of the flat-ended cylinder, mm. [default: 8, or likewise]")
+    float | None, typer.Option(help="diameter of the flat-ended cylinder, mm.", show_default="8, or likewise")
 ]
 PinPitch = Annotated[
     float | None,
-    typer.Option(help="distance of two pins of a grid, mm: measures the distortion of the lens. [default: no grid]"),
+    typer.Option(
+        help="distance of two pins of a grid, mm: measures the distortion of the lens.", show_default="no grid"
+    ),
 ]
 Presses = Annotated[int, typer.Option(help="ball presses to learn from")]
 Verifications = Annotated[int, typer.Option(help="fresh ball presses that judge")]
@@ -51,7 +54,9 @@ def command(
     context: typer.Context,
     auto: Annotated[bool, typer.Option("--auto", help="a virtual hand presses, on the simulated sensor")] = False,
     sensor: Sensor = None,
-    name: Annotated[str | None, typer.Option(help="name of the sensor. [default: serial number of its board]")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="name of the sensor.", show_default="serial number of its board")
+    ] = None,
     out: Out = Path("calibration"),
     folder: State = None,
     resume: Annotated[bool, typer.Option(help="go on with an interrupted calibration")] = False,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def command(
     sensor: Annotated[
-        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0. [default: every sensor]")
+        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0.", show_default="every sensor")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:

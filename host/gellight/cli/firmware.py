@@ -39,7 +39,7 @@ def generate(checkout: Checkout = None) -> None:
 @app.command("build")
 def build(
     checkout: Checkout = None,
-    compiler: Annotated[str, typer.Option(help="zig (pip install gellight[firmware]) or gcc")] = "zig",
+    compiler: Annotated[str, typer.Option(help="zig (of the extra `firmware`) or gcc")] = "zig",
     out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
 ) -> None:
     """Compile the image."""
