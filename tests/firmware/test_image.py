@@ -37,7 +37,7 @@ def test_the_leds_are_dark_before_the_board_is_on_the_bus(image: bytes) -> None:
     board.run_until(lambda: board.host.configured, 200_000)
     assert len(board.timeline) == 1
     assert not board.timeline[0].colours.any()
-    assert board.waveform.frame_starts_us[0] < 7_000 < board.now_us
+    assert board.waveform.frame_starts_us[0] < 8_000 < board.now_us
 
 
 def test_every_bit_keeps_the_windows_of_the_data_sheets(board: EmulatedBoard, ring: LightRing) -> None:
@@ -68,6 +68,21 @@ def test_an_led_frame_is_never_torn(board: EmulatedBoard, ring: LightRing) -> No
     assert 5 < len(shown) < len(shades)
     assert all((colours == colours[0, 0]).all() for colours in shown)
     np.testing.assert_array_equal(shown[-1], shades[-1])
+
+
+def test_a_transfer_that_breaks_off_is_sent_again(image: bytes) -> None:
+    """The DMA is stopped in the middle: the LEDs take the part, rest, and get the whole."""
+    board = EmulatedBoard(image)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        begun = len(board.waveform.frame_starts_us)
+        ring.set_leds(PATTERN)
+        board.run_until(lambda: len(board.waveform.frame_starts_us) > begun, 2_000)
+        board.run(50)
+        board.chip.write_uint32(0x50000444, 1)  # CHAN_ABORT
+        board.run(5_000)
+        assert ring.counters().lights_disturbed == 1
+        assert [fault.split(": ")[-1] for fault in board.faults] == ["torn"]
+        np.testing.assert_array_equal(lit(board), PATTERN)
 
 
 def test_the_event_tells_when_the_first_bit_left_the_pin(board: EmulatedBoard, ring: LightRing) -> None:
@@ -163,6 +178,26 @@ def test_a_second_of_sleep_costs_nothing(board: EmulatedBoard, ring: LightRing) 
     assert abs(ring.clock().received_us - before - 1_000_000) < 2_000
 
 
+def test_the_clock_knows_when_a_usb_frame_began(board: EmulatedBoard, ring: LightRing) -> None:
+    """The emulated bus begins a frame each millisecond of the chip's time; the number belongs to the time."""
+    ring.clock()
+    for _ in range(3):
+        board.run(150_400)
+        noted = ring.clock()
+        frame_us = round(noted.sof_us, -3)
+        assert noted.sof_number == frame_us // 1000 & 0x7FF
+        assert 0 <= noted.sof_us - frame_us < 20
+        assert noted.sent_us - noted.sof_us < 320_000
+
+
+def test_the_temperature_is_that_of_the_chip(board: EmulatedBoard, ring: LightRing) -> None:
+    """12 bits of 3.3 V are 0.47 degrees each (data sheet 4.9.5)."""
+    for celsius in (-10.0, 27.0, 65.0):
+        board.set_temperature(celsius)
+        volts = ring.status().temperature * 3.3 / 4096
+        assert abs(27 - (volts - 0.706) / 0.001721 - celsius) < 0.25
+
+
 # ---- safety ----
 
 
@@ -180,6 +215,31 @@ def test_closing_the_port_darkens(board: EmulatedBoard, ring: LightRing) -> None
     board.run(3_000)
     board.host.close()
     board.run(3_000)
+    assert not lit(board).any()
+
+
+def test_nothing_is_lit_by_what_was_under_way_when_the_port_closed(board: EmulatedBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    for number in range(40):
+        packet = Packet(p.COMMANDS["SET_LEDS"].code, 100 + number, GREEN.tobytes())
+        board.host.send(encode(packet))
+    board.run(1_500)
+    board.host.close()
+    board.run(20_000)
+    assert not lit(board).any()
+
+
+def test_a_port_that_is_opened_again_at_once_has_been_dark(board: EmulatedBoard, ring: LightRing) -> None:
+    """Also while the board is busy with packets, and looks at the bus only when both has happened."""
+    ring.set_leds(RED)
+    for number in range(30):
+        board.host.send(encode(Packet(p.COMMANDS["SET_GROUP"].code, number, p.SetGroup(9, bytes(36)).pack())))
+    board.run(2_000)
+    before = len(board.timeline)
+    board.host.close()
+    board.host.open()
+    board.run(30_000)
+    assert len(board.timeline) > before
     assert not lit(board).any()
 
 

@@ -22,6 +22,13 @@ RAM_BASE, RAM_END = 0x20000000, 0x20042000
 USB_INTERRUPT = 5
 MOST_FAULTS = 50
 UNIQUE_ID = bytes.fromhex("e6605838833a5d2f")
+TEMPERATURE_CHANNEL = 4
+ROOM_C = 25.0
+
+
+def temperature_reading(temperature_c: float) -> int:
+    """Return what the converter reads of the chip's sensor: 0.706 V at 27 degrees, -1.721 mV a degree (4.9.5)."""
+    return round((0.706 - 0.001721 * (temperature_c - 27)) / 3.3 * 4096)
 
 
 class _Log:
@@ -61,6 +68,7 @@ class EmulatedBoard:
         self.cut_after: int | None = None
         """power fails after so many bytes of flash were erased or programmed"""
         self.powered = False
+        self.temperature_c = ROOM_C
         self._past_ns = 0.0
         self.power_on()
 
@@ -101,6 +109,7 @@ class EmulatedBoard:
         chip = self.chip = RP2040()
         chip.logger = _Log(self.fault)
         chip.load_bootrom(rom_words())
+        chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(self.temperature_c)
         chip.flash[:FLASH_BYTES] = self.flash
         self._simulator = Simulator(rp2040=chip)
         chip.on_break = self._rom_function
@@ -128,7 +137,7 @@ class EmulatedBoard:
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
         self._usb = registers.UsbGuard(
-            chip.usb_ctrl, lambda: self._held(24), self.fault, lambda: int(self._chip_ns / 1e6) & 0x7FF,
+            chip.usb_ctrl, lambda: self._held(24), self.fault, chip.clock,
             lambda on: chip.set_interrupt(USB_INTERRUPT, on))  # fmt: skip
         blocks[0x50110] = self._usb
 
@@ -183,6 +192,11 @@ class EmulatedBoard:
             self.chip.flash[offset + i] = 0xFF if number == Function.RE else old & self.chip.read_uint8(values[1] + i)
 
     _cut = False
+
+    def set_temperature(self, temperature_c: float) -> None:
+        """Warm the chip; it stays so warm when it starts anew."""
+        self.temperature_c = temperature_c
+        self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
 
     def set_trigger(self, high: bool) -> None:
         """Drive the trigger pin."""
