@@ -253,15 +253,16 @@ def _short(value: float) -> str:
 
 
 STYLE = (
-    "svg{fill:currentColor}text{font:11px system-ui,sans-serif}.title{font-weight:600;font-size:12px}"
-    ".tick{font-size:9.5px;opacity:.75}.axis{font-size:10.5px;opacity:.85}.grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
+    ".chart{fill:currentColor}.chart text{font:11px system-ui,sans-serif}.chart .title{font-weight:600;font-size:12px}"
+    ".chart .tick{font-size:9.5px;opacity:.75}.chart .axis{font-size:10.5px;opacity:.85}"
+    ".grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
     ".mark{stroke:currentColor;stroke-opacity:.6;stroke-dasharray:3 3}"
-    ".cell{font-size:9px;text-anchor:middle}"
+    ".chart .cell{font-size:9px;text-anchor:middle}"
 )
 
 
 def _figure(body: list[str], width: float, height: float) -> str:
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
+        f'<svg class="chart" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
         f'height="{height:g}"><style>{STYLE}</style>{"".join(body)}</svg>'
     )

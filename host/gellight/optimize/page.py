@@ -97,7 +97,8 @@ def _benchmark(subject: Subject) -> str:
 
 
 def _coarse(result: CoarseResult) -> str:
-    best = "".join(f"<tr><td>{name}<td>{degrees(angle):.0f}°" for name, angle in result.best_angles_rad().items())
+    best = result.best_angles_rad()
+    names, angles = "".join(f"<th>{name}" for name in best), "".join(f"<td>{degrees(a):.0f}°" for a in best.values())
     three = "".join(answers.top1_map(result, "SCROWN", figure) for figure in range(3))
     maps = "".join(answers.top1_map(result, name) for name in result.names)
     curves = "".join(_card(answers.top1_curves(result, name)) for name in (None, *result.names))
@@ -106,13 +107,13 @@ def _coarse(result: CoarseResult) -> str:
     axes = Axes(title=f"Map mean relative to {CHOSEN_NUMBER} lights", x="number of lights", y="relative Top1")
     return _section(
         "Coarse stage: number of lights and incident angle",
-        f"<p>Parallel light with attached and cast shadows, 8 bit, noise of {result.groups.noise_grey:g} grey levels. "
-        "Rows are numbers of lights, "
-        "columns incident angles; framed is the best of each row, red all from 30°. Figure 3a, then figure 4a:</p>"
+        "<p>Parallel light with attached and cast shadows, 8 bit, noise with a standard deviation of "
+        f"{result.groups.noise_grey:g} grey. Rows are numbers of lights, columns incident angles; framed is the best "
+        "of each row, red all from 30°. Figure 3a, then figure 4a:</p>"
         f'<div class="figures">{three}</div><div class="figures">{maps}</div>'
         "<h3>Figure 4b: Top1 against the incident angle, one curve a number of lights</h3>"
         f'<div class="figures">{curves}{_card(line_chart([ratio], axes))}'
-        f"<table><tr><th>object<th>best angle, {CHOSEN_NUMBER} lights{best}</table></div>",
+        f"</div><table><tr><th>{names}<tr><td>best angle, {CHOSEN_NUMBER} lights{angles}</table>",
     )
 
 
