@@ -190,6 +190,13 @@ def merge(layers: list[Layer]) -> Settings:
     return Settings.model_validate(merged)
 
 
+def read_settings(path: Path) -> Settings:
+    """Read one file by itself, whatever its name; raises ConfigError as `load_settings` does."""
+    layer = Layer(str(path), _read_file(path))
+    _check(layer)
+    return merge([layer])
+
+
 def file_paths(*, folder: Path | None = None, user_folder: Path | None = None) -> list[Path]:
     """Return where settings are read from, whether they exist or not, weakest first."""
     user = platformdirs.user_config_path("gellight") if user_folder is None else user_folder

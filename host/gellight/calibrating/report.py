@@ -204,13 +204,23 @@ def _presses(steps: dict[str, Any]) -> str:
     found = steps["presses"]["coverage"]
     places = np.array(found["places"], float)
     rows, columns = ([str(i + 1) for i in range(n)] for n in places.shape)
-    charts = [heat_map(places, rows, columns, "Presses by place", largest=max(places.max(), 1), mark=False)]
+    charts = [
+        heat_map(
+            places,
+            rows,
+            columns,
+            Axes(title="Presses by place", x="column", y="row"),
+            largest=max(places.max(), 1),
+            mark=False,
+        )
+    ]
     slopes = np.array(found["slopes"], float) / 1000
     turns = [f"{45 * i}°" for i in range(len(slopes))]
     bands = [
         f"{low:.0f}-{high:.0f}°" for low, high in zip(found["steepness_deg"], found["steepness_deg"][1:], strict=False)
     ]
-    charts.append(heat_map(slopes, turns, bands, "Thousand pixels by slope", largest=max(slopes.max(), 1), mark=False))
+    axes = Axes(title="Thousand pixels by slope", x="steepness", y="direction")
+    charts.append(heat_map(slopes, turns, bands, axes, largest=max(slopes.max(), 1), mark=False))
     held = steps["presses"]["held_out"]
     if len(held) > 1:
         curve = Series("cubic polynomial, each press left out", [n for n, _ in held], [error for _, error in held])

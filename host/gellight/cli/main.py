@@ -34,6 +34,7 @@ from gellight.errors import GellightError
 
 app = typer.Typer(
     name="gellight",
+    rich_markup_mode="markdown",  # the other mode takes "[default: ...]" for markup and leaves it out
     help="Camera-based tactile sensing: from light to depth.",
     no_args_is_help=True,
     add_completion=False,
