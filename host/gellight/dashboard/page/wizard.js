@@ -134,10 +134,11 @@ let offered = "";
 
 function showActions(routine, running, state) {
   const actions = running ? routine.actions.filter((name) => name !== "correct") : ["begin"];
-  const key = [...actions, state.interrupted, Boolean(routine)].join();
+  const key = [...actions, state.interrupted, Boolean(routine), routine?.step === "lens"].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
-  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
+  const next = routine?.step === "lens" ? "Go on without" : ACTION_NAMES.next;
+  const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
     button.dataset.testid = `action-${name}`;
