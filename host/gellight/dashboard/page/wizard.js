@@ -200,9 +200,16 @@ function showBundles(state, running) {
 function bundleRow(bundle, running) {
   const made = bundle.created ? new Date(bundle.created).toLocaleString() : bundle.problem;
   const last = node("td", "");
+  if (bundle.report && !bundle.problem) last.append(reportLink(bundle.identity));
   if (bundle.in_service) last.append(node("span", "in service", "passed"));
   else if (!bundle.problem) last.append(restoreButton(bundle.identity, running));
   return row(node("td", bundle.identity, "mono"), node("td", made, bundle.problem ? "problem" : "dim"), last);
+}
+
+function reportLink(identity) {
+  const link = Object.assign(node("a", "Report", "report"), { href: `calibration/report/${identity}`, target: "_blank" });
+  link.dataset.testid = `report-${identity}`;
+  return link;
 }
 
 function restoreButton(identity, running) {
