@@ -164,6 +164,10 @@ class Desk:
             raise InputError("a calibration is going on: stop it before you restore a bundle")
         restore(identity, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)
 
+    def report(self, identity: str) -> bytes:
+        """Return the report of a stored bundle, HTML; CalibrationError where there is none."""
+        return self._store.find(identity).report()
+
     def rezero(self) -> None:
         """Set the zero of the depth; InputError, saying why, where it must not be set."""
         self._daemon.rezero(asked=True)

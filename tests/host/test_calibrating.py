@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gellight.bundle_store import BundleStore
 from gellight.calibrating.benchmark import object_errors, summary
 from gellight.calibrating.choices import Limits, RoutineOptions
 from gellight.calibrating.preparing import apply_calibration
@@ -108,7 +109,7 @@ def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[
     assert snapshot["installed"] == [str(folder / "bundle")]
     assert len(bundle.manifest.led) == 12
     assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
-    report = bundle.files["report.html"].decode()
+    report = BundleStore(folder / "store").add(bundle).report().decode()
     assert "Section through the centre of the ball" in report
     assert "http" not in report.replace("http://www.w3.org/2000/svg", "")
     assert report.count("<img") >= 10

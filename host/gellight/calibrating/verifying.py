@@ -15,7 +15,7 @@ from gellight.calibrating.report import page
 from gellight.calibrating.rerender import Rerenderer
 from gellight.calibrating.sensing import Capture, Watcher, check_light, wait_free, wait_press
 from gellight.calibrating.session import Session
-from gellight.calibration import Calibration, load_calibration, write_calibration
+from gellight.calibration import REPORT, Calibration, load_calibration, write_calibration
 from gellight.camera import read_image
 from gellight.errors import InputError
 from gellight.evaluation import angle_deg, baseline_errors
@@ -262,6 +262,6 @@ def _written(session: Session, draft: Calibration, figures: dict[str, Any], repo
         presses=draft.presses(),
         led=led_settings(prepared["led"]),
         camera=prepared["camera"],
-        extra_files={"report.html": report.encode(), **lens},
+        extra_files={REPORT: report.encode(), **lens},
         overwrite=session.options.overwrite,
     )

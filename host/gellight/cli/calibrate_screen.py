@@ -42,6 +42,8 @@ def follow(routine: "Routine", place: Path, *, interactive: bool, quiet: bool) -
             except Empty:
                 continue
         live.update(screen(routine.snapshot(), "", keys=False), refresh=True)
+    if not console.is_terminal:
+        console.print()  # only a terminal is left on a new line
 
 
 def _read_lines(typed: "SimpleQueue[str]") -> None:

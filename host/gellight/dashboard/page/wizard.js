@@ -134,10 +134,11 @@ let offered = "";
 
 function showActions(routine, running, state) {
   const actions = running ? routine.actions.filter((name) => name !== "correct") : ["begin"];
-  const key = [...actions, state.interrupted, Boolean(routine)].join();
+  const key = [...actions, state.interrupted, Boolean(routine), routine?.step === "lens"].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
-  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
+  const next = routine?.step === "lens" ? "Go on without" : ACTION_NAMES.next;
+  const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
     button.dataset.testid = `action-${name}`;
@@ -199,9 +200,16 @@ function showBundles(state, running) {
 function bundleRow(bundle, running) {
   const made = bundle.created ? new Date(bundle.created).toLocaleString() : bundle.problem;
   const last = node("td", "");
+  if (bundle.report && !bundle.problem) last.append(reportLink(bundle.identity));
   if (bundle.in_service) last.append(node("span", "in service", "passed"));
   else if (!bundle.problem) last.append(restoreButton(bundle.identity, running));
   return row(node("td", bundle.identity, "mono"), node("td", made, bundle.problem ? "problem" : "dim"), last);
+}
+
+function reportLink(identity) {
+  const link = Object.assign(node("a", "Report", "report"), { href: `calibration/report/${identity}`, target: "_blank" });
+  link.dataset.testid = `report-${identity}`;
+  return link;
 }
 
 function restoreButton(identity, running) {
