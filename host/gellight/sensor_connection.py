@@ -157,7 +157,7 @@ class Connection:
         """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
         options = setup.options
         self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
-        if self.ring is not None and setup.calibration is None:
+        if self.ring is not None and not (setup.calibration and setup.calibration.manifest.led):
             self._colours = None
             self.ring.blank()
         self._light(setup.calibration)

@@ -403,8 +403,12 @@ def test_a_bundle_that_does_not_tell_its_light_is_told(
         tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
         pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
     )  # fmt: skip
-    with bench.open("auto", unlit):
+    with bench.open("auto", unlit) as camera:
         assert not bench.rings[0].lit.any()
+        camera.adopt(bundle)
+        assert bench.rings[0].lit.any()
+        camera.adopt(unlit)
+        assert not bench.rings[0].lit.any(), "the light of another bundle is not left on"
     assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 
 
