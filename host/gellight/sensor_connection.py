@@ -1,6 +1,8 @@
 """A sensor as long as it is plugged in: its camera set and its ring lit as the calibration bundle says.
 
-`sensor_camera.py` opens one, and another one when the sensor is back after it was unplugged.
+`sensor_camera.py` opens one, and another one when the sensor is back after it was unplugged. A board makes its LEDs
+dark by itself when this computer was too busy to speak to it for a second, or for safety; then they are lit again, and
+no frame that came after such a silence is delivered without asking the board.
 """
 
 import logging
@@ -10,21 +12,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gellight.calibration import Calibration
 from gellight.discovery import DEV, SYSFS, Discovery, Sensor, discover
+from gellight.enumerations import Dark
 from gellight.errors import BoardError, CameraError, GellightError
 from gellight.frames import CameraFrame
-from gellight.ring import LightRing, connect
+from gellight.protocol import DarkEvent
+from gellight.ring import LightRing, Ping, connect
 from gellight.v4l2.errors import StalledError, UnpluggedError
 from gellight.v4l2.kernel import Kernel
 from gellight.v4l2.options import CaptureOptions
 from gellight.v4l2.video_camera import V4l2Camera
+from gellight.wire import Record
 
 logger = logging.getLogger(__name__)
 
 WATCH_S = 2.0
 """how often ring and controls are looked at while frames come"""
+SILENCE_S = 0.5
+"""so long after its last word a board is asked before a frame is believed to be lit; it waits 1 s for the host"""
 OLD_S = 5.0
 """so long frames from before the light are waited out"""
 
@@ -69,6 +77,8 @@ class Connection:
         self.sensor = sensor
         self._named_ring = setup.options.ring
         self._clock = around.kernel.clock
+        self._colours: NDArray[np.uint8] | None = None
+        self._gone_dark: Dark | None = None
         self.ring = self._open_ring(around)
         try:
             self.camera = V4l2Camera(
@@ -87,7 +97,10 @@ class Connection:
         except BaseException:
             self.close()
             raise
-        self._lit_s = self._watched_s = self._clock()
+        self._lit_s = self._watched_s = self._heard_s = self._clock()
+        if self.ring is not None:
+            self.ring.event_listeners.append(self._note)
+            self.ring.ping_listeners.append(self._hear)
 
     def _open_ring(self, around: Surroundings) -> LightRing | None:
         """Open the ring that the URL names, or else the one beside the camera, which has to be the board it was."""
@@ -113,14 +126,39 @@ class Connection:
         if not calibration.manifest.led:
             logger.warning("%s does not tell the colours of its LEDs: they stay dark", calibration.source)
             return
-        colours = np.array([led.rgb for led in calibration.manifest.led], np.uint8)
-        self.ring.wait_for_light(self.ring.set_leds(colours).light_id)
+        self._colours = np.array([led.rgb for led in calibration.manifest.led], np.uint8)
+        self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
+
+    def _hear(self, ping: Ping) -> None:
+        self._heard_s = self._clock()
+
+    def _note(self, event: Record) -> None:
+        """Note that the board has made our light dark; who has shown another one meanwhile looks after it himself."""
+        shown = self.ring.still if self.ring else None
+        if shown is None or self._colours is None or not isinstance(event, DarkEvent):
+            return
+        if np.array_equal(shown, self._colours):
+            self._gone_dark = Dark(event.dark)
+
+    def _keep_lit(self) -> None:
+        """Light the LEDs again where the board has made them dark; BoardError where it has died."""
+        if self.ring is None:
+            return
+        if self._clock() - self._heard_s > SILENCE_S:
+            self.ring.clock()  # what it has to tell comes with the answer
+            self._heard_s = self._clock()
+        why, self._gone_dark = self._gone_dark, None
+        if why is not None and self._colours is not None:
+            logger.warning("the board made its LEDs dark (%s); they are lit again", why.name.replace("_", " ").lower())
+            self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
+            self._lit_s = self._clock()
 
     def apply(self, setup: Setup) -> None:
         """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
         options = setup.options
         self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
-        if self.ring is not None and setup.calibration is None:
+        if self.ring is not None and not (setup.calibration and setup.calibration.manifest.led):
+            self._colours = None
             self.ring.blank()
         self._light(setup.calibration)
         self._lit_s = self._clock()
@@ -133,6 +171,7 @@ class Connection:
         while True:
             frame = self.camera.read()
             self._watch()
+            self._keep_lit()
             # How late a camera stamps its frames is often not known: a frame counts once it was lit in any case.
             if frame.time_s - self.camera.timing.stamp_error_s > self._lit_s:
                 return frame
@@ -149,8 +188,6 @@ class Connection:
         node = self.sensor.ring.path if self.sensor.ring else None
         if node is not None and self._named_ring is None and not Path(node).exists():
             raise UnpluggedError(f"the light ring at {node} was unplugged: plug it in again")
-        if self.ring is not None:
-            self.ring.clock()  # BoardError where the board has died: its LEDs are dark then
         wrong = self.camera.controls.deviations()
         if wrong:
             raise StalledError(

@@ -10,7 +10,9 @@ import pytest
 from gellight.calibration import Calibration, LedSetting, write_calibration
 from gellight.camera import ReconnectingError
 from gellight.daemon import Daemon
+from gellight.enumerations import Dark
 from gellight.errors import BoardError, CalibrationError, CameraError, GellightError
+from gellight.protocol import DarkEvent
 from gellight.sensor_camera import SensorCamera, open_sensor
 from gellight.sensor_connection import Surroundings
 from gellight.v4l2 import controls as c
@@ -34,15 +36,28 @@ class FakeRing:
         self.lit_s = 0.0
         self.refusal: BoardError | None = None
         self.mute = False
+        self.still: np.ndarray | None = None
+        self.event_listeners: list[Any] = []
+        self.ping_listeners: list[Any] = []
+        self.untold: list[DarkEvent] = []
 
     def clock(self) -> None:
         if self.mute:
             raise BoardError("the board did not answer CLOCK")
+        while self.untold:
+            for listener in self.event_listeners:
+                listener(self.untold[0])
+            self.untold.pop(0)
+
+    def go_dark(self) -> None:
+        """What a board does that does not hear from its host for a second; it tells it when it is asked."""
+        self.lit = np.zeros((12, 3), np.uint8)
+        self.untold.append(DarkEvent(time_us=0, events_dropped=0, dark=Dark.HOST_SILENT))
 
     def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
         if self.refusal:
             raise self.refusal
-        self.lit = colours
+        self.lit = self.still = colours
         return SimpleNamespace(light_id=1)
 
     def blank(self) -> None:
@@ -353,6 +368,33 @@ def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Ben
         assert bench.rings[1].lit.any()
 
 
+def test_leds_that_the_board_made_dark_are_lit_again_and_no_dark_frame_is_delivered(
+    bench: Bench, bundle: Calibration, caplog: pytest.LogCaptureFixture
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    device.payload = lambda number: bytes([200 if bench.rings[0].lit.any() else 10, 128] * 32 * 24)
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.kernel.at(bench.kernel.now_s + 1.0, bench.rings[0].go_dark)
+        bench.kernel.sleep(1.5)
+        frames = [camera.read() for _ in range(5)]
+        assert min(frame.image.mean() for frame in frames) > 150
+        assert (bench.rings[0].lit == [led.rgb for led in bundle.manifest.led]).all()
+        assert camera.status()["reconnections"] == 0
+    assert "made its LEDs dark (host silent); they are lit again" in caplog.text
+
+
+def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.rings[0].set_leds(np.full((12, 3), 9, np.uint8))
+        bench.rings[0].go_dark()
+        bench.kernel.sleep(1.0)
+        camera.read()
+        assert not bench.rings[0].lit.any()
+
+
 def test_a_bundle_that_does_not_tell_its_light_is_told(
     bench: Bench, bundle: Calibration, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -361,8 +403,12 @@ def test_a_bundle_that_does_not_tell_its_light_is_told(
         tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
         pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
     )  # fmt: skip
-    with bench.open("auto", unlit):
+    with bench.open("auto", unlit) as camera:
         assert not bench.rings[0].lit.any()
+        camera.adopt(bundle)
+        assert bench.rings[0].lit.any()
+        camera.adopt(unlit)
+        assert not bench.rings[0].lit.any(), "the light of another bundle is not left on"
     assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 
 

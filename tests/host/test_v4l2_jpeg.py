@@ -56,6 +56,23 @@ def test_a_whole_jpeg_is_decoded_as_by_opencv_to_the_last_row(
         assert (decode_jpeg(data, shape) == plain).all()
 
 
+@pytest.mark.parametrize(("sampling", "restart"), KINDS)
+def test_a_whole_jpeg_is_decoded_without_a_word(sampling: str, restart: int, capfd: pytest.CaptureFixture[str]) -> None:
+    """The decoder writes to standard error by itself: a line for every picture would bury everything else."""
+    decode_jpeg(coded(scene(shape=SHAPE), sampling, restart), SHAPE)
+    assert capfd.readouterr().err == ""
+    decode_jpeg(coded(np.full((*SHAPE, 3), 7, np.uint8), sampling, restart), SHAPE)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_jpeg_with_tables_of_its_own_is_decoded_too(capfd: pytest.CaptureFixture[str]) -> None:
+    options = [cv2.IMWRITE_JPEG_QUALITY, 90, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+    data = cv2.imencode(".jpg", scene(shape=SHAPE), options)[1].tobytes()
+    assert accepted(data)
+    assert capfd.readouterr().err == ""
+    assert not accepted(data[: len(data) // 2] + data[-2:])
+
+
 def test_filling_behind_the_end_and_zeros_before_it_do_not_matter() -> None:
     data = coded(scene(shape=SHAPE))
     whole = decode_jpeg(data, SHAPE)
