@@ -1,19 +1,25 @@
 """Reference simulator of a camera-based tactile sensor: NumPy and SciPy, pure functions, plain rather than fast.
 
-The paper in nine files:
+The paper in ten files, in its order; `optimizer` continues with sections 2.3 and 3.1:
 
 | paper | here |
 |---|---|
 | 2.1.1, 3.1: the sensor | `geometry.SensorGeometry` |
 | 2.1.2: the benchmark objects | `objects.object_height` |
-| 2.2.1: deformation of the gel | `gel.press`, placed under the pixels by `surface.sample` |
-| 2.2.2, equation 2: directional light | `imaging.directional_image` |
-| 2.2.2, equations 1 and 3: spot lights near the gel | `imaging.ring_irradiance` |
+| 2.2.1: deformation of the gel | `gel.press`, a `deformation.GelModel`; placed under the pixels by `surface.sample` |
+| 2.2.2, equation 1: Lambert, so f_BRDF is the albedo | in equations 2 and 3 |
+| equation 2: directional light | `imaging.directional_image` |
+| equation 3: spot lights near the gel | `imaging.led_irradiance`, summed by `imaging.ring_irradiance` |
 | 3.2.2: the camera | `camera.expose` |
 | 2.3.1: photometric stereo | `photometric_stereo.solve_normals` |
-| 2.3, equations 4 to 8 | `metrics` |
+| equation 4: MAE | `metrics.mean_angular_error` |
+| equation 5: MAE_Top5, MAE_Top1 | `metrics.mean_of_largest` |
+| equation 6: deviation of the intensity | `metrics.intensity_deviation` |
+| equation 7: NSD and SAT | `metrics.normalised_deviation`, `metrics.saturation` |
+| equation 8: largest elevation angle of a ball | `metrics.maximum_elevation` |
 | depth from slopes | `integration.integrate` |
 
 Where we differ from the paper: it deforms the gel by finite elements with contact; here the gel is an elastic layer of
 small strain, which agrees with finite elements to some ten micrometres under the ball and is a hundred times faster.
+Another model takes its place as `surface.press_object(..., model=...)`.
 """

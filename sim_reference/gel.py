@@ -10,50 +10,14 @@ the conjugate gradient method of Polonsky and Keer (Wear 231, 1999). Depth does 
 pressures are in units of mu. This is a small-strain model: it knows neither large deformation nor friction.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
-from scipy.interpolate import RectBivariateSpline
 
+from sim_reference.deformation import Deformation, NotConverged
 from sim_reference.geometry import SensorGeometry
 
 Array = NDArray[np.float64]
-NO_OBJECT = -1e3
-"""height in mm of "nothing there": far below anything that could touch"""
-
-
-class NotConverged(RuntimeError):  # noqa: N818 - the name says what happened
-    """The contact problem was not solved to the wanted tolerance."""
-
-
-@dataclass(frozen=True)
-class Deformation:
-    """The gel under a press, on the grid of the object, its centre in the middle."""
-
-    depth_mm: Array
-    """(n, n) mm, positive into the sensor, negative where the gel bulges out beside the object"""
-    pressure: Array
-    """(n, n) in units of the shear modulus, 0 outside the contact"""
-    spacing_mm: float
-
-    @property
-    def contact(self) -> NDArray[np.bool_]:
-        """(n, n) where the object touches the gel."""
-        return np.asarray(self.pressure > 0)
-
-    @cached_property
-    def spline(self) -> RectBivariateSpline:
-        """Cubic spline of the depth over (y, x) in mm from the object's centre."""
-        at = grid(len(self.depth_mm), self.spacing_mm)
-        return RectBivariateSpline(at, at, self.depth_mm, s=0)
-
-
-def grid(size: int, spacing_mm: float) -> Array:
-    """(size,) mm: coordinates of the points around the object's centre, along either axis."""
-    return np.asarray((np.arange(size) - (size - 1) / 2) * spacing_mm)
 
 
 def wave_number(size: int, spacing_mm: float) -> Array:

@@ -6,12 +6,21 @@ rad, azimuths are counted anticlockwise as seen in the image, from +x (so y = -r
 """
 
 from dataclasses import dataclass
-from math import cos, log, radians, sin
+from math import cos, log, pi, radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+POSITIVE = (
+    "gel_diameter_mm",
+    "gel_thickness_mm",
+    "camera_height_mm",
+    "pixel_size_mm",
+    "ring_radius_mm",
+    "image_width_px",
+    "image_height_px",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,29 +54,30 @@ class SensorGeometry:
 
     def __post_init__(self) -> None:
         """Refuse geometry that cannot be built."""
-        height = self.camera_height_mm - self.mounting_height_mm
-        if height <= 0:
+        for name in POSITIVE:
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} = {getattr(self, name)} must be greater than 0")
+        if not self.coating_smoothing_mm >= 0:
+            raise ValueError(f"coating_smoothing_mm = {self.coating_smoothing_mm} must not be negative")
+        if not 0 <= self.poisson_ratio < 0.5:
+            raise ValueError(
+                f"poisson_ratio = {self.poisson_ratio} must lie in [0, 0.5): a fully incompressible "
+                "layer that is bonded to its support cannot be pressed over its whole area"
+            )
+        self._check_ring()
+
+    def _check_ring(self) -> None:
+        if not self.camera_height_mm - self.mounting_height_mm > 0:
             raise ValueError(
                 f"LEDs at mounting height {self.mounting_height_mm} mm would be in or below the gel, "
                 f"which is {self.camera_height_mm} mm from the camera: lower mounting_height_mm"
             )
         if set(self.led_colours) - set("RGB") or len(self.led_colours) < 3:
             raise ValueError(f"led_colours {self.led_colours!r}: give one of R, G, B for each of at least 3 LEDs")
-        for name in (
-            "gel_diameter_mm",
-            "gel_thickness_mm",
-            "pixel_size_mm",
-            "ring_radius_mm",
-            "image_width_px",
-            "image_height_px",
-        ):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} = {getattr(self, name)} must be greater than 0")
-        if not 0 <= self.poisson_ratio < 0.5:
-            raise ValueError(
-                f"poisson_ratio = {self.poisson_ratio} must lie in [0, 0.5): a fully incompressible "
-                "layer that is bonded to its support cannot be pressed over its whole area"
-            )
+        if not 0 <= self.incident_angle_rad < pi / 2:
+            raise ValueError(f"incident_angle_rad = {self.incident_angle_rad} must lie in [0, pi / 2)")
+        if not 0 < self.beam_angle_rad < pi:
+            raise ValueError(f"beam_angle_rad = {self.beam_angle_rad} must lie between 0 and pi")
 
     @property
     def image_shape(self) -> tuple[int, int]:

@@ -1,10 +1,10 @@
-"""Figures of merit: equations 4 to 8 of the paper.
+"""Figures of merit: equations 4 to 8 of the paper, one function each; equation 7 defines two.
 
 Angles are computed by atan2(|a x b|, a . b): the arc cosine of equation 4 loses half of the digits where the
 angle is small, which is where a good sensor is.
 """
 
-from math import acos
+from math import atan2, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,9 +24,10 @@ def mean_angular_error(normals: ArrayLike, truth: ArrayLike) -> float:
 
 
 def mean_of_largest(errors: ArrayLike, share: float) -> float:
-    """Equation 5: the mean of the errors above their (1 - `share`) quantile: 0.05 for Top5, 0.01 for Top1.
+    """Equation 5: the mean of the errors above their (1 - `share`) quantile, in their unit.
 
-    Where no error lies above the quantile, because all are equal, the quantile itself.
+    A share of 0.05 gives MAE_Top5, 0.01 MAE_Top1. Where no error lies above the quantile, because all are equal, the
+    quantile itself. Raises ValueError for a share outside 0 to 1.
     """
     if not 0 < share < 1:
         raise ValueError(f"share {share}: give a number between 0 and 1, such as 0.01 for Top1")
@@ -36,14 +37,26 @@ def mean_of_largest(errors: ArrayLike, share: float) -> float:
     return float(largest.mean()) if largest.size else float(quantile)
 
 
+def error_figures(errors: Array) -> tuple[float, float, float]:
+    """Return MAE (equation 4), MAE_Top5 and MAE_Top1 (equation 5) of angular errors, in their unit."""
+    return float(errors.mean()), mean_of_largest(errors, 0.05), mean_of_largest(errors, 0.01)
+
+
+def intensity_deviation(image: ArrayLike) -> float:
+    """Equation 6: delta_I, the sum of the standard deviations of the three channels of (H, W, 3), in their unit."""
+    return float(np.asarray(image, dtype=np.float64).reshape(-1, 3).std(axis=0).sum())
+
+
 def normalised_deviation(image: ArrayLike) -> float:
-    """Equations 6 and 7: NSD, the sum of the channels' standard deviations over the mean of (H, W, 3)."""
-    pixels = np.asarray(image, dtype=np.float64).reshape(-1, 3)
-    return float(pixels.std(axis=0).sum() / pixels.mean())
+    """Equation 7: NSD, delta_I over the mean of all channels of (H, W, 3)."""
+    return intensity_deviation(image) / float(np.asarray(image, dtype=np.float64).mean())
 
 
 def saturation(image: ArrayLike) -> float:
-    """Equation 7: SAT, (max - min) / max over the channels of (H, W, 3), averaged over the pixels that are lit."""
+    """Equation 7: SAT, (max - min) / max over the channels of (H, W, 3), averaged over the pixels that are lit.
+
+    Raises ValueError for a black image.
+    """
     pixels = np.asarray(image, dtype=np.float64).reshape(-1, 3)
     brightest, darkest = pixels.max(axis=1), pixels.min(axis=1)
     lit = brightest > 0
@@ -53,9 +66,14 @@ def saturation(image: ArrayLike) -> float:
 
 
 def maximum_elevation(ball_radius_mm: float, press_depth_mm: float) -> float:
-    """Equation 8: the steepest slope in rad that a ball of radius R pressed by d records: cos(angle) = 1 - d / R."""
+    """Equation 8: arctan(r_e / (R - d)), the largest elevation angle in rad that a ball of radius R records.
+
+    Pressed by d, its edge has the radius r_e = sqrt(R^2 - (R - d)^2), so the cosine of the angle is 1 - d / R. Raises
+    ValueError for a press beyond the ball's equator.
+    """
     if not 0 < press_depth_mm <= ball_radius_mm:
         raise ValueError(
             f"press depth {press_depth_mm} mm of a ball of radius {ball_radius_mm} mm: it must lie in (0, radius]"
         )
-    return acos(1 - press_depth_mm / ball_radius_mm)
+    edge_radius_mm = sqrt(press_depth_mm * (2 * ball_radius_mm - press_depth_mm))
+    return atan2(edge_radius_mm, ball_radius_mm - press_depth_mm)

@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.gel import Deformation, grid, press
+from sim_reference import gel
+from sim_reference.deformation import Deformation, GelModel, grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import ObjectParameters, object_height
 
@@ -55,15 +56,16 @@ def press_object(
     *,
     parameters: ObjectParameters | None = None,
     size: int = GRID_SIZE,
+    model: GelModel = gel.press,
 ) -> Deformation:
     """Press object `name` into the gel by `press_depth_mm`, on a grid of `size` points a side around the object.
 
-    Raises ValueError for an unknown object or an impossible depth.
+    `model` computes the gel. Raises ValueError for an unknown object or an impossible depth, and what `model` raises.
     """
     spacing = GRID_EXTENT_MM / size
     at = grid(size, spacing)
     height = object_height(name, at[None, :], at[:, None], parameters)
-    return press(height, spacing, press_depth_mm, geometry)
+    return model(height, spacing, press_depth_mm, geometry)
 
 
 def sample(deformation: Deformation, geometry: SensorGeometry, x_mm: float, y_mm: float) -> Surface:

@@ -4,7 +4,6 @@ Each source is checked by itself before it is merged, so a mistake is reported w
 where a stronger source would have hidden it. Nothing unknown is ignored.
 """
 
-import difflib
 import os
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -16,6 +15,7 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.allowed import allowed, nearest
 from gellight.errors import ConfigError
 
 FILE_NAME = "gellight.toml"
@@ -190,6 +190,13 @@ def merge(layers: list[Layer]) -> Settings:
     return Settings.model_validate(merged)
 
 
+def read_settings(path: Path) -> Settings:
+    """Read one file by itself, whatever its name; raises ConfigError as `load_settings` does."""
+    layer = Layer(str(path), _read_file(path))
+    _check(layer)
+    return merge([layer])
+
+
 def file_paths(*, folder: Path | None = None, user_folder: Path | None = None) -> list[Path]:
     """Return where settings are read from, whether they exist or not, weakest first."""
     user = platformdirs.user_config_path("gellight") if user_folder is None else user_folder
@@ -199,7 +206,7 @@ def file_paths(*, folder: Path | None = None, user_folder: Path | None = None) -
 def reference() -> list[Setting]:
     """Return every setting there is, in order; the documentation and the messages are made of it."""
     return [
-        Setting(section, key, _allowed(schema), schema.get("default"), schema["description"])
+        Setting(section, key, allowed(schema), schema.get("default"), schema["description"])
         for section, model in _sections().items()
         for key, schema in model.model_json_schema()["properties"].items()
     ]
@@ -292,39 +299,12 @@ def _explain(layer: Layer, problem: dict[str, Any]) -> str:
         return f"{layer.source}: {_unknown(section, rest)}"
     if not rest:
         return f"{layer.source}: {section} = {problem['input']!r} is no section: write [{section}] and its keys below"
-    allowed = next(s.allowed for s in reference() if (s.section, s.key) == (section, rest[0]))
-    return f"{layer.source}: {section}.{rest[0]} = {problem['input']!r} is not allowed: give {allowed}"
+    wanted = next(s.allowed for s in reference() if (s.section, s.key) == (section, rest[0]))
+    return f"{layer.source}: {section}.{rest[0]} = {problem['input']!r} is not allowed: give {wanted}"
 
 
 def _unknown(section: str, rest: list[str]) -> str:
     if not rest:
-        return f"unknown section {section}: {_nearest(section, list(_sections()))}"
+        return f"unknown section {section}: {nearest(section, list(_sections()))}"
     known = [setting.key for setting in reference() if setting.section == section]
-    return f"unknown key {section}.{rest[0]}: {_nearest(rest[0], known)}"
-
-
-def _nearest(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}"
-
-
-def _allowed(schema: dict[str, Any]) -> str:
-    """Return in words what a key of a JSON schema may be."""
-    kind = next((option for option in schema.get("anyOf", []) if option.get("type") != "null"), schema)
-    if kind["type"] == "boolean":
-        return "true or false"
-    if "enum" in kind:
-        return f"text, one of {', '.join(kind['enum'])}"
-    if kind["type"] == "string":
-        return f"text like `{kind['pattern']}`" if "pattern" in kind else "text"
-    bounds = [
-        f"{word} {kind[name]:g}"
-        for name, word in (
-            ("minimum", "at least"),
-            ("exclusiveMinimum", "above"),
-            ("maximum", "at most"),
-            ("exclusiveMaximum", "below"),
-        )
-        if name in kind
-    ]
-    return f"{'a whole number' if kind['type'] == 'integer' else 'a number'} {' and '.join(bounds)}".strip()
+    return f"unknown key {section}.{rest[0]}: {nearest(rest[0], known)}"

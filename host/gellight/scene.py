@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
-from sim_reference.gel import Deformation
+from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import led_irradiance, ring_light
 from sim_reference.surface import Surface, press_object, sample, untouched

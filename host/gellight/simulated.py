@@ -18,12 +18,12 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import hypot
-from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from gellight.allowed import query_of
 from gellight.board.child import SimulatedBoard
 from gellight.board.waveform import LED_COUNT
 from gellight.camera import Camera
@@ -256,7 +256,7 @@ class SimulatedCamera(Camera):
 class SimulatedUrl(BaseModel):
     """The parameters of a `sim://` URL."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
     fps: float = Field(30.0, gt=0, le=1000)
     seed: int = Field(0, ge=0)
@@ -290,15 +290,10 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
 
     Raises InputError for a parameter that is unknown or out of range, ConfigError for a sensor that cannot be built.
     """
-    try:
-        wanted = SimulatedUrl.model_validate(dict(parse_qsl(urlsplit(url).query, strict_parsing=False)))
-    except ValidationError as error:
-        first = error.errors()[0]
-        known = ", ".join(field.alias or name for name, field in SimulatedUrl.model_fields.items())
-        raise InputError(f"{url}: {first['loc'][0]}: {first['msg']} (parameters: {known})") from None
+    wanted = query_of(url, SimulatedUrl)
     sensor = built(geometry or {})
     stage = Stage(sensor, programme=wanted.programme)
-    if wanted.object_name or wanted.depth:
+    if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
     scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)))
     if wanted.board and len(scene.light) != LED_COUNT:

@@ -22,6 +22,7 @@ from gellight.calibration import Calibration, write_calibration
 from gellight.camera import EndOfStream, open_camera
 from gellight.errors import InputError, TrainingError
 from gellight.evaluation import PressError, felt_by, press_error, press_errors, summarised
+from gellight.image_noise import measure_noise
 from gellight.labelling.refinement import FirstFits, refine_others
 from gellight.labelling.refinement import refine as refinement_of
 from gellight.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
@@ -57,7 +58,7 @@ class Reference:
     """(H, W, 3) RGB mean of the frames, grey levels"""
     frames: int
     noise_grey: float
-    """standard deviation of one pixel of one frame, grey levels"""
+    """of one frame, as `image_noise` measures it, grey levels"""
 
     @property
     def image_shape(self) -> tuple[int, int]:
@@ -68,8 +69,8 @@ class Reference:
 def read_reference(source: str | Path) -> Reference:
     """Read the untouched gel from one image, or the mean of a folder or pattern of images.
 
-    The noise is the pixel-wise spread between frames; of a single frame it is estimated from the difference of
-    neighbouring pixels, which fixed texture of the gel raises.
+    The noise is the spread between frames (`image_noise.measure_noise`); of a single frame it is estimated from the
+    difference of neighbouring pixels, which fixed texture of the gel raises.
     """
     frames: list[NDArray[np.uint8]] = []
     with open_camera(source) as camera:
@@ -78,9 +79,9 @@ def read_reference(source: str | Path) -> Reference:
                 frames.append(camera.read().image)
             except EndOfStream:
                 break
-    stack = np.stack(frames).astype(np.float32)
-    noise = float(stack.std(axis=0, ddof=1).mean()) if len(frames) > 1 else _noise_of_one(stack[0])
-    return Reference(image=stack.mean(axis=0), frames=len(frames), noise_grey=noise)
+    mean = np.asarray(np.mean(frames, axis=0, dtype=np.float32))
+    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else _noise_of_one(mean)
+    return Reference(image=mean, frames=len(frames), noise_grey=noise)
 
 
 def _noise_of_one(image: Floats) -> float:

@@ -1,7 +1,7 @@
-"""The calibration ball (section 2.3.3 of the text around equation 8, figure 3c): which radius records which slopes."""
+"""The calibration ball (section 2.3.2, equation 8 and figure 3c): which radius records which slopes."""
 
 from dataclasses import dataclass
-from math import degrees, inf, radians
+from math import degrees, radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def choose_ball(radii_mm: Array, geometry: SensorGeometry, *, press_depth_mm: fl
             f"{degrees(WANTED_ELEVATION_RAD):g} degrees at a press of {press_depth_mm} mm: "
             f"give one between {press_depth_mm:g} and {2 * press_depth_mm:g} mm"
         )
-    radius = max(fitting, default=-inf)
+    radius = max(fitting)
     return BallChoice(
         radius, press_depth_mm, maximum_elevation(radius, press_depth_mm), np.pi / 2 - geometry.incident_angle_rad
     )

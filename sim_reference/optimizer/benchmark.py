@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.gel import Deformation
+from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import normals
 from sim_reference.objects import OBJECT_NAMES, ObjectParameters

@@ -14,9 +14,9 @@ from math import cos, erfc, log, pi, sin, sqrt, tan
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_reference.metrics import error_figures
 from sim_reference.optimizer.benchmark import PressedObject
 from sim_reference.optimizer.exposing import LightGroups, azimuths, expose, picture_key
-from sim_reference.optimizer.plain import figures
 from sim_reference.optimizer.shadows import box_of, horizon, reach
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def evaluate(pressed: PressedObject, groups: LightGroups) -> Array:
         for row, sums in enumerate(_sums(pressed, groups, lights, truth[2], angle)):
             number = groups.numbers[row]
             scale = np.array([2 / (number * sin(angle)), 2 / (number * sin(angle)), 1 / (number * cos(angle))])
-            result[row, column] = figures(_angle_between(sums * scale[:, None], truth))
+            result[row, column] = error_figures(_angle_between(sums * scale[:, None], truth))
     return result
 
 

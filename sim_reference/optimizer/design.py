@@ -6,7 +6,6 @@ steep as those to be felt. Every evaluation draws the same noise, so the criteri
 finds its minimum.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import degrees, pi, radians, sqrt
 
@@ -24,15 +23,16 @@ from sim_reference.optimizer.near_field import (
     restoring_gain,
     ring_light_vectors,
 )
-from sim_reference.optimizer.refraction import WINDOW, Medium
+from sim_reference.optimizer.refraction import window_of
 
 Array = NDArray[np.float64]
+FIRST_GREY = 200.0
+"""where the search for the brightest grey level begins"""
 FIGURES = ("mae", "top5", "top1")
 ENOUGH = 1.10
 """the fewest LEDs whose error is within a tenth of the best are chosen"""
 STARTING_GREY = 230.0
-"""of the brightest pixel, as the sensor that we start from is exposed"""
-Progress = Callable[[int, float], None]
+"""of the brightest pixel: how the sensor that we start from is exposed"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,6 @@ class Wishes:
     drop_shadows: bool = True
     figure: str = "top1"
     noise_grey: float = 1.0
-    medium: Medium = WINDOW
     angle_bounds_rad: tuple[float, float] = (radians(5), radians(80))
     clearance_mm: float = 2.0
     """between the LEDs and the window"""
@@ -94,16 +93,19 @@ class Place:
     y: Array
 
 
-def colours_of(number: int) -> str:
-    """Return a third of the ring in each colour, as the paper orders them."""
+def colours_of(number: int, geometry: SensorGeometry) -> str:
+    """Return the colours of a ring of `number` LEDs: the given ones if they are as many, else a third in each."""
+    if number == len(geometry.led_colours):
+        return geometry.led_colours
     return "R" * (number // 3) + "G" * (number // 3) + "B" * (number // 3)
 
 
-def optimise(
-    geometry: SensorGeometry, place: Place, wishes: Wishes, progress: Progress | None = None
-) -> list[Candidate]:
-    """Return the best candidate for each number of LEDs, in the order of `wishes.numbers`."""
-    return [_best_of(number, geometry, place, wishes, progress) for number in wishes.numbers]
+def optimise(geometry: SensorGeometry, place: Place, wishes: Wishes) -> list[Candidate]:
+    """Return the best candidate for each number of LEDs, in the order of `wishes.numbers`.
+
+    Raises ValueError if there is no room for the LEDs, or if they leave the gel dark.
+    """
+    return [_best_of(number, geometry, place, wishes) for number in wishes.numbers]
 
 
 def chosen(candidates: list[Candidate], figure: str) -> Candidate:
@@ -120,7 +122,7 @@ def errors(
 
     `longest` is the longest exposure in full scales per light: beyond it the picture stays darker than wanted.
     """
-    ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
+    ring = ring_light_vectors(geometry, place.x, place.y, window_of(geometry))
     pictures = mixing(geometry, one_shot=wishes.one_shot)
     camera = LightGroups(noise_grey=wishes.noise_grey)
     gain = _gain(ring, pictures, brightest_grey, longest)
@@ -131,46 +133,60 @@ def errors(
     return mae, top5, top1
 
 
-def _best_of(
-    number: int, geometry: SensorGeometry, place: Place, wishes: Wishes, progress: Progress | None
-) -> Candidate:
-    low, high = _bounds(geometry, wishes)
-    start = np.array([geometry.incident_angle_rad, geometry.mounting_height_mm, 200.0])
-    longest = _longest_exposure(geometry, place, wishes)
-    figure = FIGURES.index(wishes.figure)
+@dataclass(frozen=True)
+class _Search:
+    """What the simplex varies: incident angle, height and brightest grey level, as shares (3,) of their bounds."""
 
-    def built(at: Array) -> SensorGeometry:
-        return replace(
-            geometry,
-            led_colours=colours_of(number),
-            incident_angle_rad=float(at[0]),
-            mounting_height_mm=float(at[1]),
+    number: int
+    geometry: SensorGeometry
+    place: Place
+    wishes: Wishes
+    low: Array
+    high: Array
+    longest: float
+    """exposure in full scales per absolute light"""
+
+    def at(self, share: Array) -> tuple[SensorGeometry, float, float]:
+        """Return the sensor, its brightest grey level, and its longest exposure in full scales per light."""
+        angle, height, grey = (self.low + np.clip(share, 0, 1) * (self.high - self.low)).tolist()
+        sensor = replace(
+            self.geometry,
+            led_colours=colours_of(self.number, self.geometry),
+            incident_angle_rad=angle,
+            mounting_height_mm=height,
         )
+        return sensor, grey, self.longest / (sensor.camera_height_mm - height) ** 2
 
-    def limit(at: Array) -> float:
-        return longest / (geometry.camera_height_mm - float(at[1])) ** 2
+    def error(self, share: Array) -> float:
+        """Return the figure that is to become small."""
+        sensor, grey, longest = self.at(share)
+        return errors(sensor, self.place, self.wishes, grey, longest)[FIGURES.index(self.wishes.figure)]
 
-    def criterion(share: Array) -> float:
-        at = low + np.clip(share, 0, 1) * (high - low)
-        error = errors(built(at), place, wishes, float(at[2]), limit(at))[figure]
-        if progress:
-            progress(number, error)
-        return error
+    def simplex(self) -> Array:
+        """Return the sensor we start from and three neighbours of it, (4, 3), inside the bounds."""
+        start = np.array([self.geometry.incident_angle_rad, self.geometry.mounting_height_mm, FIRST_GREY])
+        begin = np.clip((start - self.low) / (self.high - self.low), 0.05, 0.95)
+        steps = 0.15 * np.diag(np.where(begin > 0.5, -1.0, 1.0))
+        return np.asarray(begin + np.concatenate([np.zeros((1, 3)), steps]))
 
-    begin = np.clip((start - low) / (high - low), 0.05, 0.95)
-    simplex = np.clip(begin + 0.15 * np.concatenate([np.zeros((1, 3)), np.eye(3) * np.where(begin > 0.5, -1, 1)]), 0, 1)
+
+def _best_of(number: int, geometry: SensorGeometry, place: Place, wishes: Wishes) -> Candidate:
+    low, high = _bounds(geometry, wishes)
+    search = _Search(number, geometry, place, wishes, low, high, _longest_exposure(geometry, place, wishes))
+    simplex = search.simplex()
     options = {"initial_simplex": simplex, "maxfev": 90, "xatol": 0.004, "fatol": radians(0.001)}
-    found = minimize(criterion, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options=options)
-    at = low + np.clip(found.x, 0, 1) * (high - low)
-    return replace(assessed(built(at), place, wishes, float(at[2]), limit(at)), evaluations=int(found.nfev))
+    found = minimize(search.error, simplex[0], method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options=options)
+    sensor, grey, longest = search.at(found.x)
+    return replace(assessed(sensor, place, wishes, grey, longest), evaluations=int(found.nfev))
 
 
 def _bounds(geometry: SensorGeometry, wishes: Wishes) -> tuple[Array, Array]:
-    highest = geometry.camera_height_mm - wishes.medium.thickness_mm - wishes.clearance_mm
+    window_mm = window_of(geometry).thickness_mm
+    highest = geometry.camera_height_mm - window_mm - wishes.clearance_mm
     if highest <= 0:
         raise ValueError(
-            f"camera {geometry.camera_height_mm} mm above the gel surface and a window of "
-            f"{wishes.medium.thickness_mm} mm: there is no room for the LEDs between them"
+            f"the camera is {geometry.camera_height_mm:g} mm above the gel surface, {window_mm:g} mm of them gel and "
+            "acrylic: there is no room for the LEDs between them, raise camera_height_mm"
         )
     low = np.array([wishes.angle_bounds_rad[0], 0.0, wishes.grey_bounds[0]])
     high = np.array([wishes.angle_bounds_rad[1], highest, wishes.grey_bounds[1]])
@@ -181,7 +197,7 @@ def _longest_exposure(geometry: SensorGeometry, place: Place, wishes: Wishes) ->
     """Return the limit in full scales per absolute light, that is irradiance over height squared."""
     if wishes.exposure_limit == float("inf"):
         return float("inf")
-    ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
+    ring = ring_light_vectors(geometry, place.x, place.y, window_of(geometry))
     gain = restoring_gain(ring, mixing(geometry, one_shot=wishes.one_shot)) * STARTING_GREY / WHITE
     return wishes.exposure_limit * gain * (geometry.camera_height_mm - geometry.mounting_height_mm) ** 2
 
@@ -190,7 +206,7 @@ def assessed(
     geometry: SensorGeometry, place: Place, wishes: Wishes, brightest_grey: float, longest: float = float("inf")
 ) -> Candidate:
     """Return the sensor `geometry` as a candidate, without a search; arguments as of `errors`."""
-    ring = ring_light_vectors(geometry, place.x, place.y, wishes.medium)
+    ring = ring_light_vectors(geometry, place.x, place.y, window_of(geometry))
     pictures = mixing(geometry, one_shot=wishes.one_shot)
     gain = _gain(ring, pictures, brightest_grey, longest)
     mae, top5, top1 = errors(geometry, place, wishes, brightest_grey, longest)

@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.geometry import SensorGeometry, led_azimuths, led_positions
-from sim_reference.metrics import angular_error
+from sim_reference.metrics import angular_error, error_figures
 from sim_reference.optimizer.benchmark import PressedObject
 from sim_reference.optimizer.exposing import LightGroups, expose
-from sim_reference.optimizer.plain import figures
 from sim_reference.optimizer.refraction import VACUUM, Medium, trace
 from sim_reference.optimizer.shadows import horizon
 from sim_reference.photometric_stereo import solve_normals
 
 Array = NDArray[np.float64]
 HORIZONS = 24
+MIN_LIGHT = 1e-9
+"""of what an LED straight above gives: less is dark, and what follows would be rounding"""
 HORIZON_REACH_MM = 8.0
 SHADOW_SIGMAS = 3.0
 """observations up to this many standard deviations of the noise count as shadow"""
@@ -99,8 +100,14 @@ def mixing(geometry: SensorGeometry, *, one_shot: bool) -> Array:
 
 
 def restoring_gain(ring: Ring, pictures: Array) -> float:
-    """Return the exposure at which the brightest pixel of the gel at rest has full scale in one of the pictures."""
-    return float(1 / (pictures @ ring.vectors[..., 2]).max())
+    """Return the exposure at which the brightest pixel of the gel at rest has full scale in one of the pictures.
+
+    Raises ValueError if the ring leaves the gel dark.
+    """
+    brightest = float((pictures @ ring.vectors[..., 2]).max())
+    if not brightest > MIN_LIGHT:
+        raise ValueError("no LED lights the gel: correct ring_radius_mm, incident_angle_deg or beam_angle_deg")
+    return 1 / brightest
 
 
 def normal_error(
@@ -123,4 +130,4 @@ def normal_error(
     images = np.array([expose(level, camera, (seen.index, number)) for number, level in enumerate(light)])
     level = SHADOW_SIGMAS * camera.noise_grey if drop_shadows else None
     found = solve_normals(images[:, None, :], vectors[:, None] * gain * camera.full_scale_grey, level)[0]
-    return figures(np.where(images.any(axis=0), angular_error(found, seen.normals), pi / 2))
+    return error_figures(np.where(images.any(axis=0), angular_error(found, seen.normals), pi / 2))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.imaging import directional_image
-from sim_reference.metrics import angular_error, mean_of_largest
+from sim_reference.metrics import angular_error, error_figures
 from sim_reference.optimizer.benchmark import PressedObject
 from sim_reference.optimizer.exposing import LightGroups, expose, picture_key, ring_azimuths
 from sim_reference.optimizer.shadows import horizon, reach
@@ -35,8 +35,8 @@ def evaluate_group(
     """Return MAE, MAE_Top5, MAE_Top1 in rad (equations 4, 5) of the normals found under one light group."""
     images = np.stack([light_picture(pressed, groups, number, light, angle_rad) for light in range(number)])
     found = solve_normals(images[:, None, :], ring_directions(number, angle_rad), shadow_level)[0]
-    # Where no light arrives nothing is found; equation 4 with a normal of zero then says arccos 0.
-    return figures(np.where(images.any(axis=0), angular_error(found, pressed.normals), pi / 2))
+    # Where no light arrives nothing is found; equation 4 with a normal of zero then says arccos 0, a right angle.
+    return error_figures(np.where(images.any(axis=0), angular_error(found, pressed.normals), pi / 2))
 
 
 def light_picture(pressed: PressedObject, groups: LightGroups, number: int, light: int, angle_rad: float) -> Array:
@@ -48,8 +48,3 @@ def light_picture(pressed: PressedObject, groups: LightGroups, number: int, ligh
         raised = horizon(pressed.depth_mm.astype(np.float32), pressed.spacing_mm, 2 * pi * float(azimuth), far)
         brightness = brightness * (raised < 1 / tan(angle_rad))
     return expose(brightness[pressed.region], groups, picture_key(pressed.index, azimuth, angle_rad))
-
-
-def figures(errors: Array) -> tuple[float, float, float]:
-    """Return equation 4 and equation 5 at 5 and at 1 per cent, in the unit of `errors`."""
-    return float(errors.mean()), mean_of_largest(errors, 0.05), mean_of_largest(errors, 0.01)

@@ -9,9 +9,15 @@ from math import asin, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_reference.geometry import SensorGeometry
+
 Array = NDArray[np.float64]
 BISECTIONS = 48
 """the angle is found to pi / 2^49"""
+
+
+ACRYLIC_MM = 3.0
+"""thickness of the board that supports the gel (section 3.2.1)"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,8 +25,7 @@ class Medium:
     """What lies between the LEDs and the coating. Index 1 is the paper's model: nothing."""
 
     refractive_index: float = 1.41
-    thickness_mm: float = 8.0
-    """3 mm of acrylic and 5 mm of gel"""
+    thickness_mm: float
 
     def __post_init__(self) -> None:
         """Refuse what no window is."""
@@ -31,8 +36,12 @@ class Medium:
             )
 
 
+def window_of(geometry: SensorGeometry) -> Medium:
+    """Return the gel of a sensor and the acrylic that supports it."""
+    return Medium(thickness_mm=ACRYLIC_MM + geometry.gel_thickness_mm)
+
+
 VACUUM = Medium(refractive_index=1.0, thickness_mm=0.0)
-WINDOW = Medium()
 
 
 def refracted(angle_rad: float, medium: Medium) -> float:

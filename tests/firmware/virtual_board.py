@@ -7,10 +7,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from gellight import protocol
+from gellight.enumerations import Edge, SyncMode
 from gellight.wire import COLOUR_BYTES, Packet, Record, decode, encode
 
 CHECKOUT = Path(__file__).parents[2]
@@ -53,7 +55,7 @@ def _run(command: list[str]) -> None:
 
 def run_core_tests(library: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the tests of the core on a library, to the first failure; without plugins, which take longer than they do."""
-    tests = [str(CHECKOUT / "tests/firmware" / name) for name in ("test_core.py", "test_core_config.py")]
+    tests = [str(path) for path in sorted((CHECKOUT / "tests/firmware").glob("test_core*.py"))]
     plain = {"GELLIGHT_CORE_LIBRARY": str(library), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests],
@@ -153,6 +155,18 @@ class VirtualBoard:
         status, value, payload = self.ask(name, record)
         assert status == 0, (name, status, value)
         return protocol.COMMANDS[name].reply.unpack(payload)
+
+    def load_sequence(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
+        table = [*groups, *[bytes(COLOUR_BYTES)] * (protocol.GROUP_COUNT - len(groups))]
+        for index, colours in enumerate(table):
+            self.ok("SET_GROUP", protocol.SetGroup(index, colours))
+        for step in steps:
+            self.ok("SET_STEP", step)
+        crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
+        self.ok("COMMIT", protocol.Commit(crc, loops, len(steps)))
+
+    def sync(self, mode: SyncMode, *, divider: int = 1, delay_us: int = 0, timeout_us: int = 0) -> None:
+        self.ok("SET_SYNC", protocol.SetSync(mode, Edge.RISING, divider, delay_us, timeout_us))
 
 
 def load(path: str | None = None) -> ctypes.CDLL:

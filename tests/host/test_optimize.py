@@ -2,7 +2,9 @@
 
 import json
 import logging
+import os
 import re
+import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from typer.testing import CliRunner
 
 from gellight.cli.main import app
 from gellight.errors import ConfigError, GellightError, InputError
-from gellight.optimize import answers, comparison, report, solids, studies
+from gellight.optimize import answers, comparison_coarse, findings, report, solids, studies
 from gellight.optimize.geometry import read_geometry
 from gellight.optimize.store import ResultStore
 from gellight.optimize.sweep import Shard, Task, Way, parse_shard, run
@@ -125,7 +127,7 @@ def test_processes_compute_what_one_computes(way: Way, tmp_path: Path) -> None:
     assert one is not None
     assert two is not None
     assert (one.errors_rad == two.errors_rad).all()
-    assert seen == [(done, 4) for done in (1, 2, 3, 4)]
+    assert seen == [(done, 4) for done in (0, 1, 2, 3, 4)]
 
 
 def test_the_timing_compares_equal_errors(way: Way) -> None:
@@ -171,7 +173,7 @@ def test_the_ball_answers_in_json() -> None:
 
 def test_a_design_comes_with_its_parts(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    answer = invoke("design", "--lights", "6", "--workers", "1", "--out", str(out), "--json")
+    answer = invoke("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
     assert answer["chosen"]["leds"] == 6
     assert answer["chosen"]["top1_deg"] > answer["chosen"]["mae_deg"] > 0
     files = {"design.json", "gellight.toml", "leds.csv", "ring.svg", "strip.dxf", "strip.svg"}
@@ -179,6 +181,8 @@ def test_a_design_comes_with_its_parts(tmp_path: Path) -> None:
     built = read_geometry(out / "gellight.toml")
     assert built.led_colours == "RRGGBB"
     assert built.mounting_height_mm == pytest.approx(answer["chosen"]["mounting_height_mm"], abs=0.06)
+    assert answer["ring_colours"] == "ff0000,ff0000,00ff00,00ff00,0000ff,0000ff"
+    assert answer["gains"][-1]["before_deg"] == pytest.approx(answer["given"]["top1_deg"], abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +195,11 @@ def test_a_design_comes_with_its_parts(tmp_path: Path) -> None:
         (["ball", "--press", "3", "--radius", "2"], "deeper than the ball"),
         (["ball", "--press", "6"], "less than the gel's thickness"),
         (["ball", "--radius", "8"], "records 60 degrees"),
+        (["ball", "--radius", "-1"], "greater than 0"),
+        (["coarse", "--relief", "5"], "less than the gel's 5 mm"),
         (["design", "--lights", "2"], "multiples of 3"),
+        (["design", "--lights", "3000"], "use fewer or a wider ring"),
+        (["coarse", "--out", "/proc/nowhere"], "choose another --out"),
     ],
 )
 def test_what_is_impossible_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:
@@ -204,10 +212,15 @@ def test_what_is_impossible_is_refused_with_the_reason(arguments: list[str], rea
     ("text", "reason"),
     [
         ("mounting_height_mm = 36.0", "inside the gel"),
+        ("mounting_height_mm = 33.0", "its acrylic of 3 mm"),
+        ("camera_height_mm = 9.0", "in or below the gel"),
+        ('led_colours = "RRRRRRRRRRRR"', "no LED is G or B"),
+        ("ring_radius_mm = nan", "ring_radius_mm = nan is not allowed"),
+        ("", "says nothing of a sensor's geometry"),
         ("mounting_height_mm = 45.0", "in or below the gel"),
         ("ring_radius_mm = 24.0", "choose ring_radius_mm up to 22.16"),
         ('led_colours = "RG"', "led_colours"),
-        ("ring_radius = 20.0", "ring_radius"),
+        ("ring_radius = 20.0", "unknown key geometry.ring_radius: did you mean ring_radius_mm"),
         ("ring_radius_mm = ", "not TOML"),
     ],
 )
@@ -218,6 +231,42 @@ def test_geometry_that_cannot_be_built_is_refused(tmp_path: Path, text: str, rea
         read_geometry(path)
     with pytest.raises(ConfigError, match="cannot be read"):
         read_geometry(tmp_path / "absent.toml")
+
+
+def test_what_only_the_simulator_can_refuse_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "gellight.toml"
+    path.write_text("[geometry]\nbeam_angle_deg = 0.001\n")
+    result = CliRunner().invoke(
+        app, ["optimize", "fine", "--geometry", str(path), "--size", "32", "--step", "18", "--workers", "1"]
+    )
+    assert isinstance(result.exception, InputError)
+    assert "this sensor cannot be simulated: no LED lights the gel" in str(result.exception)
+
+
+def die(number: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def test_a_worker_that_was_killed_is_told_and_the_results_before_it_are_kept(way: Way) -> None:
+    with pytest.raises(InputError, match="use fewer --workers than 2"):
+        run([Task("die", die, (1,))], replace(way, workers=2))
+
+
+def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(studies, "coarse_study", interrupted)
+    result = CliRunner().invoke(app, ["optimize", "coarse", "--store", str(tmp_path / "here")])
+    assert result.exit_code == 130
+    assert f"what is done is kept in {tmp_path / 'here'}" in result.stderr
+
+
+def test_help_says_what_is_taken_by_default() -> None:
+    text = CliRunner().invoke(app, ["optimize", "coarse", "--help"], env={"COLUMNS": "160"}).stdout
+    assert "[default: the paper]" in text
+    assert "[default: 0.9]" in text
 
 
 def test_a_store_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
@@ -255,10 +304,25 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     way: Way, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = sensitivity.variants(SensorGeometry())[:2]
-    monkeypatch.setattr(sensitivity, "variants", lambda geometry: first)
+    monkeypatch.setattr(sensitivity, "variants", lambda geometry, groups: first)
     monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=32))
-    path = report.write_report(subject(48, FEW), way, tmp_path / "out", timed=False, numbers=(6,))
+    six = replace(subject(48, FEW), geometry=SensorGeometry(led_colours="RRGGBB"))
+    found = findings.find(six, way, timed=False, numbers=(6,))
+    assert found is not None
+    path = report.write_report(found, tmp_path / "out")
     text = path.read_text()
+    answer = report.report_answer(found, path)
+    assert answer["chosen"]["leds"] == 6, "as many as the given sensor has"
+    assert [gain["step"] for gain in answer["gains"]] == [
+        "shadowed observations dropped",
+        "refraction and Fresnel losses known",
+        "2 exposures of three LEDs",
+        "angle, height and exposure searched together",
+    ]
+    assert min(gain["factor"] for gain in answer["gains"]) >= 1
+    assert all(f"<td>{gain.factor:.2f}×" in text for gain in found.gains())
+    assert {row["reproduced"] for row in answer["statements"]} == {True, False}
+    assert all(row["why"] for row in answer["statements"] if not row["reproduced"])
     assert text.count("<svg") >= 20
     assert not re.findall(r'(?:src|href)="(?!data:)', text)
     assert "not reproduced" in text
@@ -270,9 +334,9 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
 def test_a_statement_that_does_not_hold_is_not_reproduced(way: Way) -> None:
     result = studies.coarse_study(subject(48), LightGroups(), way)
     assert result is not None
-    honest = {row.claim: row.reproduced for row in comparison.coarse_statements(result)}
+    honest = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(result)}
     turned = replace(result, errors_rad=result.errors_rad[:, :, ::-1])
-    other = {row.claim: row.reproduced for row in comparison.coarse_statements(turned)}
+    other = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(turned)}
     claim = "the incident angle is 29°, closest to the average minimum"
     assert honest[claim]
     assert not other[claim]

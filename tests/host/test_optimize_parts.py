@@ -14,9 +14,9 @@ from gellight.camera import open_camera
 from gellight.config import load_settings
 from gellight.errors import ConfigError, InputError
 from gellight.optimize import figures, parts
-from gellight.optimize.answers import parts_of
+from gellight.optimize.designs import parts_of
 from gellight.optimize.geometry import design_file, read_geometry
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
 GEOMETRY = SensorGeometry()
 
@@ -46,10 +46,22 @@ def test_leds_lie_inside_the_strip_and_apart() -> None:
         assert max(radii) < flat.outer_radius_mm
         assert np.mean(flat.led_corners(led), axis=0) == pytest.approx(
             [
-                flat.middle_radius_mm * cos((led + 0.5) * flat.pitch_rad),
-                flat.middle_radius_mm * np.sin((led + 0.5) * flat.pitch_rad),
+                flat.middle_radius_mm * cos(flat.sector_rad - (led + 0.5) * flat.pitch_rad),
+                flat.middle_radius_mm * np.sin(flat.sector_rad - (led + 0.5) * flat.pitch_rad),
             ]
         )
+
+
+def test_rolled_up_with_its_leds_to_the_gel_the_strip_is_the_ring_of_the_table() -> None:
+    flat = parts.strip(GEOMETRY)
+    right_handed = np.array([1, -1, 1])  # y up, as z points to the camera
+    places, axes = led_positions(GEOMETRY) * right_handed, led_axes(GEOMETRY) * right_handed
+    for led in range(11):
+        here, there = (np.array(flat.led_centre(number)) for number in (led, led + 1))
+        outwards = np.append(places[led, :2] / 21.5 * cos(radians(29)), -np.sin(radians(29)))
+        on_paper = np.linalg.det([here, there - here])
+        in_the_sensor = np.cross(outwards, places[led + 1] - places[led]) @ axes[led]
+        assert on_paper * in_the_sensor > 0, "who sees the drawing looks into the LEDs"
 
 
 def test_the_drawing_passes_the_auditor_and_says_the_same() -> None:
@@ -62,6 +74,9 @@ def test_the_drawing_passes_the_auditor_and_says_the_same() -> None:
     assert np.array(arcs) == pytest.approx(np.array([[21.332, 314.863], [27.832, 314.863]]), abs=1e-3)
     leds = space.query('LWPOLYLINE[layer=="LED"]')
     assert len(leds) == 12
+    numbers = {number.dxf.text: number.dxf.align_point for number in space.query("TEXT")}
+    assert len(numbers) == 12
+    assert tuple(numbers["7"])[:2] == pytest.approx(flat.led_centre(7))
     sides = [np.hypot(*np.diff(np.array(led.get_points("xy")), axis=0).T) for led in leds]
     assert np.array(sides) == pytest.approx(5.0)
 
@@ -86,7 +101,7 @@ def test_the_led_table_is_the_ring() -> None:
     [
         ({"ring_radius_mm": 22.5}, 6.5, "the housing is 25 mm"),
         ({}, 4.0, "narrower than an LED"),
-        ({"led_colours": "R" * 30}, 6.5, "use fewer"),
+        ({"led_colours": "RGB" * 10}, 6.5, "use fewer"),
     ],
 )
 def test_a_strip_that_cannot_be_made_is_refused(change: dict[str, float | str], width: float, reason: str) -> None:
@@ -120,7 +135,8 @@ def test_charts_and_maps_are_sound() -> None:
     for log in (False, True):
         chart = figures.line_chart(curves, figures.Axes(title="<title>", x="x", y="y", log=log, marks=((1, "here"),)))
         ElementTree.fromstring(chart[: chart.index("</svg>") + 6])
-    heat = figures.heat_map([[1.0, 40.0]], ["3"], ["5", "13"], "map", largest=30)
+    labels = figures.Axes(title="map", x="incident angle", y="lights")
+    heat = figures.heat_map([[1.0, 40.0]], ["3"], ["5", "13"], labels, largest=30)
     ElementTree.fromstring(heat)
     assert figures.heat_colour(0) == "#3160b4"
     assert figures.heat_colour(2) == "#a50f26"

@@ -8,7 +8,8 @@ from hypothesis.extra import numpy as arrays
 
 from gellight.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.reconstruction import BULGE, _edge_integrals, integrate, normals
-from sim_reference.gel import NO_OBJECT, grid, press
+from sim_reference.deformation import NO_OBJECT, grid
+from sim_reference.gel import press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import GRID_EXTENT_MM, press_object, sample
 

@@ -69,9 +69,12 @@ def test_a_press_held_by_the_url_stays() -> None:
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ("&colour=red", r"colour.*fps, seed, noise, object"),
-        ("&noise=loud", "noise"),
-        ("&depth=-1", "depth"),
+        ("&colour=red", r"unknown parameter colour: choose one of fps, seed, noise, object"),
+        ("&crosstlk=0.2", r"unknown parameter crosstlk: did you mean crosstalk\?"),
+        ("&crosstalk=loud", "crosstalk = loud is not allowed: give a number at least 0 and at most 0.5"),
+        ("&depth=-1", "depth = -1 is not allowed: give a number at least 0"),
+        ("&depth=nan", "depth = nan is not allowed"),
+        ("&x=1e9", "off the gel"),
         ("&depth=9", "choose 0 to 2 mm"),
         ("&object=CUBE&depth=1", "no object 'CUBE': choose one of BALL"),
         ("&fps=0", "fps"),

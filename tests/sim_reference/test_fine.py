@@ -89,7 +89,7 @@ def test_rays_obey_snell_and_arrive_where_they_should() -> None:
 
 def test_no_light_is_lost_but_by_reflection() -> None:
     # All light that leaves within 60 degrees arrives within the distance of the 60 degree ray.
-    medium = refraction.Medium()
+    medium = refraction.window_of(GEOMETRY)
     far = 12 * np.tan(radians(60)) + 8 * np.tan(asin(sin(radians(60)) / 1.41))
     x = (np.arange(20000) + 0.5) * far / 20000
     rays = refraction.trace(x, 20.0, medium)
@@ -99,8 +99,15 @@ def test_no_light_is_lost_but_by_reflection() -> None:
 
 
 def test_light_straight_on_loses_what_fresnel_says() -> None:
-    lost = 1 - refraction.transmittance(np.array(0.0), np.array(0.0), refraction.Medium(refractive_index=1.5))
+    lost = 1 - refraction.transmittance(
+        np.array(0.0), np.array(0.0), refraction.Medium(refractive_index=1.5, thickness_mm=8.0)
+    )
     assert lost == pytest.approx(0.04)
+
+
+def test_the_window_is_the_gel_and_its_acrylic() -> None:
+    assert refraction.window_of(GEOMETRY).thickness_mm == 8.0
+    assert refraction.window_of(replace(GEOMETRY, gel_thickness_mm=3.0)).thickness_mm == 6.0
 
 
 def test_a_window_of_index_one_changes_nothing() -> None:
@@ -131,7 +138,9 @@ def test_balls_that_do_not_do_are_refused(radii: list[float], depth: float) -> N
 
 def test_leds_in_the_window_are_refused() -> None:
     with pytest.raises(ValueError, match="inside the window"):
-        near_field.ring_light_vectors(fine.at_height(GEOMETRY, 33.0), np.zeros(1), np.zeros(1), refraction.WINDOW)
+        near_field.ring_light_vectors(
+            fine.at_height(GEOMETRY, 33.0), np.zeros(1), np.zeros(1), refraction.window_of(GEOMETRY)
+        )
     with pytest.raises(ValueError, match="in or below the gel"):
         fine.at_height(GEOMETRY, 40.0)
 
@@ -171,7 +180,7 @@ def test_a_window_asks_for_a_larger_angle_in_air() -> None:
         return found[2]
 
     assert error(29, refraction.VACUUM) < error(37, refraction.VACUUM)
-    assert error(37, refraction.WINDOW) < error(29, refraction.WINDOW)
+    assert error(37, refraction.window_of(GEOMETRY)) < error(29, refraction.window_of(GEOMETRY))
 
 
 @pytest.mark.parametrize("one_shot", [False, True])
@@ -192,7 +201,7 @@ def test_the_design_is_better_than_the_start_and_no_worse_than_its_neighbours() 
     assert found.top1_rad < 0.8 * start
     built = replace(GEOMETRY, incident_angle_rad=found.incident_angle_rad, mounting_height_mm=found.mounting_height_mm)
     for change in (-radians(12), radians(12)):
-        turned = replace(built, incident_angle_rad=found.incident_angle_rad + change)
+        turned = replace(built, incident_angle_rad=min(found.incident_angle_rad + change, radians(89)))
         assert design.errors(turned, place(), wishes, found.brightest_grey)[2] > 0.99 * found.top1_rad
 
 
@@ -203,6 +212,20 @@ def test_little_light_asks_for_leds_nearer_to_the_gel() -> None:
     )
     assert little.mounting_height_mm > plenty.mounting_height_mm
     assert little.top1_rad > plenty.top1_rad
+
+
+def test_a_ring_of_as_many_leds_keeps_its_colours() -> None:
+    mixed = replace(GEOMETRY, led_colours="RGBRGBRGBRGB")
+    assert design.colours_of(12, mixed) == "RGBRGBRGBRGB"
+    assert design.colours_of(6, mixed) == "RRGGBB"
+
+
+def test_a_design_without_room_or_light_is_refused() -> None:
+    wishes = design.Wishes(numbers=(12,))
+    with pytest.raises(ValueError, match="no room for the LEDs"):
+        design.optimise(replace(GEOMETRY, camera_height_mm=9.0, mounting_height_mm=0.0), place(), wishes)
+    with pytest.raises(ValueError, match="no LED lights the gel"):
+        design.assessed(replace(GEOMETRY, beam_angle_rad=radians(0.001)), place(), wishes, 230.0)
 
 
 def test_the_fewest_leds_that_are_nearly_best_are_chosen() -> None:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_reference.gel import NO_OBJECT, Deformation, compliance, deflection, grid, press
+from sim_reference.deformation import NO_OBJECT, Deformation, grid
+from sim_reference.gel import compliance, deflection, press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, ObjectParameters, object_height
 from sim_reference.surface import GRID_EXTENT_MM, press_object

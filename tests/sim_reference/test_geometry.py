@@ -21,13 +21,18 @@ def test_a_beam_of_120_degrees_is_lambertian_and_a_wider_one_flatter() -> None:
     "wrong",
     [
         {"mounting_height_mm": 40.0},
+        {"mounting_height_mm": float("nan")},
         {"led_colours": "RGX"},
         {"led_colours": "RG"},
         {"pixel_size_mm": 0.0},
         {"gel_thickness_mm": float("nan")},
         {"poisson_ratio": 0.5},
+        {"camera_height_mm": float("nan")},
+        {"coating_smoothing_mm": float("nan")},
+        {"incident_angle_rad": np.pi / 2},
+        {"beam_angle_rad": np.pi},
     ],
 )
 def test_geometry_that_cannot_be_built_is_refused(wrong: dict) -> None:
-    with pytest.raises(ValueError, match=next(iter(wrong))):
+    with pytest.raises(ValueError, match=next(iter(wrong)).replace("mounting_", "mounting.")):
         SensorGeometry(**wrong)

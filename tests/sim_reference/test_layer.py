@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sim_reference.gel import NO_OBJECT, NotConverged, compliance, deflection, grid, press
+from sim_reference.deformation import NO_OBJECT, NotConverged, grid
+from sim_reference.gel import compliance, deflection, press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
 from sim_reference.surface import press_object

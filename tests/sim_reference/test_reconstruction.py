@@ -9,6 +9,7 @@ from sim_reference.imaging import directional_image, normals
 from sim_reference.integration import integrate
 from sim_reference.metrics import (
     angular_error,
+    intensity_deviation,
     maximum_elevation,
     mean_angular_error,
     mean_of_largest,
@@ -122,6 +123,7 @@ def test_grey_has_no_saturation_and_pure_colours_have_all() -> None:
 def test_the_deviation_adds_the_channels() -> None:
     picture = np.zeros((1, 2, 3)) + 1
     picture[0, 1] = (3.0, 1.0, 1.0)
+    assert intensity_deviation(picture) == pytest.approx(1.0)
     assert normalised_deviation(picture) == pytest.approx(1.0 / picture.mean())
 
 

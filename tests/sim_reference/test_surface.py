@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.surface import press_object, sample, untouched
 
@@ -45,6 +46,20 @@ def test_far_from_the_object_the_gel_is_at_rest() -> None:
 def test_an_object_beside_the_view_leaves_the_gel_at_rest() -> None:
     assert not sample(BALL, GEOMETRY, 200.0, 0.0).depth_mm.any()
     assert not untouched(GEOMETRY).contact.any()
+
+
+def imprint(height: np.ndarray, spacing: float, depth: float, geometry: SensorGeometry) -> Deformation:
+    """The plainest model of a gel: it takes the object's form and nothing more."""
+    pressed = np.maximum(height + depth, 0.0)
+    return Deformation(pressed, (pressed > 0).astype(float), spacing)
+
+
+def test_another_model_of_the_gel_takes_the_place_of_the_layer() -> None:
+    surface = sample(press_object("BALL", 1.0, GEOMETRY, model=imprint), GEOMETRY, 0.0, 0.0)
+    radius_mm = np.sqrt(surface.contact.sum() / np.pi) * GEOMETRY.pixel_size_mm
+    # The edge of the imprint is that of equation 8, r_e^2 = R^2 - (R - d)^2; the layer touches less.
+    assert radius_mm == pytest.approx(np.sqrt(16 - 9), abs=0.05)
+    assert sample(BALL, GEOMETRY, 0.0, 0.0).contact.sum() < surface.contact.sum()
 
 
 def test_a_place_that_is_no_number_is_refused() -> None:

@@ -26,6 +26,13 @@ NEVER_DUE = 1 << 62
 """of the emulator's PIO: no state machine runs, or all of them wait"""
 MOST_FAULTS = 50
 UNIQUE_ID = bytes.fromhex("e6605838833a5d2f")
+TEMPERATURE_CHANNEL = 4
+ROOM_C = 25.0
+
+
+def temperature_reading(temperature_c: float) -> int:
+    """Return what the converter reads of the chip's sensor: 0.706 V at 27 degrees, -1.721 mV a degree (4.9.5)."""
+    return round((0.706 - 0.001721 * (temperature_c - 27)) / 3.3 * 4096)
 
 
 class _Log:
@@ -65,6 +72,7 @@ class EmulatedBoard:
         self.cut_after: int | None = None
         """power fails after so many bytes of flash were erased or programmed"""
         self.powered = False
+        self.temperature_c = ROOM_C
         self._past_ns = 0.0
         self.power_on()
 
@@ -105,6 +113,7 @@ class EmulatedBoard:
         chip = self.chip = RP2040()
         chip.logger = _Log(self.fault)
         chip.load_bootrom(rom_words())
+        chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(self.temperature_c)
         chip.flash[:FLASH_BYTES] = self.flash
         self._simulator = Simulator(rp2040=chip)
         chip.on_break = self._rom_function
@@ -132,7 +141,7 @@ class EmulatedBoard:
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
         blocks[PIO0] = registers.Guard(blocks[PIO0].inner, self._pio_held, self.fault)
         self._usb = registers.UsbGuard(
-            chip.usb_ctrl, lambda: self._held(24), self.fault, lambda: int(self._chip_ns / 1e6) & 0x7FF,
+            chip.usb_ctrl, lambda: self._held(24), self.fault, chip.clock,
             lambda on: chip.set_interrupt(USB_INTERRUPT, on))  # fmt: skip
         blocks[0x50110] = self._usb
 
@@ -191,6 +200,11 @@ class EmulatedBoard:
             self.chip.flash[offset + i] = 0xFF if number == Function.RE else old & self.chip.read_uint8(values[1] + i)
 
     _cut = False
+
+    def set_temperature(self, temperature_c: float) -> None:
+        """Warm the chip; it stays so warm when it starts anew."""
+        self.temperature_c = temperature_c
+        self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
 
     def set_trigger(self, high: bool) -> None:
         """Drive the trigger pin."""

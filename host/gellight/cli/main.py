@@ -1,7 +1,9 @@
 """`gellight`: the verbs, and the one place where an error becomes a message and an exit status."""
 
+import importlib.metadata
 import os
 import sys
+from typing import Annotated
 
 import typer
 
@@ -32,6 +34,7 @@ from gellight.errors import GellightError
 
 app = typer.Typer(
     name="gellight",
+    rich_markup_mode="markdown",  # the other mode takes "[default: ...]" for markup and leaves it out
     help="Camera-based tactile sensing: from light to depth.",
     no_args_is_help=True,
     add_completion=False,
@@ -39,8 +42,18 @@ app = typer.Typer(
 )
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"gellight {importlib.metadata.version('gellight')}")
+        raise typer.Exit
+
+
 @app.callback()
-def gellight() -> None:
+def gellight(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
     """Camera-based tactile sensing: from light to depth."""
 
 

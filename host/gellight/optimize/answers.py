@@ -1,7 +1,6 @@
 """What a study found: as JSON for programs, as lines for people, as drawings and parts for the folder of results."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import degrees, isfinite
 from pathlib import Path
 from typing import Any
@@ -10,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.errors import InputError
-from gellight.optimize import parts
 from gellight.optimize.figures import Axes, Series, heat_map, line_chart
-from gellight.optimize.geometry import STRIP_WIDTH_MM, design_file, outer_radius_mm
 from gellight.optimize.studies import METHODS, FineResult, Subject
 from gellight.writing import write_file
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.optimizer import ball, fine
-from sim_reference.optimizer import design as designing
 from sim_reference.optimizer.benchmark import Sampling
 from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult
 
@@ -29,8 +25,14 @@ RED_DEG = 30.0
 BALL_RADII_MM = np.arange(2.0, 8.01, 0.5)
 
 
-def subject_of(geometry: SensorGeometry, press_mm: float, relief_mm: float, size: int) -> Subject:
-    """Return what is studied; raises InputError for a press that is negative or deeper than the gel."""
+def subject_of(
+    geometry: SensorGeometry, press_mm: float, relief_mm: float, size: int, noise_grey: float = 1.0
+) -> Subject:
+    """Return what is studied; raises InputError for a press or a relief that is not positive and less than the gel."""
+    if not 0 < relief_mm < geometry.gel_thickness_mm:
+        raise InputError(
+            f"--relief {relief_mm:g} mm: it must be positive and less than the gel's {geometry.gel_thickness_mm:g} mm"
+        )
     if not 0 < press_mm < geometry.gel_thickness_mm:
         raise InputError(
             f"--press {press_mm:g} mm: it must be positive and less than the gel's {geometry.gel_thickness_mm:g} mm"
@@ -39,21 +41,18 @@ def subject_of(geometry: SensorGeometry, press_mm: float, relief_mm: float, size
         geometry=geometry,
         parameters=ObjectParameters(relief_mm=relief_mm),
         sampling=Sampling(size_px=size, press_depth_mm=press_mm),
+        noise_grey=noise_grey,
     )
 
 
-def wishes(numbers: tuple[int, ...], one_shot: bool, noise_grey: float, exposure_limit: float) -> designing.Wishes:
-    """Return what a design has to do; raises InputError for what no design can."""
+def writable(folder: Path) -> None:
+    """Make `folder` if need be; raises InputError if nothing can be written there, before anything is computed."""
     try:
-        return designing.Wishes(
-            numbers=numbers,
-            one_shot=one_shot,
-            drop_shadows=not one_shot,
-            noise_grey=noise_grey,
-            exposure_limit=exposure_limit,
-        )
-    except ValueError as error:
-        raise InputError(str(error)) from None
+        folder.mkdir(parents=True, exist_ok=True)
+        write_file(folder / ".writable", b"")
+        (folder / ".writable").unlink()
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
 
 
 def write_all(folder: Path, files: Mapping[str, bytes | str]) -> list[Path]:
@@ -98,7 +97,7 @@ def coarse_text(result: CoarseResult) -> str:
 def coarse_drawings(result: CoarseResult) -> Files:
     """Return a heat map for each object and the averaged curves."""
     maps: Files = {f"{name}.svg": top1_map(result, name) for name in result.names}
-    maps["mean.svg"] = _only_svg(top1_curves(result, None))
+    maps["mean.svg"] = top1_curves(result, None)
     return maps
 
 
@@ -107,7 +106,9 @@ def top1_map(result: CoarseResult, name: str, figure: int = 2) -> str:
     values = np.degrees(result.errors_rad[result.names.index(name), ..., figure])
     rows = [str(number) for number in result.groups.numbers]
     columns = [f"{degrees(angle):.0f}°" for angle in result.groups.angles_rad]
-    return heat_map(values, rows, columns, f"{name}: {('MAE', 'Top5', 'Top1')[figure]}, degrees", largest=RED_DEG)
+    title = f"{name}: {('MAE', 'Top5', 'Top1')[figure]}, degrees"
+    axes = Axes(title=title, x="incident angle", y="number of lights")
+    return heat_map(values, rows, columns, axes, largest=RED_DEG)
 
 
 def top1_curves(result: CoarseResult, name: str | None) -> str:
@@ -118,13 +119,19 @@ def top1_curves(result: CoarseResult, name: str | None) -> str:
         Series(str(number), angles, row)
         for number, row in zip(result.groups.numbers, np.degrees(values).tolist(), strict=True)
     ]
-    axes = Axes(title=name or "average of the benchmark", x="incident angle, degrees", y="Top1, degrees", log=True)
+    axes = Axes(
+        title=name or "average of the benchmark",
+        x="incident angle, degrees",
+        y="Top1, degrees",
+        log=True,
+        legend="lights:",
+    )
     return line_chart(series, axes)
 
 
 def fine_answer(result: FineResult) -> dict[str, Any]:
     """Return the fine study by height; errors are null where the LEDs would be inside the window."""
-    air, chosen = result.errors_rad["air"], list(METHODS).index("12 exposures, shadows dropped")
+    air, chosen = result.errors_rad["air"], list(METHODS).index("each LED by itself, shadows dropped")
     heights, saturations = np.array(result.heights_mm), np.array([light.saturation for light in result.light])
     half = fine.height_of_saturation(heights, saturations)
     return {
@@ -151,41 +158,41 @@ def fine_answer(result: FineResult) -> dict[str, Any]:
 
 def fine_text(result: FineResult) -> str:
     """Return a line a height."""
-    lines = ["height mm    SAT    NSD   MAE one exposure   12 exposures   shadows dropped   (degrees)"]
+    lines = ["height mm    SAT    NSD   MAE one exposure   each LED alone   shadows dropped   (degrees)"]
     for at, light in enumerate(result.light):
         errors = np.degrees(result.errors_rad["air"][:, at, 0])
         lines.append(
             f"{light.mounting_height_mm:9.1f} {light.saturation:6.1%} {light.nsd:6.2f} {errors[0]:18.2f} "
-            f"{errors[1]:14.3f} {errors[2]:17.3f}"
+            f"{errors[1]:16.3f} {errors[2]:17.3f}"
         )
     heights, saturations = np.array(result.heights_mm), np.array([light.saturation for light in result.light])
-    lines.append(
-        f"SAT is 50 % at {fine.height_of_saturation(heights, saturations):.1f} mm (disc of 35 mm, ideal colours)"
-    )
-    return "\n".join(lines)
+    half = fine.height_of_saturation(heights, saturations)
+    where = f"at {half:.1f} mm" if isfinite(half) else "at none of these heights"
+    return "\n".join([*lines, f"SAT reaches 50 % {where} (disc of 35 mm, ideal colours)"])
 
 
 def fine_drawings(result: FineResult) -> Files:
     """Return the curves of figure 4e and those of the error."""
-    light, error = fine_charts(result)
-    return {"saturation.svg": _only_svg(light), "error.svg": _only_svg(error)}
+    saturation, deviation, error = fine_charts(result)
+    return {"saturation.svg": saturation, "deviation.svg": deviation, "error.svg": error}
 
 
-def fine_charts(result: FineResult) -> tuple[str, str]:
-    """Return SAT and NSD against height, and the error against height."""
+def fine_charts(result: FineResult) -> tuple[str, str, str]:
+    """Return SAT, NSD and the error of the normals against height."""
     heights = list(result.heights_mm)
-    light = [
-        Series("SAT", heights, [one.saturation for one in result.light]),
-        Series("NSD", heights, [one.nsd for one in result.light]),
-    ]
+    saturation = Series("", heights, [100 * one.saturation for one in result.light])
+    deviation = Series("", heights, [one.nsd for one in result.light])
     errors = [
-        Series(f"{method} ({medium})", heights, np.degrees(table[at, :, 0]).tolist(), dashed=medium == "window")
+        Series(f"{method} ({medium})", heights, np.degrees(table[at, :, 0]).tolist(), medium == "window", at)
         for medium, table in result.errors_rad.items()
         for at, method in enumerate(METHODS)
     ]
     mounting = "mounting height, mm"
     return (
-        line_chart(light, Axes(title="Figure 4e: SAT and NSD of a plane", x=mounting, y="SAT, NSD")),
+        line_chart(
+            [saturation], Axes(title="Figure 4e: SAT of a plane", x=mounting, y="SAT, %", levels=((50.0, "50 %"),))
+        ),
+        line_chart([deviation], Axes(title="Figure 4e: NSD of a plane", x=mounting, y="NSD")),
         line_chart(errors, Axes(title="Error of the normals, benchmark", x=mounting, y="MAE, degrees", log=True)),
     )
 
@@ -196,7 +203,9 @@ def ball_choice(
     """Return the recommended ball and the curves of figure 3c by press depth; raises InputError as `ball` does."""
     at_hand = np.array(sorted(radii)) if radii else BALL_RADII_MM
     try:
-        if at_hand.min() <= 0 or (len(at_hand) == 1 and press_mm > at_hand[0]):
+        if not (np.isfinite(at_hand).all() and at_hand.min() > 0):
+            raise ValueError(f"--radius {', '.join(f'{r:g}' for r in at_hand)}: give radii in mm, greater than 0")
+        if len(at_hand) == 1 and press_mm > at_hand[0]:
             raise ValueError(
                 f"a press of {press_mm:g} mm is deeper than the ball of {at_hand.min():g} mm radius: press less"
             )
@@ -231,75 +240,19 @@ def ball_text(choice: ball.BallChoice) -> str:
     )
 
 
-def ball_drawing(curves: dict[float, Array]) -> str:
-    """Return figure 3c as SVG."""
-    return _only_svg(ball_chart(curves))
-
-
 def ball_chart(curves: dict[float, Array]) -> str:
-    """Return figure 3c with its legend."""
+    """Return figure 3c as SVG."""
     series = [
-        Series(f"press {depth:g} mm", BALL_RADII_MM.tolist(), np.degrees(curve).tolist())
-        for depth, curve in curves.items()
+        Series(f"{depth:g}", BALL_RADII_MM.tolist(), np.degrees(curve).tolist()) for depth, curve in curves.items()
     ]
-    return line_chart(series, Axes(title="Figure 3c: equation 8", x="radius of the ball, mm", y="elevation, degrees"))
-
-
-def designed(candidate: designing.Candidate, geometry: SensorGeometry) -> SensorGeometry:
-    """Return the sensor with a candidate's ring; the radius is trimmed to the housing if the new tilt asks for it."""
-    ring = replace(
-        geometry,
-        led_colours=designing.colours_of(candidate.number),
-        incident_angle_rad=round(candidate.incident_angle_rad, 4),
-        mounting_height_mm=round(candidate.mounting_height_mm, 1),
+    axes = Axes(
+        title="Figure 3c: equation 8",
+        x="radius of the ball, mm",
+        y="largest elevation angle, degrees",
+        levels=((degrees(ball.WANTED_ELEVATION_RAD), "wanted"),),
+        legend="press, mm:",
     )
-    over = outer_radius_mm(ring, STRIP_WIDTH_MM) - geometry.gel_diameter_mm / 2
-    return replace(ring, ring_radius_mm=geometry.ring_radius_mm - max(over, 0.0))
-
-
-def design_answer(candidates: list[designing.Candidate], geometry: SensorGeometry) -> dict[str, Any]:
-    """Return all candidates and the chosen one."""
-    best = designing.chosen(candidates, "top1")
-    return {
-        "chosen": _candidate(best),
-        "candidates": [_candidate(one) for one in candidates],
-        "ring_radius_mm": round(designed(best, geometry).ring_radius_mm, 4),
-    }
-
-
-def _candidate(one: designing.Candidate) -> dict[str, Any]:
-    return {
-        "leds": one.number,
-        "incident_angle_deg": _deg(one.incident_angle_rad),
-        "mounting_height_mm": round(one.mounting_height_mm, 2),
-        "brightest_grey": round(one.brightest_grey, 1),
-        "mae_deg": _deg(one.mae_rad),
-        "top1_deg": _deg(one.top1_rad),
-        "noise_mae_deg": _deg(one.noise_mae_rad),
-    }
-
-
-def design_text(candidates: list[designing.Candidate]) -> str:
-    """Return a line a candidate and the choice."""
-    best = designing.chosen(candidates, "top1")
-    return "\n".join([*(designing.describe(one) for one in candidates), f"chosen: {designing.describe(best)}"])
-
-
-def design_parts(candidates: list[designing.Candidate], geometry: SensorGeometry) -> Files:
-    """Return the parts of the chosen design."""
-    return parts_of(designed(designing.chosen(candidates, "top1"), geometry))
-
-
-def parts_of(geometry: SensorGeometry) -> Files:
-    """Return the files to make a ring: strip as DXF and SVG, section, LED table, and the settings of the sensor."""
-    flat = parts.strip(geometry)
-    return {
-        "gellight.toml": design_file(geometry),
-        "strip.dxf": parts.strip_dxf(flat),
-        "strip.svg": parts.strip_svg(flat, geometry.led_colours),
-        "ring.svg": parts.ring_svg(geometry),
-        "leds.csv": parts.led_table(geometry),
-    }
+    return line_chart(series, axes)
 
 
 def _deg(angle_rad: float) -> float:
@@ -312,7 +265,3 @@ def _round_degrees(angles_rad: Any) -> Any:
 
 def _number(value: float) -> float | None:
     return round(float(value), 5) if isfinite(value) else None
-
-
-def _only_svg(figure: str) -> str:
-    return figure[: figure.index("</svg>") + len("</svg>")]

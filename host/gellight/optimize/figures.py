@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 SERIES = ("#3b6fd4", "#d6453d", "#3a9d5d", "#b07aa1", "#e08e2b", "#4aa3a8", "#8c6d46", "#7f7f7f", "#5b4fa2", "#c05780")
-WIDTH, HEIGHT = 440.0, 280.0
-LEFT, RIGHT, TOP, BOTTOM = 52.0, 12.0, 26.0, 40.0
+WIDTH, HEIGHT = 372.0, 262.0
+LEFT, RIGHT, TOP, BOTTOM = 50.0, 12.0, 26.0, 40.0
+LEGEND_ROW, LEGEND_LETTER, LEGEND_LINE = 16.0, 5.9, 24.0
+"""height of a row, width of a letter, and of the line before it with its gaps"""
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class Series:
     x: Sequence[float]
     y: Sequence[float]
     dashed: bool = False
+    colour: int | None = None
+    """number in `SERIES`, by default the curve's place"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,49 +40,74 @@ class Axes:
     log: bool = False
     marks: tuple[tuple[float, str], ...] = ()
     """vertical lines: place and label"""
+    levels: tuple[tuple[float, str], ...] = ()
+    """horizontal lines: place and label"""
+    legend: str = ""
+    """what the curves' labels are, said before them"""
 
 
 def line_chart(series: Sequence[Series], axes: Axes) -> str:
-    """Return curves as SVG."""
+    """Return curves with their legend as SVG."""
     xs = [value for one in series for value in one.x]
     ys = [value for one in series for value in one.y if isfinite(value) and (value > 0 or not axes.log)]
     low, high = _range(ys, axes.log)
     frame = _Frame(min(xs), max(xs), low, high, axes.log)
-    body = [_title(axes.title), *_grid(frame, axes)]
+    body = [_title(axes.title), *_grid(frame, axes), *_marks(frame, axes)]
+    for number, one in enumerate(series):
+        body.append(f'<path d="{_path(frame, one)}" fill="none" {_stroke(number, one)}/>')
+    legend, rows = _legend(series, axes.legend)
+    return _figure([*body, *legend], WIDTH, HEIGHT + LEGEND_ROW * rows)
+
+
+def _marks(frame: "_Frame", axes: Axes) -> list[str]:
+    body = []
     for at, label in axes.marks:
         body.append(f'<path class="mark" d="M{frame.x(at):.1f} {TOP}V{HEIGHT - BOTTOM}"/>')
         body.append(f'<text class="tick" x="{frame.x(at) + 3:.1f}" y="{TOP + 9}">{escape(label)}</text>')
-    for number, one in enumerate(series):
-        dash = ' stroke-dasharray="5 3"' if one.dashed else ""
-        path = _path(frame, one)
-        body.append(f'<path d="{path}" fill="none" stroke="{_colour(number)}" stroke-width="1.8"{dash}/>')
-    return _figure(body, WIDTH, HEIGHT) + _legend([one.label for one in series])
+    for at, label in axes.levels:
+        y = frame.y(at)
+        body.append(f'<path class="mark" d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}"/>')
+        body.append(
+            f'<text class="tick" x="{WIDTH - RIGHT - 3}" y="{y - 3:.1f}" text-anchor="end">{escape(label)}</text>'
+        )
+    return body
+
+
+CELL_X, CELL_Y = 29.0, 21.0
+CELLS_LEFT, CELLS_TOP, CELLS_BOTTOM = 40.0, 26.0, 34.0
 
 
 def heat_map(
-    values: ArrayLike, rows: Sequence[str], columns: Sequence[str], title: str, *, largest: float, mark: bool = True
+    values: ArrayLike, rows: Sequence[str], columns: Sequence[str], axes: Axes, *, largest: float, mark: bool = True
 ) -> str:
-    """Return a matrix as coloured cells, blue at 0 and red from `largest`, each with its number."""
+    """Return a matrix as coloured cells, blue at 0 and red from `largest`, each with its number.
+
+    `mark` frames the smallest of each row.
+    """
     table = np.asarray(values, dtype=float)
-    cell_x, cell_y, left, top = 36.0, 22.0, 30.0, 26.0
-    width, height = left + cell_x * len(columns) + 4, top + cell_y * len(rows) + 20
-    body = [_title(title)]
+    width = CELLS_LEFT + CELL_X * len(columns) + 4
+    bottom = CELLS_TOP + CELL_Y * len(rows)
+    body = [_title(axes.title)]
     for r, row in enumerate(rows):
-        body.append(f'<text class="tick" x="{left - 5}" y="{top + (r + 0.68) * cell_y}" text-anchor="end">{row}</text>')
-        for c in range(len(columns)):
-            x, y, value = left + c * cell_x, top + r * cell_y, float(table[r, c])
-            colour = heat_colour(value / largest)
-            ink = "#fff" if not 0.12 < value / largest < 0.85 else "#111"
-            best = ' stroke="#111" stroke-width="1.6"' if mark and value == table[r].min() else ""
-            body.append(
-                f'<rect x="{x}" y="{y}" width="{cell_x - 1}" height="{cell_y - 1}" rx="2" fill="{colour}"{best}/>'
-                f'<text class="cell" fill="{ink}" x="{x + cell_x / 2}" y="{y + 14}">{_short(value)}</text>'
-            )
+        y = CELLS_TOP + (r + 0.68) * CELL_Y
+        body.append(f'<text class="tick" x="{CELLS_LEFT - 5}" y="{y:.1f}" text-anchor="end">{row}</text>')
+        body += [_cell(r, c, table[r, c], largest, mark and table[r, c] == table[r].min()) for c in range(len(columns))]
     for c, column in enumerate(columns):
-        body.append(
-            f'<text class="tick" x="{left + (c + 0.5) * cell_x}" y="{height - 6}" text-anchor="middle">{column}</text>'
-        )
-    return _figure(body, width, height)
+        x = CELLS_LEFT + (c + 0.5) * CELL_X
+        body.append(f'<text class="tick" x="{x}" y="{bottom + 12}" text-anchor="middle">{column}</text>')
+    middle = (CELLS_LEFT + width) / 2, (CELLS_TOP + bottom) / 2
+    return _figure([*body, *_axis_labels(axes, middle, bottom + CELLS_BOTTOM - 6)], width, bottom + CELLS_BOTTOM)
+
+
+def _cell(row: int, column: int, value: float, largest: float, best: bool) -> str:
+    x, y = CELLS_LEFT + column * CELL_X, CELLS_TOP + row * CELL_Y
+    ink = "#fff" if not 0.12 < value / largest < 0.85 else "#111"
+    frame = ' stroke="#111" stroke-width="1.6"' if best else ""
+    return (
+        f'<rect x="{x}" y="{y}" width="{CELL_X - 1}" height="{CELL_Y - 1}" rx="2" '
+        f'fill="{heat_colour(value / largest)}"{frame}/>'
+        f'<text class="cell" fill="{ink}" x="{x + CELL_X / 2}" y="{y + 13.5}">{_short(value)}</text>'
+    )
 
 
 def heat_colour(share: float) -> str:
@@ -168,13 +197,16 @@ def _grid(frame: _Frame, axes: Axes) -> list[str]:
         body.append(
             f'<text class="tick" x="{x:.1f}" y="{HEIGHT - BOTTOM + 13}" text-anchor="middle">{at * step:.4g}</text>'
         )
-    middle_x, middle_y = (LEFT + WIDTH - RIGHT) / 2, (TOP + HEIGHT - BOTTOM) / 2
-    body.append(f'<text class="axis" x="{middle_x}" y="{HEIGHT - 8}" text-anchor="middle">{escape(axes.x)}</text>')
-    body.append(
-        f'<text class="axis" transform="translate(13 {middle_y}) rotate(-90)" text-anchor="middle">{escape(axes.y)}'
-        "</text>"
-    )
-    return body
+    middle = (LEFT + WIDTH - RIGHT) / 2, (TOP + HEIGHT - BOTTOM) / 2
+    return [*body, *_axis_labels(axes, middle, HEIGHT - 8)]
+
+
+def _axis_labels(axes: Axes, middle: tuple[float, float], y: float) -> list[str]:
+    return [
+        f'<text class="axis" x="{middle[0]}" y="{y}" text-anchor="middle">{escape(axes.x)}</text>',
+        f'<text class="axis" transform="translate(13 {middle[1]}) rotate(-90)" text-anchor="middle">{escape(axes.y)}'
+        "</text>",
+    ]
 
 
 def _path(frame: _Frame, one: Series) -> str:
@@ -188,17 +220,28 @@ def _path(frame: _Frame, one: Series) -> str:
     return "".join(parts)
 
 
-def _legend(labels: Sequence[str]) -> str:
-    entries = [
-        f'<span><i style="background:{_colour(number)}"></i>{escape(label)}</span>'
-        for number, label in enumerate(labels)
-        if label
-    ]
-    return f'<div class="legend">{"".join(entries)}</div>'
+def _legend(series: Sequence[Series], title: str) -> tuple[list[str], int]:
+    """Return the legend under the chart and how many rows it takes; curves without labels have none."""
+    if not any(one.label for one in series):
+        return [], 0
+    body = [f'<text class="axis" x="8" y="{HEIGHT + 10}">{escape(title)}</text>']
+    x, row = 8 + LEGEND_LETTER * len(title) + 6 * bool(title), 0
+    for number, one in enumerate(series):
+        if not one.label:
+            continue
+        width = LEGEND_LINE + LEGEND_LETTER * len(one.label) + 6
+        if x + width > WIDTH and x > 8:
+            x, row = 8.0, row + 1
+        y = HEIGHT + 10 + LEGEND_ROW * row
+        body.append(f'<path d="M{x:.1f} {y - 3.5}h18" {_stroke(number, one)}/>')
+        body.append(f'<text class="axis" x="{x + LEGEND_LINE:.1f}" y="{y}">{escape(one.label)}</text>')
+        x += width
+    return body, row + 1
 
 
-def _colour(number: int) -> str:
-    return SERIES[number % len(SERIES)]
+def _stroke(number: int, one: Series) -> str:
+    colour = SERIES[(number if one.colour is None else one.colour) % len(SERIES)]
+    return f'stroke="{colour}" stroke-width="1.8"' + (' stroke-dasharray="5 3"' if one.dashed else "")
 
 
 def _title(text: str) -> str:
@@ -210,15 +253,16 @@ def _short(value: float) -> str:
 
 
 STYLE = (
-    "svg{fill:currentColor}text{font:11px system-ui,sans-serif}.title{font-weight:600;font-size:12px}"
-    ".tick{font-size:9.5px;opacity:.75}.axis{font-size:10.5px;opacity:.85}.grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
+    ".chart{fill:currentColor}.chart text{font:11px system-ui,sans-serif}.chart .title{font-weight:600;font-size:12px}"
+    ".chart .tick{font-size:9.5px;opacity:.75}.chart .axis{font-size:10.5px;opacity:.85}"
+    ".grid{stroke:currentColor;stroke-opacity:.13;fill:none}"
     ".mark{stroke:currentColor;stroke-opacity:.6;stroke-dasharray:3 3}"
-    ".cell{font-size:9px;text-anchor:middle}"
+    ".chart .cell{font-size:9px;text-anchor:middle}"
 )
 
 
 def _figure(body: list[str], width: float, height: float) -> str:
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
+        f'<svg class="chart" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
         f'height="{height:g}"><style>{STYLE}</style>{"".join(body)}</svg>'
     )

@@ -18,6 +18,8 @@ Image = NDArray[np.uint8]
 SMALL = Sampling(size_px=150, extent_mm=36.0)
 BRIGHTEST_GREY = 200.0
 CONTOURS = 12
+WIDTH_PX = 115
+"""ten in a row"""
 
 
 def benchmark_depths(subject: Subject) -> str:
@@ -30,7 +32,7 @@ def benchmark_depths(subject: Subject) -> str:
         slope = np.degrees(pressed.steepest_rad())
         depth = pressed.depth_mm - pressed.depth_mm.min()
         grey = np.rint(255 * depth / depth.max()).astype(np.uint8)
-        figures.append(picture(grey, f"{name}, up to {slope:.0f}°", 130))
+        figures.append(picture(grey, f"{name} {slope:.0f}°, {pressed.depth_mm.max():.2f} mm", WIDTH_PX))
     return "".join(figures)
 
 
@@ -41,7 +43,7 @@ def benchmark_pictures(subject: Subject) -> str:
     figures = []
     for name in subject.names:
         deformation = deformed(name, subject.sampling, square, subject.parameters)
-        figures.append(picture(_picture(sample(deformation, square, 0, 0), square, exposed), name, 130))
+        figures.append(picture(_picture(sample(deformation, square, 0, 0), square, exposed), name, WIDTH_PX))
     return "".join(figures)
 
 
@@ -77,7 +79,8 @@ def _contoured(share: NDArray[np.float64], channel: int | None) -> Image:
     edge[1:] |= level[1:] != level[:-1]
     image = np.zeros((*share.shape, 3), np.uint8)
     image[..., range(3) if channel is None else [channel]] = np.rint(255 * share)[..., None]
-    image[edge] = 255
+    # Lines must stand out from what they lie on.
+    image[edge] = np.where(share[edge, None] > 0.6, 0, 255)
     return image
 
 

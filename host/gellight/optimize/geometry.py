@@ -1,17 +1,16 @@
 """The geometry that the optimiser works on: a settings file with a [geometry] section, and what cannot be built."""
 
-import tomllib
 from dataclasses import fields
 from math import cos, degrees
 from pathlib import Path
 
 import tomli_w
-from pydantic import ValidationError
 
-from gellight.config import GeometrySettings, Settings
+from gellight.config import read_settings
 from gellight.errors import ConfigError
 from gellight.simulated import built
 from sim_reference.geometry import SensorGeometry
+from sim_reference.optimizer.refraction import ACRYLIC_MM, window_of
 
 STRIP_WIDTH_MM = 6.5
 """of the flexible circuit that carries the LEDs"""
@@ -20,21 +19,34 @@ STRIP_WIDTH_MM = 6.5
 def read_geometry(path: Path | None) -> SensorGeometry:
     """Return the sensor of a settings file (the form of gellight.toml), the paper's where `path` is None.
 
-    Raises ConfigError for a file that cannot be read, an unknown key, or a sensor that cannot be built.
+    Raises ConfigError for a file that cannot be read, an unknown key, no geometry, or a sensor that cannot be built.
     """
-    chosen = GeometrySettings() if path is None else _settings(path).geometry
-    geometry = built(chosen.overrides())
+    if path is None:
+        return SensorGeometry()
+    overrides = read_settings(path).geometry.overrides()
+    if not overrides:
+        raise ConfigError(
+            f"{path} says nothing of a sensor's geometry: write its lengths and angles under [geometry], or leave "
+            "--geometry out for the sensor of the paper"
+        )
+    geometry = built(overrides)
     check(geometry)
     return geometry
 
 
 def check(geometry: SensorGeometry, strip_width_mm: float = STRIP_WIDTH_MM) -> None:
-    """Raise ConfigError for LEDs in the gel or a ring that does not fit into the housing."""
-    above = geometry.camera_height_mm - geometry.mounting_height_mm
-    if above <= geometry.gel_thickness_mm:
+    """Raise ConfigError for LEDs in the gel or its support, a colour without an LED, a ring wider than the housing."""
+    missing = [colour for colour in "RGB" if colour not in geometry.led_colours]
+    if missing:
         raise ConfigError(
-            f"the LEDs are {above:g} mm above the gel surface, inside the gel of {geometry.gel_thickness_mm:g} mm: "
-            f"choose mounting_height_mm below {geometry.camera_height_mm - geometry.gel_thickness_mm:g}"
+            f"led_colours {geometry.led_colours!r}: no LED is {' or '.join(missing)}, give at least one of each of R, "
+            "G, B"
+        )
+    above, window = geometry.camera_height_mm - geometry.mounting_height_mm, window_of(geometry).thickness_mm
+    if above <= window:
+        raise ConfigError(
+            f"the LEDs are {above:g} mm above the gel surface, inside the gel of {geometry.gel_thickness_mm:g} mm and "
+            f"its acrylic of {ACRYLIC_MM:g} mm: choose camera_height_mm - mounting_height_mm above {window:g}"
         )
     outer = outer_radius_mm(geometry, strip_width_mm)
     if outer > geometry.gel_diameter_mm / 2:
@@ -50,31 +62,20 @@ def outer_radius_mm(geometry: SensorGeometry, strip_width_mm: float) -> float:
     return geometry.ring_radius_mm + strip_width_mm / 2 * cos(geometry.incident_angle_rad)
 
 
+def ring_colours(geometry: SensorGeometry) -> str:
+    """Return the colours of the ring, LED by LED, as `gellight ring set` takes them."""
+    return ",".join({"R": "ff0000", "G": "00ff00", "B": "0000ff"}[colour] for colour in geometry.led_colours)
+
+
 def design_file(geometry: SensorGeometry) -> bytes:
-    """Return the settings file of a sensor: `gellight` started beside it simulates this sensor."""
+    """Return the settings file of a sensor: `gellight` started beside it simulates, or drives, this sensor."""
     section = {}
     for field in fields(geometry):
         value = getattr(geometry, field.name)
         name = field.name.removesuffix("_rad") + "_deg" if field.name.endswith("_rad") else field.name
         section[name] = round(degrees(value), 6) if field.name.endswith("_rad") else _rounded(value)
-    return tomli_w.dumps({"geometry": section}).encode()
+    return f"# gellight ring set {ring_colours(geometry)}\n\n{tomli_w.dumps({'geometry': section})}".encode()
 
 
 def _rounded(value: float | int | str) -> float | int | str:
     return round(value, 6) if isinstance(value, float) else value
-
-
-def _settings(path: Path) -> Settings:
-    try:
-        return Settings.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read ({error.strerror}): give a file with a [geometry] section") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(step) for step in first["loc"])
-        raise ConfigError(
-            f"{path}: {place} = {first['input']!r}: {first['msg']}; `gellight config --help` tells where the keys are "
-            "described"
-        ) from error
-    except ValueError as error:
-        raise ConfigError(f"{path} is not TOML in UTF-8 ({error}): correct it") from error

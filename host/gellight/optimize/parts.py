@@ -1,8 +1,9 @@
-"""Parts to make of a design: the flexible strip of the LEDs, a drawing of the ring, the table of the LEDs.
+"""Parts to make of a design: the flexible strip of the LEDs and the table of the LEDs; `drawings` draws them.
 
 The strip lies on a cone whose generator rises by the incident angle from the horizontal, so that LEDs that stand
 upright on it shine inwards at that angle. Unrolled, a cone of radius r is a sector of radius r / cos(angle) and of
-360 degrees cos(angle).
+360 degrees cos(angle). The LEDs face the gel, so who looks at them sees the ring from there: numbered clockwise, though
+their azimuths run anticlockwise in the camera's image.
 """
 
 import io
@@ -36,9 +37,16 @@ class Strip:
         """Angle between LEDs on the flat strip."""
         return self.sector_rad / self.count
 
+    def led_centre(self, led: int) -> Point:
+        """Return the middle of an LED in mm from the apex, x right and y up, as seen from the side of the LEDs."""
+        return self.middle_radius_mm * cos(self._turn(led)), self.middle_radius_mm * sin(self._turn(led))
+
+    def _turn(self, led: int) -> float:
+        return self.sector_rad - (led + 0.5) * self.pitch_rad
+
     def led_corners(self, led: int) -> list[Point]:
-        """Return the corners of the package of an LED, in mm from the apex."""
-        turn = (led + 0.5) * self.pitch_rad
+        """Return the corners of the package of an LED, as `led_centre`."""
+        turn = self._turn(led)
         half = LED_SIDE_MM / 2
         local = [(half, half), (half, -half), (-half, -half), (-half, half)]
         return [
@@ -79,13 +87,17 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
 
 
 def strip_dxf(flat: Strip) -> bytes:
-    """Return the strip as DXF R2010 in mm: layers OUTLINE and LED; raises InputError if the file is not sound."""
+    """Return the strip as DXF R2010 in mm, seen from the side of the LEDs: layers OUTLINE, LED and NUMBER.
+
+    Raises InputError if the file is not sound.
+    """
     from ezdxf import units
+    from ezdxf.enums import TextEntityAlignment
     from ezdxf.filemanagement import new
 
     drawing = new("R2010", setup=True)
     drawing.units = units.MM
-    for layer in ("OUTLINE", "LED"):
+    for layer in ("OUTLINE", "LED", "NUMBER"):
         drawing.layers.add(layer)
     space, last = drawing.modelspace(), degrees(flat.sector_rad)
     for radius in (flat.inner_radius_mm, flat.outer_radius_mm):
@@ -95,60 +107,14 @@ def strip_dxf(flat: Strip) -> bytes:
         space.add_line(ends[0], ends[1], dxfattribs={"layer": "OUTLINE"})
     for led in range(flat.count):
         space.add_lwpolyline(flat.led_corners(led), close=True, dxfattribs={"layer": "LED"})
+        number = space.add_text(str(led), height=2.0, dxfattribs={"layer": "NUMBER"})
+        number.set_placement(flat.led_centre(led), align=TextEntityAlignment.MIDDLE_CENTER)
     problems = drawing.audit().errors
     if problems:
         raise InputError(f"the drawing of the strip is not sound: {problems[0].message}")
     text = io.StringIO()
     drawing.write(text)
     return text.getvalue().encode(drawing.output_encoding)
-
-
-COLOURS = {"R": "#d6453d", "G": "#3a9d5d", "B": "#3b6fd4"}
-
-
-def strip_svg(flat: Strip, colours: str) -> str:
-    """Return the strip as SVG at its true size, the LEDs in their colours."""
-    large = int(flat.sector_rad > pi)
-    start, end = (1.0, 0.0), (cos(flat.sector_rad), -sin(flat.sector_rad))
-    outline = (
-        f"M{_at(start, flat.outer_radius_mm)} A{_round(flat.outer_radius_mm)} 0 {large} 0 "
-        f"{_at(end, flat.outer_radius_mm)} L{_at(end, flat.inner_radius_mm)} A{_round(flat.inner_radius_mm)} 0 {large} "
-        f"1 {_at(start, flat.inner_radius_mm)} Z"
-    )
-    body = [f'<path d="{outline}" fill="#f2c14e" fill-opacity=".25" stroke="currentColor" stroke-width=".15"/>']
-    for led, colour in enumerate(colours):
-        corners = " ".join(f"{x:.4f},{-y:.4f}" for x, y in flat.led_corners(led))
-        body.append(f'<polygon points="{corners}" fill="{COLOURS[colour]}"/>')
-    return _svg(body, _extent(flat))
-
-
-def ring_svg(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> str:
-    """Return the section of the sensor as SVG at its true size: camera, LEDs with their axes, gel."""
-    reach, height = geometry.gel_diameter_mm / 2, geometry.camera_height_mm
-    gel = geometry.gel_thickness_mm
-    body = [
-        f'<rect x="{-reach}" y="{-gel}" width="{2 * reach}" height="{gel}" fill="#8fb8de" fill-opacity=".6"/>',
-        f'<path d="M{-reach} 0V{-height - 3}M{reach} 0V{-height - 3}" stroke="currentColor" stroke-width=".3"/>',
-        f'<rect x="-4" y="{-height - 4}" width="8" height="4" fill="currentColor" fill-opacity=".6"/>',
-        f'<path d="M0 {-height}V0" stroke="currentColor" stroke-width=".15" stroke-dasharray="1 1"/>',
-    ]
-    for side, letter in ((1, geometry.led_colours[0]), (-1, geometry.led_colours[len(geometry.led_colours) // 2])):
-        body += _led_in_section(geometry, side, width_mm, COLOURS[letter])
-    return _svg(body, (-reach - 4, -height - 6, reach + 4, 3.0))
-
-
-def _led_in_section(geometry: SensorGeometry, side: int, width_mm: float, colour: str) -> list[str]:
-    tilt, r = geometry.incident_angle_rad, side * geometry.ring_radius_mm
-    y = -(geometry.camera_height_mm - geometry.mounting_height_mm)
-    along = (cos(tilt) * side, sin(tilt))
-    edges = [(r + t * width_mm / 2 * along[0], y + t * width_mm / 2 * along[1]) for t in (-1, 1)]
-    length = -y / cos(tilt)
-    end = (r - side * length * sin(tilt), 0.0)
-    return [
-        f'<path d="M{edges[0][0]:.3f} {edges[0][1]:.3f}L{edges[1][0]:.3f} {edges[1][1]:.3f}" stroke="#f2c14e"/>',
-        f'<path d="M{r} {y}L{end[0]:.3f} {end[1]}" stroke="{colour}" stroke-width=".25" stroke-dasharray="1.5 .8"/>',
-        f'<circle cx="{r}" cy="{y}" r="1.2" fill="{colour}"/>',
-    ]
 
 
 def led_table(geometry: SensorGeometry) -> str:
@@ -159,31 +125,6 @@ def led_table(geometry: SensorGeometry) -> str:
         numbers = [360 * led / count, *at.tolist(), *axis.tolist()]
         rows.append(",".join([str(led), geometry.led_colours[led], *(f"{value:.5f}" for value in numbers)]))
     return "\n".join(rows) + "\n"
-
-
-def _at(direction: Point, radius: float) -> str:
-    return f"{direction[0] * radius:.4f} {direction[1] * radius:.4f}"
-
-
-def _round(radius: float) -> str:
-    return f"{radius:.4f} {radius:.4f}"
-
-
-def _extent(flat: Strip) -> tuple[float, float, float, float]:
-    """Left, top, right, bottom of the flat strip in the drawing (y down), with a margin of 2 mm."""
-    turns = [flat.sector_rad * step / 360 for step in range(361)]
-    across = [radius * cos(turn) for turn in turns for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
-    down = [-radius * sin(turn) for turn in turns for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
-    return min(across) - 2, min(down) - 2, max(across) + 2, max(down) + 2
-
-
-def _svg(body: list[str], extent: tuple[float, float, float, float]) -> str:
-    left, top, right, bottom = extent
-    width, height = right - left, bottom - top
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.3f}mm" height="{height:.3f}mm" '
-        f'viewBox="{left:.3f} {top:.3f} {width:.3f} {height:.3f}" fill="none">' + "".join(body) + "</svg>"
-    )
 
 
 def strip_facts(flat: Strip) -> list[tuple[str, float, str]]:

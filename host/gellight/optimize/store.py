@@ -28,7 +28,9 @@ class ResultStore:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"results cannot be kept in {folder} ({error.strerror}): choose another --out") from error
+            raise InputError(
+                f"results cannot be kept in {folder} ({error.strerror}): choose another --store"
+            ) from error
 
     def path(self, key: str) -> Path:
         """Return the file of a result."""
@@ -54,7 +56,9 @@ class ResultStore:
         try:
             write_file(self.path(key), json.dumps(envelope).encode())
         except OSError as error:
-            raise InputError(f"{self.path(key)} cannot be written ({error.strerror}): free some space") from error
+            raise InputError(
+                f"{self.path(key)} cannot be written ({error.strerror}): free some space, or choose another --store"
+            ) from error
 
 
 def _digest(result: Any) -> str:

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.optimize.sweep import Task, Way, run
-from sim_reference.gel import grid
+from sim_reference.deformation import grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters, object_height
 from sim_reference.optimizer import coarse, design, exposures, fine, near_field, sensitivity
 from sim_reference.optimizer.benchmark import Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
-from sim_reference.optimizer.refraction import VACUUM, WINDOW, Medium
+from sim_reference.optimizer.refraction import VACUUM, Medium, window_of
 
 Array = NDArray[np.float64]
 FINE_SAMPLING = Sampling(region_diameter_mm=30.0)
@@ -25,8 +25,8 @@ DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
 CAMERA = LightGroups(full_scale_grey=230.0)
 METHODS = {
     "one exposure": (True, False),
-    "12 exposures": (False, False),
-    "12 exposures, shadows dropped": (False, True),
+    "each LED by itself": (False, False),
+    "each LED by itself, shadows dropped": (False, True),
 }
 """whether all LEDs shine at once, whether shadowed observations are dropped"""
 THINNING = 6
@@ -41,6 +41,11 @@ class Subject:
     parameters: ObjectParameters
     sampling: Sampling = Sampling()  # noqa: RUF009 - frozen
     names: tuple[str, ...] = BENCHMARK_NAMES
+    noise_grey: float = 1.0
+
+    def seen_by(self, camera: LightGroups) -> LightGroups:
+        """Return `camera` with the noise of this one."""
+        return replace(camera, noise_grey=self.noise_grey)
 
 
 def coarse_of_object(name: str, subject: Subject, groups: LightGroups) -> Any:
@@ -83,16 +88,19 @@ def fine_of_object(name: str, subject: Subject, heights_mm: tuple[float, ...], m
         subject.sampling, region_diameter_mm=min(FINE_SAMPLING.region_diameter_mm, subject.sampling.region_diameter_mm)
     )
     seen, x, y = scene_of(name, subject, sampling)
-    rows = [_errors_at(fine.at_height(subject.geometry, height), seen, x, y, medium) for height in heights_mm]
+    camera = subject.seen_by(CAMERA)
+    rows = [_errors_at(fine.at_height(subject.geometry, height), seen, x, y, medium, camera) for height in heights_mm]
     return [[None if row is None else row[method] for row in rows] for method in range(len(METHODS))]
 
 
-def _errors_at(geometry: SensorGeometry, seen: near_field.Scene, x: Array, y: Array, medium: Medium) -> Any:
+def _errors_at(
+    geometry: SensorGeometry, seen: near_field.Scene, x: Array, y: Array, medium: Medium, camera: LightGroups
+) -> Any:
     if geometry.camera_height_mm - geometry.mounting_height_mm <= medium.thickness_mm:
         return None
     ring = near_field.ring_light_vectors(geometry, x, y, medium)
     found = [
-        near_field.normal_error(seen, ring, near_field.mixing(geometry, one_shot=at_once), CAMERA, drop_shadows=drop)
+        near_field.normal_error(seen, ring, near_field.mixing(geometry, one_shot=at_once), camera, drop_shadows=drop)
         for at_once, drop in METHODS.values()
     ]
     return [[mae, top1] for mae, _, top1 in found]
@@ -110,7 +118,7 @@ class FineResult:
 
 def fine_study(subject: Subject, heights_mm: tuple[float, ...], way: Way) -> FineResult | None:
     """Return the fine study, or None while shards are missing."""
-    media = {"air": VACUUM, "window": WINDOW}
+    media = {"air": VACUUM, "window": window_of(subject.geometry)}
     tasks = [
         Task(f"{name} ({label})", fine_of_object, (name, subject, heights_mm, medium))
         for label, medium in media.items()
@@ -138,9 +146,10 @@ CROSSTALK = np.array([[0.90, 0.08, 0.02], [0.06, 0.88, 0.06], [0.02, 0.08, 0.90]
 def beyond_of_object(name: str, subject: Subject) -> Any:
     """Return MAE, Top5, Top1 in rad of what goes beyond the paper, by the name of the method, as lists."""
     seen, _, _ = scene_of(name, subject, subject.sampling, 3)
-    camera = LightGroups()
+    camera = subject.seen_by(LightGroups())
     number = len(subject.geometry.led_colours) // 3 * 3
     twelve = exposures.in_turn(number)
+    window = window_of(subject.geometry)
     curves = {
         "least squares": [exposures.directional_error([seen], twelve, a, camera) for a in BEYOND_ANGLES],
         "shadows dropped": [
@@ -149,7 +158,7 @@ def beyond_of_object(name: str, subject: Subject) -> Any:
     }
     for label, restored in (("window, same lamps", False), ("window, exposure restored", True)):
         curves[label] = [
-            exposures.directional_error([seen], twelve, a, camera, medium=WINDOW, exposure_restored=restored)
+            exposures.directional_error([seen], twelve, a, camera, medium=window, exposure_restored=restored)
             for a in BEYOND_ANGLES
         ]
     for label, crosstalk in (("", None), (", crosstalk", CROSSTALK)):
@@ -208,7 +217,7 @@ def variant_of_object(name: str, variant: sensitivity.Variant) -> Any:
 
 def sensitivity_study(subject: Subject, way: Way) -> list[tuple[sensitivity.Variant, float, float]] | None:
     """Return each variant with the best angle of the averaged curve and the mean of the objects' best, in rad."""
-    studied = sensitivity.variants(subject.geometry)
+    studied = sensitivity.variants(subject.geometry, subject.seen_by(sensitivity.STUDIED))
     tasks = [
         Task(f"{variant.quantity} {variant.setting}: {name}", variant_of_object, (name, variant))
         for variant in studied

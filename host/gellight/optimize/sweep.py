@@ -5,7 +5,7 @@ import importlib.util
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +16,7 @@ from gellight.errors import InputError
 from gellight.optimize.store import ResultStore
 
 Progress = Callable[[int, int, str], None]
-"""called with done, total and what was finished last"""
+"""called with done, total and what was finished last, nothing at first"""
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,8 @@ def run(tasks: Sequence[Task], way: Way) -> list[Any | None]:
     results = [way.store.get(task.key) for task in tasks]
     missing = [at for at, found in enumerate(results) if found is None and way.shard.holds(at)]
     done = sum(found is not None for found in results)
+    if way.progress:
+        way.progress(done, len(tasks), "")
     for at, result in _computed([(at, tasks[at]) for at in missing], way):
         way.store.put(tasks[at].key, result)
         results[at] = result
@@ -114,6 +116,11 @@ def _computed(numbered: list[tuple[int, Task]], way: Way) -> Iterator[tuple[int,
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
+        except BrokenExecutor:
+            raise InputError(
+                f"a worker was killed, perhaps because memory was short: use fewer --workers than {way.workers}. What "
+                f"is done is kept in {way.store.folder}; the same command goes on there"
+            ) from None
         finally:
             for future in waiting:
                 future.cancel()

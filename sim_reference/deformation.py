@@ -1,0 +1,64 @@
+"""What a model of the gel takes and gives (section 2.2.1): an object's height map in, the gel's surface out.
+
+This is the seam at which models of the gel are exchanged: whatever is a `GelModel` can press for the rest of the
+simulator (`surface.press_object(..., model=...)`). The one in use is `gel.press`, an elastic layer of small strain.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
+
+from sim_reference.geometry import SensorGeometry
+
+Array = NDArray[np.float64]
+NO_OBJECT = -1e3
+"""height in mm of "nothing there": far below anything that could touch"""
+
+
+class NotConverged(RuntimeError):  # noqa: N818 - the name says what happened
+    """The contact problem was not solved to the wanted tolerance."""
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """The gel under a press, on the grid of the object, its centre in the middle."""
+
+    depth_mm: Array
+    """(n, n) mm, positive into the sensor, negative where the gel bulges out beside the object"""
+    pressure: Array
+    """(n, n) in units of the shear modulus, 0 outside the contact"""
+    spacing_mm: float
+
+    @property
+    def contact(self) -> NDArray[np.bool_]:
+        """(n, n) where the object touches the gel."""
+        return np.asarray(self.pressure > 0)
+
+    @cached_property
+    def spline(self) -> RectBivariateSpline:
+        """Cubic spline of the depth over (y, x) in mm from the object's centre."""
+        at = grid(len(self.depth_mm), self.spacing_mm)
+        return RectBivariateSpline(at, at, self.depth_mm, s=0)
+
+
+def grid(size: int, spacing_mm: float) -> Array:
+    """(size,) mm: coordinates of the points around the object's centre, along either axis."""
+    return np.asarray((np.arange(size) - (size - 1) / 2) * spacing_mm)
+
+
+class GelModel(Protocol):
+    """Presses a rigid object into the gel."""
+
+    def __call__(
+        self, object_height_mm: Array, spacing_mm: float, press_depth_mm: float, geometry: SensorGeometry, /
+    ) -> Deformation:
+        """Return the gel's surface, coated, on the grid of the object.
+
+        `object_height_mm` (n, n) is the object's surface towards the gel, 0 at its highest point, `NO_OBJECT` beside
+        it, on points `spacing_mm` apart. `press_depth_mm` is how far the highest point goes beyond first touch. Raises
+        ValueError for what cannot be pressed, NotConverged where no solution was found.
+        """
