@@ -53,7 +53,8 @@ class WatchedSensor:
             grey = grey * self.spot
         if self.shift_px != (0.0, 0.0):
             x, y = self.shift_px
-            grey = ndimage.shift(grey, (y, x, 0), order=3, mode="nearest").astype(np.float32)
+            channels = [ndimage.shift(channel, (y, x), order=3, mode="nearest") for channel in np.moveaxis(grey, 2, 0)]
+            grey = np.stack(channels, axis=2).astype(np.float32)
         return grey
 
     def frame(self, press: Press | None = None) -> TactileFrame:
