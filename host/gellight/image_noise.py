@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.light_drift import light_drift
-
 SIDES_PX = (1, 4, 12)
 """of the squares over which limits are set on means"""
 
@@ -30,14 +28,15 @@ class ImageNoise:
 def measure_noise(images: Sequence[NDArray[np.uint8]], mean: NDArray[np.float32]) -> ImageNoise:
     """Measure the noise of at least two (H, W, 3) uint8 pictures of a scene at rest, given their mean.
 
-    A change of all the light from picture to picture is drift and not noise: it is taken off before.
+    A change of all the light from picture to picture is drift and not noise: it is taken off before. Its mean is, for
+    nothing touches: the median of some pixels is itself unsure by as much as the means whose spread is measured.
     """
     if len(images) < 2:
         raise ValueError(f"{len(images)} pictures: at least 2 are needed")
     squares = dict.fromkeys((side for side in SIDES_PX if side <= min(mean.shape[:2])), 0.0)
     for image in images:
         difference = image - mean
-        difference -= light_drift(difference)
+        difference -= difference.mean(axis=(0, 1))
         for side in squares:
             squares[side] += float(np.mean(square_means(difference, side) ** 2)) * side**2
     spread = {side: float(np.sqrt(total / (len(images) - 1))) for side, total in squares.items()}
