@@ -171,7 +171,8 @@ def test_the_ball_answers_in_json() -> None:
     assert answer["elevation_by_press_deg"]["3"][0] is None
 
 
-def test_a_design_comes_with_its_parts(tmp_path: Path) -> None:
+def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=48))
     out = tmp_path / "out"
     answer = invoke("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
     assert answer["chosen"]["leds"] == 6
