@@ -23,6 +23,7 @@ from gellight.optimize.timing import time_sweep
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import sensitivity
+from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
@@ -330,6 +331,14 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     assert "314.863 degrees" in text
     assert (tmp_path / "out/chosen/strip.dxf").exists()
     assert (tmp_path / "out/given/gellight.toml").exists()
+
+
+def test_objects_that_are_level_are_among_the_first_alike() -> None:
+    errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
+    level = CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
+    verdicts = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(level)}
+    assert verdicts["SCROWN and SINWAVE have a large blue region"]
+    assert not verdicts["a simple form with a sharp step, TSTEP, has a large error"]
 
 
 def test_a_statement_that_does_not_hold_is_not_reproduced(way: Way) -> None:
