@@ -25,6 +25,10 @@ class ObjectParameters:
     """section 3.2.3: a ball of 8 mm diameter"""
     cylinder_radius_mm: float = 4.0
     """section 3.2.3: a probe of 8 mm diameter, its end flat"""
+    pin_radius_mm: float = 0.35
+    pin_pitch_mm: float = 2.0
+    pin_grid_mm: tuple[float, float] = (44.0, 34.0)
+    """width and height of the plate of the pin grid: more than the view"""
     relief_mm: float = 1.0
     region_diameter_mm: float = 35.0
     wavelength_mm: float = 2.5
@@ -44,6 +48,13 @@ def ball(x: Array, y: Array, p: ObjectParameters) -> Array:
 def cylinder(x: Array, y: Array, p: ObjectParameters) -> Array:
     """Return the flat end of the cylinder probe; beside it there is nothing."""
     return np.where(np.hypot(x, y) < p.cylinder_radius_mm, 0.0, NO_OBJECT)
+
+
+def pin_grid(x: Array, y: Array, p: ObjectParameters) -> Array:
+    """Return PINS: round pins `relief` high in a square grid on a plate, one of them in the middle."""
+    off = [c - p.pin_pitch_mm * np.rint(c / p.pin_pitch_mm) for c in (x, y)]
+    on_plate = (np.abs(x) < p.pin_grid_mm[0] / 2) & (np.abs(y) < p.pin_grid_mm[1] / 2)
+    return np.where(on_plate, np.where(np.hypot(*off) < p.pin_radius_mm, 0.0, -p.relief_mm), NO_OBJECT)
 
 
 def triangular_step(x: Array, y: Array, p: ObjectParameters) -> Array:
@@ -140,7 +151,7 @@ OBJECTS: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {
 }
 OBJECT_NAMES = tuple(OBJECTS)
 BENCHMARK_NAMES = OBJECT_NAMES[1:]
-PROBES: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {"CYLINDER": cylinder}
+PROBES: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {"CYLINDER": cylinder, "PINS": pin_grid}
 """tools of the calibration, no objects of the benchmark"""
 PROBE_NAMES = tuple(PROBES)
 

@@ -13,29 +13,44 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hardware", metavar="URL", help="run the tests marked `hardware` on the sensor at this URL")
 
 
-VM = Path(__file__).parent / "vm"
+TESTS = Path(__file__).parent
+LONGEST = (
+    "vm", "host/test_calibrate_verb.py", "host/test_calibrating.py", "firmware/test_mutants.py", "host/test_demo.py",
+    "host/lighting/test_labels.py", "host/test_watch.py", "host/photometric/test_demo_modes.py",
+    "host/test_optimize.py", "host/test_page.py", "host/test_desk.py", "host/lighting/test_sequenced.py",
+    "host/test_rezero.py", "firmware/test_fuzz.py", "firmware/test_image.py", "host/test_page_in_use.py",
+)  # fmt: skip
+"""files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
 
 
 class ByFile(LoadFileScheduling):
-    """Keep the tests of a file in one process, and all that share the virtual machine."""
+    """Keep the tests of a file in one process, and all that share the virtual machine; in the order they come."""
 
     def _split_scope(self, nodeid: str) -> str:
         return "vm" if nodeid.startswith("tests/vm/") else super()._split_scope(nodeid)
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
+    config.option.loadscopereorder = False  # by the number of tests, which says little of how long they take
     return ByFile(config, log)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the virtual machine, which takes longest; leave out what needs hardware."""
-    items.sort(key=lambda item: VM not in item.path.parents)
+    """Begin with what takes longest; leave out what needs hardware."""
+    items.sort(key=place)
     if config.getoption("--hardware"):
         return
     skip = pytest.mark.skip(reason="needs real hardware: --hardware URL")
     for item in items:
         if item.get_closest_marker("hardware"):
             item.add_marker(skip)
+
+
+def place(item: pytest.Item) -> int:
+    """Return how early a test is begun."""
+    path = item.path.relative_to(TESTS)
+    return next((n for n, name in enumerate(LONGEST) if path.is_relative_to(name)), len(LONGEST))
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -29,6 +29,7 @@ HOST_DOORS = {
         "server.py",
         "messages.py",
         "decoding.py",
+        "jpeg.py",
         "encoding.py",
         "opencv_camera.py",
         "pins.py",

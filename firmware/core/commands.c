@@ -66,7 +66,7 @@ enum status handle_set_limits(struct call *call)
         return STATUS_OUT_OF_RANGE;
     controller->limits.limit_ma = request->limit_ma;
     controller->limits.policy = request->policy;
-    if (controller->shown_ma > request->limit_ma)
+    if (controller_above_limit(controller))
         controller_go_dark(controller, DARK_COMMAND);
     return STATUS_OK;
 }

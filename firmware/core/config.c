@@ -119,7 +119,7 @@ bool config_save(struct config *config, const struct port *port)
     if (config->saves && bytes_equal(&config->current, &config->stored, sizeof config->current))
         return true;
     uint32_t page = config->page, failures = 0;
-    while (failures < ATTEMPTS) {
+    for (uint32_t looked = 0; looked < PAGES && failures < ATTEMPTS; looked++) {
         page = (page + 1) % PAGES;
         if (holds_newest(config, page))
             break;

@@ -1,57 +1,15 @@
 #include "controller.h"
 
 #include "bytes.h"
+#include "events.h"
 
-#define OVERDUE_US 20000u      /* a light that was due so long ago will never come */
+#define OVERDUE_US 20000u       /* a light that was due so long ago will never come */
+#define DISTURBED_MOST 8u       /* a light whose transfer broke off so often will never get through */
 #define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
 
-static uint64_t now_us(const struct controller *controller)
+uint64_t controller_now_us(const struct controller *controller)
 {
     return controller->port->micros(controller->port->context);
-}
-
-static void send_event(struct controller *controller, enum event type, const void *record, uint8_t count)
-{
-    struct packet packet = {.type = (uint8_t)type, .sequence = controller->event_sequence++, .count = count};
-    uint8_t wire[PACKET_WIRE_BYTES];
-    if (!controller->open)
-        return;
-    bytes_copy(packet.payload, record, count);
-    if (!controller->port->send(controller->port->context, wire, packet_encode(&packet, wire)))
-        controller->counters.events_dropped++;
-}
-
-struct latched {
-    uint64_t first_bit_us, latched_us;
-};
-
-static void report_light(struct controller *controller, const struct latched *latched)
-{
-    const struct port *port = controller->port;
-    struct light_event event = {
-        .first_bit_us = latched->first_bit_us,
-        .latched_us = latched->latched_us,
-        .light_id = controller->shown_id,
-        .repetition = controller->shown.repetition,
-        .loop = controller->shown.loop,
-        .events_dropped = (uint16_t)controller->counters.events_dropped,
-        .step = controller->shown.step,
-        .group = controller->shown.group,
-    };
-    uint64_t sof_us;
-    event.sof_number = port->start_of_frame(port->context, &sof_us);
-    event.sof_us = sof_us;
-    send_event(controller, EVENT_LIGHT, &event, sizeof event);
-}
-
-static void report_dark(struct controller *controller)
-{
-    struct dark_event event = {
-        .time_us = now_us(controller),
-        .events_dropped = (uint16_t)controller->counters.events_dropped,
-        .dark = controller->dark,
-    };
-    send_event(controller, EVENT_DARK, &event, sizeof event);
 }
 
 /* ---- the slot: one light at a time on its way to the LEDs ---- */
@@ -60,8 +18,9 @@ static void hand_over(struct controller *controller)
 {
     const struct port *port = controller->port;
     struct controller_slot *slot = &controller->slot;
-    if (!slot->start_us)
-        slot->start_us = now_us(controller);
+    uint64_t now_us = controller_now_us(controller);
+    if (slot->start_us < now_us) /* late: it goes out now, and is overdue from now on, not from when it should have */
+        slot->start_us = now_us;
     port->light(port->context, slot->wire, slot->start_us, controller->config.current.latch_us);
 }
 
@@ -78,6 +37,7 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     uint32_t current_ua = ring_current_ua(&controller->limits, limited);
     slot->current_ma = ring_ma(current_ua);
     slot->shines = current_ua > LED_COUNT * controller->limits.quiescent_ua;
+    slot->disturbed = 0;
     slot->busy = true;
     return true;
 }
@@ -93,9 +53,9 @@ static void withdraw(struct controller *controller)
 void controller_end_sequence(struct controller *controller)
 {
     sequencer_stop(&controller->sequencer);
-    controller->sequencer.lit = false;
     controller->port->trigger(controller->port->context, false, false);
     withdraw(controller);
+    controller->slot.role = SEQUENCER_WAIT; /* a transfer that goes on is no part of the next sequence */
 }
 
 void controller_show(struct controller *controller, const uint8_t colours[COLOUR_BYTES])
@@ -117,7 +77,39 @@ static void darken(struct controller *controller, enum dark reason)
 {
     controller_go_dark(controller, reason);
     controller->counters.dark_faults++;
-    report_dark(controller);
+    event_dark(controller);
+}
+
+/* What is lit, on its way or wanted needs more than a limit that has just become lower. */
+bool controller_above_limit(const struct controller *controller)
+{
+    const struct controller_slot *slot = &controller->slot;
+    return controller->shown_ma > controller->limits.limit_ma ||
+           (slot->busy && slot->current_ma > controller->limits.limit_ma) ||
+           (controller->still_wanted && !ring_within(&controller->limits, controller->still));
+}
+
+/* The LEDs may have taken a part: they forget it while the line rests, then they get the whole again. */
+static void send_again(struct controller *controller)
+{
+    struct controller_slot *slot = &controller->slot;
+    controller->counters.lights_disturbed++;
+    if (slot->disturbed < DISTURBED_MOST)
+        slot->disturbed++;
+    slot->start_us = controller_now_us(controller) + controller->config.current.latch_us;
+    hand_over(controller);
+}
+
+static void tell_sequencer(struct controller *controller, uint64_t first_bit_us)
+{
+    const struct port *port = controller->port;
+    if (controller->slot.role == SEQUENCER_LIT)
+        sequencer_began(&controller->sequencer, first_bit_us);
+    if (controller->slot.role != SEQUENCER_END)
+        return;
+    controller->dark = DARK_SEQUENCE_ENDED;
+    sequencer_stop(&controller->sequencer);
+    port->trigger(port->context, false, false);
 }
 
 /* Take note of a light that was latched; false if none was. */
@@ -128,11 +120,8 @@ static bool finish_light(struct controller *controller, struct latched *latched)
     enum port_light result = PORT_LIGHT_NONE;
     if (slot->busy)
         result = port->light_result(port->context, &latched->first_bit_us, &latched->latched_us);
-    if (result == PORT_LIGHT_DISTURBED) {
-        controller->counters.lights_disturbed++;
-        slot->start_us = 0;
-        hand_over(controller);
-    }
+    if (result == PORT_LIGHT_DISTURBED)
+        send_again(controller);
     if (result != PORT_LIGHT_LATCHED)
         return false;
     slot->busy = false;
@@ -143,10 +132,7 @@ static bool finish_light(struct controller *controller, struct latched *latched)
     controller->shown_shines = slot->shines;
     if (slot->shines)
         controller->dark = DARK_NOT_DARK;
-    if (slot->began && controller->sequencer.running)
-        sequencer_began(&controller->sequencer, latched->first_bit_us);
-    if (!controller->sequencer.running)
-        port->trigger(port->context, false, false);
+    tell_sequencer(controller, latched->first_bit_us);
     return true;
 }
 
@@ -161,7 +147,7 @@ static void plan_still(struct controller *controller)
     slot->at = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
     slot->light_id = controller->still_id;
     slot->start_us = 0;
-    slot->began = false;
+    slot->role = SEQUENCER_WAIT;
     hand_over(controller);
 }
 
@@ -175,8 +161,6 @@ static void plan_sequence(struct controller *controller)
     enum sequencer_next next = sequencer_next(sequencer, &plan);
     if (next == SEQUENCER_WAIT)
         return;
-    if (next == SEQUENCER_END)
-        controller->dark = DARK_SEQUENCE_ENDED;
     if (!load(controller, next == SEQUENCER_LIT ? sequencer->active.groups[plan.at.group] : black)) {
         darken(controller, DARK_FAULT);
         return;
@@ -184,8 +168,8 @@ static void plan_sequence(struct controller *controller)
     slot->at = plan.at;
     slot->light_id = asked && !sequencer->stepped ? controller->step_id : ++controller->next_id;
     slot->start_us = plan.start_us;
-    slot->began = next == SEQUENCER_LIT;
-    if (plan.start_us && plan.start_us < now_us(controller))
+    slot->role = (uint8_t)next;
+    if (plan.start_us && plan.start_us < controller_now_us(controller))
         controller->counters.late_steps++;
     hand_over(controller);
     controller->trigger.armed = plan.start_us == PORT_ON_TRIGGER;
@@ -193,11 +177,21 @@ static void plan_sequence(struct controller *controller)
 
 /* ---- what is watched ---- */
 
+/* Whether the LEDs will be lit when all that is under way has been latched. */
+static bool will_shine(const struct controller *controller)
+{
+    static const uint8_t black[COLOUR_BYTES];
+    if (controller->sequencer.running)
+        return true;
+    if (controller->still_wanted)
+        return !bytes_equal(controller->still, black, COLOUR_BYTES);
+    return controller->slot.busy ? controller->slot.shines : controller->shown_shines;
+}
+
 static void watch_host(struct controller *controller)
 {
-    uint64_t silent_us = now_us(controller) - controller->packet_us;
-    bool lit = controller->shown_shines || controller->sequencer.running;
-    if (!lit || controller->silent || silent_us <= controller->config.current.host_timeout_ms * 1000u)
+    uint64_t silent_us = controller_now_us(controller) - controller->packet_us;
+    if (!will_shine(controller) || controller->silent || silent_us <= controller->config.current.host_timeout_ms * 1000u)
         return;
     controller->silent = true;
     darken(controller, DARK_HOST_SILENT);
@@ -210,7 +204,7 @@ static void watch_trigger(struct controller *controller)
     struct trigger *trigger = &controller->trigger;
     if (!controller->sync.timeout_us || !trigger->armed || !controller->shown_shines)
         return;
-    if ((uint32_t)now_us(controller) - trigger->last_us <= controller->sync.timeout_us)
+    if ((uint32_t)controller_now_us(controller) - trigger->last_us <= controller->sync.timeout_us)
         return;
     withdraw(controller);
     if (controller->slot.busy)
@@ -218,33 +212,24 @@ static void watch_trigger(struct controller *controller)
     controller->counters.trigger_timeouts++;
     controller_show(controller, black);
     controller->dark = DARK_TRIGGER_MISSED;
-    report_dark(controller);
-}
-
-static void report_telemetry(struct controller *controller)
-{
-    struct status_reply status;
-    uint64_t now = now_us(controller);
-    if (!controller->telemetry_ms || now - controller->reported_us < controller->telemetry_ms * 1000u)
-        return;
-    controller->reported_us = now;
-    controller_status(controller, &status);
-    send_event(controller, EVENT_TELEMETRY, &status, sizeof status);
+    event_dark(controller);
 }
 
 static void watch_restart(struct controller *controller)
 {
     const struct port *port = controller->port;
-    if (controller->restart_us && now_us(controller) - controller->restart_us > RESTART_DELAY_US)
+    if (controller->restart_us && controller_now_us(controller) - controller->restart_us > RESTART_DELAY_US)
         port->restart(port->context, controller->restart_bootloader);
 }
 
 bool controller_healthy(const struct controller *controller)
 {
     const struct controller_slot *slot = &controller->slot;
-    if (!slot->busy || slot->start_us == PORT_ON_TRIGGER)
+    if (!slot->busy)
         return true;
-    return now_us(controller) < slot->start_us + OVERDUE_US;
+    if (slot->disturbed >= DISTURBED_MOST)
+        return false;
+    return slot->start_us == PORT_ON_TRIGGER || controller_now_us(controller) < slot->start_us + OVERDUE_US;
 }
 
 /* ---- what the board calls ---- */
@@ -283,8 +268,8 @@ void controller_poll(struct controller *controller)
     else if (!controller->slot.busy && controller->sequencer.running)
         plan_sequence(controller);
     if (finished)
-        report_light(controller, &latched);
-    report_telemetry(controller);
+        event_light(controller, &latched);
+    event_telemetry(controller);
     watch_restart(controller);
 }
 
@@ -294,17 +279,18 @@ void controller_link(struct controller *controller, bool open, enum dark reason)
     controller->request_kept = false;
     controller->telemetry_ms = 0;
     controller->open = open;
-    controller->packet_us = now_us(controller);
+    controller->packet_us = controller_now_us(controller);
     if (!open) {
+        if (will_shine(controller))
+            controller->counters.dark_faults++;
         controller_go_dark(controller, reason);
-        controller->counters.dark_faults++;
     }
 }
 
 void controller_restart(struct controller *controller, bool bootloader)
 {
     controller_go_dark(controller, DARK_COMMAND);
-    controller->restart_us = now_us(controller);
+    controller->restart_us = controller_now_us(controller);
     controller->restart_bootloader = bootloader;
 }
 
@@ -320,7 +306,7 @@ static void answer(struct controller *controller, const struct packet *request)
 {
     const struct port *port = controller->port;
     struct packet reply;
-    controller->packet_us = now_us(controller);
+    controller->packet_us = controller_now_us(controller);
     controller->silent = false;
     controller->counters.packets++;
     if (repeats(controller, request)) {
@@ -338,6 +324,8 @@ static void answer(struct controller *controller, const struct packet *request)
 void controller_receive(struct controller *controller, uint8_t byte)
 {
     struct packet request;
+    if (!controller->open) /* bytes that were under way when the port closed must light nothing any more */
+        return;
     switch (packet_receive(&controller->receiver, byte, &request)) {
     case PACKET_NONE:
         break;

@@ -25,8 +25,9 @@ struct controller_slot {
     uint32_t light_id;
     uint16_t current_ma;
     bool busy;
-    bool shines; /* any LED is lit */
-    bool began;  /* the sequencer wants to know when it began */
+    uint8_t disturbed; /* how often its transfer broke off */
+    bool shines;       /* any LED is lit */
+    uint8_t role;      /* enum sequencer_next: what it is to the sequence; SEQUENCER_WAIT: nothing */
 };
 
 struct controller {
@@ -74,12 +75,14 @@ void controller_link(struct controller *controller, bool open, enum dark reason)
 void controller_restart(struct controller *controller, bool bootloader);
 void controller_poll(struct controller *controller);
 
-/* False when a light is overdue: then the board must not feed its watchdog. */
+/* False when a light is overdue or does not get through: then the board must not feed its watchdog. */
 bool controller_healthy(const struct controller *controller);
 
-/* For the commands (commands.c). */
+/* For the commands and the events. */
+uint64_t controller_now_us(const struct controller *controller);
 void controller_end_sequence(struct controller *controller);
 void controller_go_dark(struct controller *controller, enum dark reason);
+bool controller_above_limit(const struct controller *controller);
 void controller_show(struct controller *controller, const uint8_t colours[COLOUR_BYTES]);
 void controller_apply_config(struct controller *controller);
 void controller_status(const struct controller *controller, struct status_reply *status);

@@ -164,8 +164,9 @@ enum status handle_step(struct call *call)
         return STATUS_WRONG_MODE;
     if (sequencer->stepped || controller->slot.busy)
         return STATUS_BUSY;
-    if (!sequencer_over(sequencer))
-        bytes_copy(colours, sequencer->active.groups[sequencer->active.steps[sequencer->next.step].group], COLOUR_BYTES);
+    const uint8_t *upcoming = sequencer_upcoming(sequencer);
+    if (upcoming)
+        bytes_copy(colours, upcoming, COLOUR_BYTES);
     enum status status = limit(call, colours, &current_ma, &scale);
     if (status != STATUS_OK)
         return status;

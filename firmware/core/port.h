@@ -51,7 +51,7 @@ struct port {
     /* Which edge of the trigger pin the board passes to trigger_edge(); listen only if enabled. */
     void (*trigger)(void *context, bool enabled, bool falling);
 
-    /* Last USB start of frame: its number, and when in *at_us (0: never). */
+    /* A USB start of frame of the last second or so: its number, and when it was in *at_us (0: none was noted). */
     uint16_t (*start_of_frame)(void *context, uint64_t *at_us);
     /* Raw 12-bit reading of the temperature sensor, 0xffff without one. */
     uint16_t (*temperature)(void *context);

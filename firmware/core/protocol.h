@@ -178,8 +178,8 @@ struct RECORD clock_reply {
     uint64_t host_us;
     uint64_t received_us; /* board clock when the packet was complete */
     uint64_t sent_us; /* board clock when the reply was queued */
-    uint64_t sof_us; /* board clock at the last USB start of frame, 0 without one */
-    uint16_t sof_number; /* its 11-bit number */
+    uint64_t sof_us; /* board clock at the start of USB frame sof_number; 0: none was noted yet */
+    uint16_t sof_number; /* 11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second */
 };
 _Static_assert(sizeof(struct clock_reply) == 34, "clock_reply");
 
@@ -334,7 +334,7 @@ _Static_assert(sizeof(struct self_test_reply) == 12, "self_test_reply");
 struct RECORD light_event {
     uint64_t first_bit_us; /* board clock when its transfer began */
     uint64_t latched_us; /* board clock when the last LED had taken it; it shows within one PWM period of the LED */
-    uint64_t sof_us;
+    uint64_t sof_us; /* as in ClockReply */
     uint32_t light_id;
     uint16_t sof_number;
     uint16_t repetition;

@@ -12,7 +12,7 @@ uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_c
 
 static void take_over(struct sequencer *sequencer)
 {
-    bytes_copy(&sequencer->active, &sequencer->staged, sizeof sequencer->active);
+    bytes_copy(&sequencer->active, &sequencer->pending, sizeof sequencer->active);
     bytes_fill(&sequencer->next, 0, sizeof sequencer->next);
     sequencer->swap = false;
 }
@@ -21,6 +21,7 @@ void sequencer_commit(struct sequencer *sequencer, uint8_t step_count, uint16_t 
 {
     sequencer->staged.step_count = step_count;
     sequencer->staged.loops = loops;
+    bytes_copy(&sequencer->pending, &sequencer->staged, sizeof sequencer->pending);
     if (sequencer->running)
         sequencer->swap = true;
     else
@@ -41,6 +42,7 @@ void sequencer_start(struct sequencer *sequencer, uint64_t now_us)
 void sequencer_stop(struct sequencer *sequencer)
 {
     sequencer->running = false;
+    sequencer->lit = false;
     if (sequencer->swap)
         take_over(sequencer);
 }
@@ -54,9 +56,36 @@ static void advance(struct sequencer *sequencer, uint32_t duration_us)
     sequencer->due_us += sum >> 32;
 }
 
-bool sequencer_over(const struct sequencer *sequencer)
+/* Shift the schedule once. Further back than the board has run would be a time in the far future: then at once. */
+static void shift(struct sequencer *sequencer)
+{
+    int64_t phase_us = sequencer->trim.phase_us;
+    sequencer->trim.phase_us = 0;
+    if (phase_us < 0 && (uint64_t)-phase_us > sequencer->due_us)
+        sequencer->due_us = 0;
+    else
+        sequencer->due_us += (uint64_t)phase_us;
+}
+
+/* All passes have been shown. */
+static bool over(const struct sequencer *sequencer)
 {
     return sequencer->active.loops && sequencer->next.loop >= sequencer->active.loops;
+}
+
+/* A pass has ended and the pending table is to begin. */
+static bool swaps(const struct sequencer *sequencer)
+{
+    return sequencer->swap && !sequencer->lit && !sequencer->next.step && !sequencer->next.repetition;
+}
+
+const uint8_t *sequencer_upcoming(const struct sequencer *sequencer)
+{
+    bool pending = swaps(sequencer);
+    const struct sequencer_table *table = pending ? &sequencer->pending : &sequencer->active;
+    if (!pending && over(sequencer))
+        return NULL;
+    return table->groups[table->steps[pending ? 0 : sequencer->next.step].group];
 }
 
 /* Count on to the next showing. */
@@ -95,20 +124,17 @@ static enum sequencer_next plan_dark(struct sequencer_plan *plan, uint64_t start
 static enum sequencer_next next_free(struct sequencer *sequencer, struct sequencer_plan *plan)
 {
     const struct set_step *step = current(sequencer);
-    uint64_t start_us = sequencer->due_us;
     if (sequencer->lit) {
+        plan_dark(plan, sequencer->due_us, SEQUENCER_DARK);
         sequencer->lit = false;
         advance(sequencer, step->blank_us);
         count_on(sequencer);
-        return plan_dark(plan, start_us, SEQUENCER_DARK);
+        return SEQUENCER_DARK;
     }
-    if (sequencer_over(sequencer)) {
-        sequencer_stop(sequencer);
-        return plan_dark(plan, start_us, SEQUENCER_END);
-    }
-    start_us = sequencer->due_us += (uint64_t)(int64_t)sequencer->trim.phase_us;
-    sequencer->trim.phase_us = 0;
-    plan_lit(sequencer, plan, start_us);
+    if (over(sequencer))
+        return plan_dark(plan, sequencer->due_us, SEQUENCER_END);
+    shift(sequencer);
+    plan_lit(sequencer, plan, sequencer->due_us);
     advance(sequencer, step->dwell_us);
     if (step->blank_us)
         sequencer->lit = true;
@@ -127,16 +153,14 @@ static enum sequencer_next next_asked(struct sequencer *sequencer, struct sequen
         return SEQUENCER_WAIT;
     uint64_t start_us = sequencer->mode == SYNC_MODE_EXT ? PORT_ON_TRIGGER : 0;
     sequencer->stepped = false;
-    if (!sequencer_over(sequencer))
+    if (!over(sequencer))
         return plan_lit(sequencer, plan, start_us);
-    sequencer_stop(sequencer);
     return plan_dark(plan, start_us, SEQUENCER_END);
 }
 
 enum sequencer_next sequencer_next(struct sequencer *sequencer, struct sequencer_plan *plan)
 {
-    const struct sequencer_position *next = &sequencer->next;
-    if (sequencer->swap && !sequencer->lit && !next->step && !next->repetition)
+    if (swaps(sequencer))
         take_over(sequencer);
     return sequencer->mode == SYNC_MODE_FREE ? next_free(sequencer, plan) : next_asked(sequencer, plan);
 }

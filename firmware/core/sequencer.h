@@ -32,7 +32,7 @@ enum sequencer_next {
     SEQUENCER_WAIT, /* for the host's STEP */
     SEQUENCER_LIT,  /* the next light is planned */
     SEQUENCER_DARK, /* darkness is planned */
-    SEQUENCER_END,  /* darkness is planned and the sequence is over */
+    SEQUENCER_END,  /* darkness is planned; once it is latched the sequence is to be stopped */
 };
 
 struct sequencer_plan {
@@ -41,7 +41,8 @@ struct sequencer_plan {
 };
 
 struct sequencer {
-    struct sequencer_table staged;
+    struct sequencer_table staged;  /* what SET_GROUP and SET_STEP change */
+    struct sequencer_table pending; /* committed while a pass runs: nothing that is staged later gets in */
     struct sequencer_table active;
     struct sequencer_position next;
     struct trim trim;
@@ -49,14 +50,14 @@ struct sequencer {
     uint32_t fraction;     /* of a microsecond, carried from one duration to the next, in 2^-32 */
     uint8_t mode;          /* enum sync_mode */
     bool running;
-    bool swap;             /* the staged table takes over when this pass ends */
+    bool swap;             /* the pending table takes over when this pass ends */
     bool lit;              /* a showing is on and its end is still to be planned */
     bool stepped;          /* the host asked for the next showing */
 };
 
 uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_count);
 
-/* Take over the staged table, at once or at the end of the running pass. */
+/* Take over the staged table as it is now, at once or at the end of the running pass. */
 void sequencer_commit(struct sequencer *sequencer, uint8_t step_count, uint16_t loops);
 void sequencer_start(struct sequencer *sequencer, uint64_t now_us);
 void sequencer_stop(struct sequencer *sequencer);
@@ -64,8 +65,8 @@ void sequencer_stop(struct sequencer *sequencer);
 /* Say what comes next; to be called again only when that has been latched. */
 enum sequencer_next sequencer_next(struct sequencer *sequencer, struct sequencer_plan *plan);
 
-/* All passes have been shown. */
-bool sequencer_over(const struct sequencer *sequencer);
+/* HOLD: the colours that the next STEP will show; NULL: darkness, because all passes have been shown. */
+const uint8_t *sequencer_upcoming(const struct sequencer *sequencer);
 
 /* HOLD and EXT: tell when the showing began, from which its dwell counts. */
 void sequencer_began(struct sequencer *sequencer, uint64_t first_bit_us);

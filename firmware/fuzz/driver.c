@@ -1,12 +1,14 @@
 /*
- * A small coverage-guided fuzzer for compilers without libFuzzer: build it and the target with
+ * A small coverage-guided fuzzer for compilers without libFuzzer: build all but this file with
  * -fsanitize-coverage=trace-pc, which gcc and clang both know, and run it as
  *
  *     driver SECONDS SEED FOLDER FILE...
  *
- * It keeps every input that reaches new code, writes it to FOLDER (unless that is "-"), and prints what it did.
- * With SECONDS 0 it runs the files once.
+ * It keeps every input that reaches new code, writes it to FOLDER (unless that is "-"), and prints what it did. An
+ * input that ends the program by abort() is printed in hexadecimal.
+ * With SECONDS 0 it runs the files once, in their order, and writes those that reach a place for the first time.
  */
+#include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +20,8 @@
 #define MAP_BYTES 65536u
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t room, unsigned int seed);
+size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t room);
 void __sanitizer_cov_trace_pc(void);
 
 struct input {
@@ -28,12 +32,17 @@ struct input {
 static struct input corpus[INPUTS];
 static size_t corpus_count;
 static uint8_t seen[MAP_BYTES], reached[MAP_BYTES];
+static uint16_t touched[MAP_BYTES]; /* the slots that were reached */
+static size_t touched_count;
 static uint64_t random_state;
+static int count_loops;
 
-__attribute__((no_sanitize_coverage)) void __sanitizer_cov_trace_pc(void)
+void __sanitizer_cov_trace_pc(void)
 {
     uintptr_t place = (uintptr_t)__builtin_return_address(0);
-    uint32_t slot = (uint32_t)(place ^ place >> 16) % MAP_BYTES;
+    uint16_t slot = (uint16_t)((place ^ place >> 16) % MAP_BYTES);
+    if (!reached[slot])
+        touched[touched_count++] = slot;
     if (reached[slot] < 255)
         reached[slot]++;
 }
@@ -59,12 +68,15 @@ static uint8_t bucket(uint8_t hits)
 static int is_new(void)
 {
     int found = 0;
-    for (size_t i = 0; i < MAP_BYTES; i++) {
-        uint8_t hits = bucket(reached[i]);
-        if (hits & ~seen[i])
+    for (size_t i = 0; i < touched_count; i++) {
+        uint16_t slot = touched[i];
+        uint8_t hits = count_loops ? bucket(reached[slot]) : 1;
+        if (hits & ~seen[slot])
             found = 1;
-        seen[i] |= hits;
+        seen[slot] |= hits;
+        reached[slot] = 0;
     }
+    touched_count = 0;
     return found;
 }
 
@@ -84,61 +96,34 @@ static void keep(const struct input *input, const char *folder)
     }
 }
 
+static const struct input *current;
+
+static void tell_input(int signal_number)
+{
+    fprintf(stderr, "signal %d by the input ", signal_number);
+    for (size_t i = 0; i < current->count; i++)
+        fprintf(stderr, "%02x", current->bytes[i]);
+    fputc('\n', stderr);
+}
+
 static int run(const struct input *input)
 {
-    memset(reached, 0, sizeof reached);
+    current = input;
     LLVMFuzzerTestOneInput(input->bytes, input->count);
     return is_new();
 }
 
-static void insert(struct input *input, size_t at, const uint8_t *bytes, size_t count)
+/* One change that knows nothing of stories: another input behind this one, or a byte. */
+size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t room)
 {
-    if (input->count + count > INPUT_BYTES)
-        return;
-    memmove(input->bytes + at + count, input->bytes + at, input->count - at);
-    memcpy(input->bytes + at, bytes, count);
-    input->count += count;
-}
-
-/* A packet of a random command with a random payload of a likely length, and a little time; at either end. */
-static void insert_packet(struct input *input)
-{
-    static const uint8_t lengths[] = {0, 2, 3, 4, 7, 8, 12, 13, 27, 36, 37};
-    uint8_t act[64] = {2, lengths[chance(sizeof lengths)], (uint8_t)(1 + chance(24))};
-    uint8_t fill = (uint8_t)chance(256);
-    uint32_t variety = chance(3);
-    for (size_t i = 3; i < 3u + act[1]; i++)
-        act[i] = variety == 0 ? fill : (uint8_t)(variety == 1 || !chance(3) ? chance(256) : chance(4));
-    size_t count = 3u + act[1];
-    act[count++] = 0;
-    act[count++] = (uint8_t)chance(8);
-    insert(input, chance(2) ? input->count : 0, act, count);
-}
-
-static void mutate(struct input *input)
-{
-    uint8_t byte = (uint8_t)chance(256);
-    uint32_t at = input->count ? chance((uint32_t)input->count) : 0;
     const struct input *other = &corpus[chance((uint32_t)corpus_count)];
-    switch (chance(6)) {
-    case 0:
-        insert_packet(input);
-        break;
-    case 1:
-        insert(input, at, &byte, 1);
-        break;
-    case 2:
-        insert(input, input->count, other->bytes, other->count);
-        break;
-    case 3:
-        input->count = at;
-        break;
-    default:
-        if (input->count && chance(2))
-            input->bytes[at] = byte;
-        else if (input->count)
-            input->bytes[at] = (uint8_t)(input->bytes[at] ^ 1u << chance(8));
+    if (chance(4) == 0 && other->count <= room - size) {
+        memcpy(data + size, other->bytes, other->count);
+        return size + other->count;
     }
+    if (size)
+        data[chance((uint32_t)size)] = (uint8_t)chance(256);
+    return size;
 }
 
 static void read_input(struct input *input, const char *name)
@@ -158,8 +143,7 @@ static uint64_t fuzz(uint64_t seconds, const char *folder)
     uint64_t executions = 0;
     for (time_t end = time(NULL) + (time_t)seconds; time(NULL) < end; executions++) {
         input = corpus[chance((uint32_t)corpus_count)];
-        for (uint32_t i = 0, changes = 1 + chance(8); i < changes; i++)
-            mutate(&input);
+        input.count = LLVMFuzzerCustomMutator(input.bytes, input.count, INPUT_BYTES, chance(UINT32_MAX));
         if (run(&input))
             keep(&input, folder);
     }
@@ -172,12 +156,14 @@ int main(int count, char **arguments)
     if (count < 4)
         return 2;
     uint64_t seconds = strtoull(arguments[1], NULL, 10);
+    count_loops = seconds != 0;
+    signal(SIGABRT, tell_input);
     random_state = strtoull(arguments[2], NULL, 10) | 1u;
     keep(&input, "-");
     for (int i = 4; i < count; i++) {
         read_input(&input, arguments[i]);
-        run(&input);
-        keep(&input, "-");
+        if (run(&input))
+            keep(&input, seconds ? "-" : arguments[3]);
     }
     uint64_t executions = fuzz(seconds, arguments[3]);
     size_t places = 0;

@@ -1,17 +1,13 @@
 /*
- * One fuzz input is a story told to the virtual board: a list of acts, each a byte for what and a byte for how much.
- *
- *   0 n       let n * 1009 us pass          3 n       an edge of the trigger pin, falling if n is odd
- *   1 n ...   n bytes of rubbish            4 n       the port closes (n even) or opens (n odd)
- *   2 n ...   a packet: type, payload of n  5 n       n & 3 transfers break off; n & 4: the host takes no bytes
- *
- * After each act these hold: the LEDs draw no more than the limit, every reply is well framed, the state is bounded.
+ * Tell a story (story.h) to the virtual board. After each act these hold: the LEDs draw no more than the limit, every
+ * reply is well framed, the state is bounded.
  */
 #include <stdlib.h>
 
 #include "board.h"
 
 #include "bytes.h"
+#include "story.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -42,61 +38,70 @@ static void check_state(const struct board *board)
     const struct controller *controller = &board->controller;
     const struct sequencer *sequencer = &controller->sequencer;
     uint32_t value;
-    require(board_current_ua(board) <= controller->limits.limit_ma * 1000u || !board->light_count);
+    /* darkness may still be on its way when the limit has just become lower than what is lit */
+    bool darkening = controller->still_wanted || (controller->slot.busy && !controller->slot.shines);
+    require(board_current_ua(board) <= controller->limits.limit_ma * 1000u || darkening);
     require(controller->limits.limit_ma <= (controller->config.current.external_supply ? 2000u : 450u));
     require(sequencer->next.step < STEP_COUNT && sequencer->active.step_count <= STEP_COUNT);
     require(controller->reply_count <= PACKET_WIRE_BYTES);
     require(config_valid(&controller->config.current, &value));
-    require(controller_healthy(controller));
+    require(controller_healthy(controller) || controller->slot.disturbed);
+    require(controller->open || !controller->sequencer.running);
 }
+
+static uint8_t sequence; /* of the next request */
 
 static void send_packet(struct board *board, const uint8_t *body, uint8_t count)
 {
-    static uint8_t sequence;
     struct packet packet = {.type = body[0], .sequence = sequence++, .count = count};
     uint8_t wire[PACKET_WIRE_BYTES];
     bytes_copy(packet.payload, body + 1, count);
     board_receive(board, wire, (uint32_t)packet_encode(&packet, wire));
 }
 
-/* Perform one act and return how many bytes it took, 0 at the end of the story. */
-static size_t perform(struct board *board, const uint8_t *act, size_t left)
+static void commit(struct board *board, uint8_t amount)
 {
-    uint8_t amount = left > 1 ? act[1] : 0;
-    if (left < 2)
-        return 0;
-    switch (act[0] % 6) {
-    case 0:
-        board_advance(board, amount * (uint64_t)TIME_UNIT_US);
-        return 2;
-    case 1:
-        if (left < 2u + amount)
-            return 0;
+    struct commit request = {.step_count = (uint8_t)(1u + (amount & 31u)), .loops = amount >> 6};
+    uint8_t body[1 + sizeof request] = {COMMAND_COMMIT};
+    request.table_crc = sequencer_table_crc(&board->controller.sequencer.staged, request.step_count);
+    bytes_copy(body + 1, &request, sizeof request);
+    send_packet(board, body, sizeof request);
+}
+
+static void perform(struct board *board, const uint8_t *act)
+{
+    uint8_t amount = act[1];
+    switch (act[0] % ACTS) {
+    case ACT_RUBBISH:
         board_receive(board, act + 2, amount);
-        return 2u + amount;
-    case 2:
-        if (amount > PACKET_PAYLOAD_BYTES || left < 3u + amount)
-            return 0;
+        break;
+    case ACT_REQUEST:
         send_packet(board, act + 2, amount);
-        return 3u + amount;
-    case 3:
+        break;
+    case ACT_TRIGGER:
         board_edge(board, amount & 1);
-        return 2;
-    case 4:
+        break;
+    case ACT_LINK:
         board_link(board, amount & 1, DARK_PORT_CLOSED);
-        return 2;
-    default:
+        break;
+    case ACT_FAULT:
         board_fault(board, amount & 4, amount & 3, -1);
-        return 2;
+        break;
+    case ACT_COMMIT:
+        commit(board, amount);
+        break;
+    default:
+        board_advance(board, amount * (uint64_t)TIME_UNIT_US);
     }
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct board *board = board_new(NULL);
+    sequence = 0;
     board_link(board, true, 0);
-    for (size_t at = 0, took = 1; took && at < size; at += took) {
-        took = perform(board, data + at, size - at);
+    for (size_t at = 0, took; (took = story_act_bytes(data + at, size - at)) != 0; at += took) {
+        perform(board, data + at);
         check_replies(board);
         check_state(board);
     }

@@ -127,15 +127,17 @@ def _terms(colour: NDArray[np.floating], x: Array | Floats, y: Array | Floats, s
     """(N, K) products of powers of colour change (at least one) and place."""
     width, height = size
     place = np.stack([2 * x / width - 1, 2 * y / height - 1], axis=1)
-    return np.stack(
-        [
-            _product(colour / _GREY, first) * _product(place, second)
-            for first in _powers(3, _COLOUR_DEGREE)
-            for second in _powers(2, _PLACE_DEGREE)
-            if sum(first) >= 1 and sum(first) + sum(second) <= _DEGREE
-        ],
-        axis=1,
-    )
+    colours = {powers: _product(colour / _GREY, powers) for powers in _powers(3, _COLOUR_DEGREE) if sum(powers) >= 1}
+    places = {powers: _product(place, powers) for powers in _powers(2, _PLACE_DEGREE)}
+    terms = np.empty((sum(_kept(first, second) for first in colours for second in places), len(colour)))
+    pairs = ((first, second) for first in colours for second in places if _kept(first, second))
+    for row, (first, second) in zip(terms, pairs, strict=True):
+        np.multiply(colours[first], places[second], out=row)
+    return terms.T
+
+
+def _kept(colour: tuple[int, ...], place: tuple[int, ...]) -> bool:
+    return sum(colour) + sum(place) <= _DEGREE
 
 
 def _powers(variables: int, degree: int) -> list[tuple[int, ...]]:

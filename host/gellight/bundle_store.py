@@ -13,7 +13,7 @@ from urllib.parse import quote, unquote
 
 import platformdirs
 
-from gellight.calibration import Calibration, load_calibration, save_calibration
+from gellight.calibration import REPORT, Calibration, load_calibration, save_calibration
 from gellight.errors import CalibrationError
 from gellight.writing import write_file
 
@@ -37,10 +37,22 @@ class StoredBundle:
         """Load and check it; CalibrationError where it was damaged."""
         return load_calibration(self.path)
 
+    @property
+    def has_report(self) -> bool:
+        """Whether its calibration left a page that shows all that was measured."""
+        return (self.path / REPORT).is_file()
+
+    def report(self) -> bytes:
+        """Return that page, HTML, as it was written; CalibrationError where there is none or it was changed."""
+        files = self.load().files
+        if REPORT not in files:
+            raise CalibrationError(f"bundle {self.identity} has no report: only `gellight calibrate` writes one")
+        return files[REPORT]
+
     def as_json(self) -> dict[str, object]:
         """Return it ready for JSON."""
         created = self.created.isoformat() if self.created else None
-        return {**vars(self), "path": str(self.path), "created": created}
+        return {**vars(self), "path": str(self.path), "created": created, "report": self.has_report}
 
 
 class BundleStore:

@@ -7,6 +7,7 @@ metrics.json     measured error of the network
 presses.npz      the table of ball presses it was trained on (optional)
 lights.json      the light of each LED alone, for photometric stereo (optional)
 lens.json        the distortion of the camera, measured with a grid of pins (optional)
+report.html      all that its calibration measured, as a page (optional)
 """
 
 import errno
@@ -50,6 +51,7 @@ logger = logging.getLogger(__name__)
 SYNTHETIC = "synthetic"
 """Name of the bundle of the simulated sensor that comes with GelLight."""
 SUFFIX = ".gelcal"
+REPORT = "report.html"
 
 _PRESSES = "presses.npz"
 _LARGEST_BYTES = 512 * 1024 * 1024

@@ -149,7 +149,7 @@ def open_camera(
     if scheme == "sim" and "://" in text:
         camera: Camera = import_module("gellight.simulated").open_simulated(text, geometry or {})
         return camera
-    if scheme in ("auto", "sensor", "v4l2") and not Path(text).exists():
+    if scheme in ("auto", "sensor", "v4l2") and not _is_file(text):
         opened: Camera = import_module("gellight.sensor_camera").open_sensor(text, calibration=calibration)
         return opened
     if scheme == "opencv":
@@ -228,17 +228,25 @@ def read_image(path: Path) -> NDArray[np.uint8]:
 def image_files(text: str) -> list[Path]:
     """List the files that a folder, a pattern or a file name stands for, in natural order."""
     path = Path(text)
-    if path.is_dir():
+    if _is_file(text) and path.is_dir():
         found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
         if not found:
             raise CameraError(f"folder {path} has no images ({' '.join(IMAGE_SUFFIXES)}): {_KINDS}")
-    elif path.exists():
+    elif _is_file(text):
         found = [path]
     else:
         found = [Path(name) for name in glob.glob(text)]  # noqa: PTH207  (the pattern may be absolute)
         if not found:
             raise CameraError(f"{text!r} is no file, no folder and no pattern that matches a file: {_KINDS}")
     return sorted(found, key=_natural)
+
+
+def _is_file(text: str) -> bool:
+    """Whether it is the name of a file or a folder; one that is too long for a name is not."""
+    try:
+        return Path(text).exists()
+    except OSError:
+        return False
 
 
 def _natural(path: Path) -> tuple[list[tuple[int, int | str]], str]:

@@ -187,7 +187,7 @@ class Daemon:
 
     def status(self) -> dict[str, object]:
         """Counters, rates and the self-check, ready for JSON."""
-        result = self._selfcheck_result
+        result, camera = self._selfcheck_result, self._camera.status()
         return {
             "sensor": self._camera.url,
             **self._reconstructor.status(),
@@ -195,8 +195,8 @@ class Daemon:
             "selfcheck": result.as_json() if result else None,
             "calibration": {"sensor": self._bundle.manifest.sensor, "identity": self._bundle.identity},
             "watch": self._watch.status() if self._watch else None,
-            "error": self._error or self._away,
-            "camera": self._camera.status(),
+            "error": self._error or self._away or camera.get("why"),
+            "camera": camera,
         }
 
     def _capture(self) -> None:

@@ -13,10 +13,11 @@ from typing import Any, Protocol, Self
 import numpy as np
 import platformdirs
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gellight.bundle_store import BundleStore
 from gellight.calibrating.choices import RoutineOptions
+from gellight.calibrating.folder import begun_with, has_state
 from gellight.calibrating.routine import Routine
 from gellight.calibrating.virtual_hand import hand_of
 from gellight.calibration import Calibration
@@ -25,6 +26,8 @@ from gellight.errors import InputError
 from gellight.installing import install, restore, sensor_name
 
 Picture = NDArray[np.uint8]
+TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm")
+"""wishes that an interrupted calibration was begun with"""
 
 
 class Wishes(BaseModel):
@@ -34,6 +37,8 @@ class Wishes(BaseModel):
 
     ball_radius_mm: float = Field(default=4.0, gt=0, le=50)
     cylinder_diameter_mm: float = Field(default=8.0, gt=0, le=50)
+    pin_pitch_mm: float | None = Field(default=None, gt=0, le=20)
+    """distance of two pins of the grid that measures the lens; None without one"""
     presses: int = Field(default=40, ge=8, le=400)
     hand: bool = False
     """a virtual hand presses, on a simulated sensor"""
@@ -113,12 +118,21 @@ class Desk:
         return {
             "sensor": self.sensor,
             "simulated": self._daemon.stage is not None,
-            "defaults": Wishes(hand=self._daemon.stage is not None).model_dump(),
-            "interrupted": (self._folder / "state.json").is_file(),
+            "defaults": self._defaults().model_dump(),
+            "interrupted": has_state(self._folder),
             "in_service": self._daemon.calibration.identity,
             "bundles": [entry.as_json() for entry in self._store.bundles(self.sensor)],
             "routine": self._guide.snapshot() if self._guide else None,
         }
+
+    def _defaults(self) -> Wishes:
+        """The tools of an interrupted calibration, which goes on with no others."""
+        begun = begun_with(self._folder)
+        tools = {name: begun[name] for name in TOOLS if name in begun}
+        try:
+            return Wishes(hand=self._daemon.stage is not None, **tools)
+        except ValidationError:
+            return Wishes(hand=self._daemon.stage is not None)  # `begin` tells what is wrong with it
 
     def begin(self, wishes: Wishes) -> None:
         """Begin a calibration; InputError while another one runs or for wishes that cannot be met."""
@@ -149,6 +163,10 @@ class Desk:
         if self._guide is not None and not self._guide.ended:
             raise InputError("a calibration is going on: stop it before you restore a bundle")
         restore(identity, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)
+
+    def report(self, identity: str) -> bytes:
+        """Return the report of a stored bundle, HTML; CalibrationError where there is none."""
+        return self._store.find(identity).report()
 
     def rezero(self) -> None:
         """Set the zero of the depth; InputError, saying why, where it must not be set."""
@@ -181,6 +199,7 @@ class Desk:
             sensor=self.sensor,
             ball_radius_mm=wishes.ball_radius_mm,
             cylinder_diameter_mm=wishes.cylinder_diameter_mm,
+            pin_pitch_mm=wishes.pin_pitch_mm,
             presses=wishes.presses,
             overwrite=True,
         )

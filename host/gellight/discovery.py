@@ -96,15 +96,18 @@ class Discovery:
         there = _either(self.sensors) or "none is plugged in"
         raise UnpluggedError(f"no sensor is called {name} (there: {there}): check the cable; {_LIST}")
 
+    def url_of(self, sensor: Sensor) -> str:
+        """Return the URL that opens this sensor and no other that is plugged in."""
+        named = [other for other in self.sensors if sensor.name in {other.port, *_serials(other)}]
+        return f"sensor://{sensor.name if len(named) == 1 else sensor.port}"
+
     def only(self) -> Sensor:
         """Return the one sensor there is; CameraError says what else is there and how to name it."""
         if len(self.sensors) == 1:
             return self.sensors[0]
         if self.sensors:
-            same = len({sensor.name for sensor in self.sensors}) < len(self.sensors)
-            raise CameraError(
-                f"{len(self.sensors)} sensors are plugged in: choose {_either(self.sensors, by_port=same)}"
-            )
+            choice = " or ".join(self.url_of(sensor) for sensor in self.sensors)
+            raise CameraError(f"{len(self.sensors)} sensors are plugged in: choose {choice}")
         if not self.cameras and not self.rings:
             raise UnpluggedError("no camera and no light ring are plugged in: check the cable, or try --sensor sim://")
         raise UnpluggedError(f"no camera shares a USB parent with a light ring: {self._single()}; {_LIST}")
@@ -114,7 +117,7 @@ class Discovery:
         rings = ", ".join(node.stable for node in self.rings) or "none"
         remedy = "plug both into one hub of their own"
         if self.cameras and self.rings:
-            remedy += f", or name them: v4l2://{self.cameras[0].stable}?ring={self.rings[0].stable}"
+            remedy += f", or name them with v4l2://{self.cameras[0].stable}?ring={self.rings[0].stable}"
         return f"cameras {cameras}, rings {rings}: {remedy}"
 
     def of_camera(self, path: str) -> Sensor:

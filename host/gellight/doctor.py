@@ -15,7 +15,7 @@ from gellight import udev
 from gellight.discovery import Discovery, Node, Sensor
 from gellight.errors import GellightError
 from gellight.holders import holders
-from gellight.sensor_camera import Surroundings
+from gellight.sensor_connection import Surroundings
 
 HIGH_SPEED_MBPS = 480.0
 ISOCHRONOUS_BYTES_S = 3 * 1024 * 8000

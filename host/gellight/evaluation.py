@@ -65,14 +65,26 @@ def _press_error(reconstructor: Reconstructor, press: Press, ball: Ball, number:
     felt = reconstructor.reconstruct(
         CameraFrame(image=image, time_s=0.0, sequence=number, source=str(press.image)),
     )
-    return press_error(press, ball, felt.normal_map, felt.depth_mm, felt.contact.mask)
+    return press_error(press, ball, Felt(normal_map=felt.normal_map, depth_mm=felt.depth_mm, contact=felt.contact.mask))
 
 
-def baseline_errors(
+@dataclass(frozen=True, kw_only=True)
+class Felt:
+    """What is felt of one image, whatever its label says."""
+
+    normal_map: Floats
+    """(H, W, 3)"""
+    depth_mm: NDArray[np.floating]
+    """(H, W)"""
+    contact: NDArray[np.bool_]
+    """(H, W)"""
+
+
+def felt_by(
     baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
-) -> list[PressError]:
-    """Do the same with the slopes of a baseline: drift, smoothing, depth and contact as in the frame path."""
-    errors = []
+) -> list[Felt]:
+    """Reconstruct each press with the slopes of a baseline: drift, smoothing, depth, contact as in the frame path."""
+    felt = []
     for press in presses:
         difference = read_image(press.image).astype(np.float32) - reference
         if follow_light:
@@ -80,23 +92,29 @@ def baseline_errors(
         gradient_map = smoothed(baseline.gradient_map(difference), SMOOTHING_PX)
         depth_mm = integrate(gradient_map, ball.pixel_size_mm)
         contact = find_contact(depth_mm, ball.pixel_size_mm)
-        errors.append(press_error(press, ball, normals(gradient_map), depth_mm, contact.mask))
-    return errors
+        felt.append(Felt(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact.mask))
+    return felt
 
 
-def press_error(
-    press: Press, ball: Ball, normal_map: Floats, depth_mm: NDArray[np.floating], contact: NDArray[np.bool_]
-) -> PressError:
-    """Compare (H, W, 3) normals, (H, W) depth and contact patch with a label."""
-    shape = (depth_mm.shape[0], depth_mm.shape[1])
+def baseline_errors(
+    baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
+) -> list[PressError]:
+    """Do as `press_errors` with the slopes of a baseline."""
+    felt = felt_by(baseline, presses, reference, ball, follow_light=follow_light)
+    return [press_error(press, ball, answer) for press, answer in zip(presses, felt, strict=True)]
+
+
+def press_error(press: Press, ball: Ball, felt: Felt) -> PressError:
+    """Compare normals, depth and contact patch with a label."""
+    shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
     inside = contact_circle(press, shape)
     true_normals = normals(sphere_gradient(press, ball, shape))
-    depth_error = depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    depth_error = felt.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(
         image=press.image.name,
-        angle_deg=angle_deg(normal_map[inside], true_normals[inside]),
+        angle_deg=angle_deg(felt.normal_map[inside], true_normals[inside]),
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
-        contact_iou=float((contact & inside).sum() / (contact | inside).sum()),
+        contact_iou=float((felt.contact & inside).sum() / (felt.contact | inside).sum()),
     )
 
 

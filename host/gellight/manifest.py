@@ -58,7 +58,8 @@ class Manifest(BaseModel):
     reference_frames: Annotated[int, Field(ge=1)]
     """how many frames the reference image is the mean of"""
     noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    """standard deviation of one pixel of one frame, grey levels"""
+    """of one frame, as `image_noise` measures it: the standard deviation of one pixel, or for a camera that compresses
+    that of white noise whose means spread as much; grey levels"""
     follow_light: bool = False
     """take the median over the view off every difference image, because the light of this sensor drifts"""
     bulge: Length = BULGE

@@ -119,8 +119,8 @@ class ClockReply(Record):
     host_us: u64
     received_us: Annotated[u64, "board clock when the packet was complete"]
     sent_us: Annotated[u64, "board clock when the reply was queued"]
-    sof_us: Annotated[u64, "board clock at the last USB start of frame, 0 without one"]
-    sof_number: Annotated[u16, "its 11-bit number"]
+    sof_us: Annotated[u64, "board clock at the start of USB frame sof_number; 0: none was noted yet"]
+    sof_number: Annotated[u16, "11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second"]
 
 
 @dataclass(frozen=True)
@@ -291,7 +291,7 @@ class LightEvent(Record):
 
     first_bit_us: Annotated[u64, "board clock when its transfer began"]
     latched_us: Annotated[u64, "board clock when the last LED had taken it; it shows within one PWM period of the LED"]
-    sof_us: u64
+    sof_us: Annotated[u64, "as in ClockReply"]
     light_id: u32
     sof_number: u16
     repetition: u16
@@ -337,9 +337,7 @@ COMMANDS: dict[str, Exchange] = {
     "COUNTERS": Exchange(0x0F, Empty, CountersReply, "What went wrong?"),
     "TELEMETRY": Exchange(0x10, Telemetry, Empty, "Report the status by itself."),
     "GET_CONFIG": Exchange(0x11, Empty, Configuration, "Read the configuration."),
-    "SET_CONFIG": Exchange(
-        0x12, Configuration, Empty, "Change it until the next start; refused while a sequence runs."
-    ),
+    "SET_CONFIG": Exchange(0x12, Configuration, Empty, "Change it until the next start; the LEDs have to be dark."),
     "SAVE_CONFIG": Exchange(0x13, Empty, Empty, "Write it to flash, if it differs; the LEDs have to be dark."),
     "FACTORY": Exchange(0x14, Empty, Empty, "Return to the built-in configuration, not yet saved."),
     "RESET": Exchange(0x15, Magic, Empty, "Start anew."),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight import protocol
-from gellight.enumerations import Edge, Policy, Status, SyncMode
+from gellight.enumerations import Capability, Dark, Edge, Policy, Status, SyncMode
 from gellight.errors import BoardError
 from gellight.transport import Transport, open_transport
 from gellight.wire import COLOUR_BYTES, LED_COUNT, Packet, Record, decode, encode
@@ -101,6 +101,8 @@ class LightRing:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._open = True
+        self._darkened = False
+        """the board has darkened its LEDs because the host was silent"""
         try:
             transport.write(b"\0")  # ends whatever somebody else left half sent
             self.hello = self._greet()
@@ -151,12 +153,33 @@ class LightRing:
             self.transport.close()
 
     def _keep_alive(self, period_s: float) -> None:
+        silent = False
         while not self._stop.wait(period_s):
             try:
                 self.clock()
-            except BoardError as error:
-                logger.warning("the board of the light ring does not answer: %s", error)
+                self._light_again()
+            except (
+                BoardError
+            ) as error:  # a machine that was busy for a second comes back, a board that is gone does not
+                if not silent:
+                    logger.warning("the board of the light ring does not answer: %s", error)
+                silent = True
+            else:
+                silent = False
+
+    def _light_again(self) -> None:
+        """Show the last still light once more where the board took it away because it heard nothing from here."""
+        with self._lock:
+            darkened, self._darkened = self._darkened, False
+            if not darkened:
                 return
+            lit = self.still is not None
+            logger.warning(
+                "this program was held up for so long that the board darkened its LEDs (machine busy?); %s",
+                "they are lit again" if lit else "a sequence that ran has ended",
+            )
+            if self.still is not None:
+                self.set_leds(self.still)
 
     # ---- requests ----
 
@@ -217,6 +240,7 @@ class LightRing:
         for code, record in protocol.EVENTS.values():
             if code == packet.type:
                 event = record.unpack(packet.payload)
+                self._darkened |= isinstance(event, protocol.DarkEvent) and event.dark == Dark.HOST_SILENT
                 self.events.append(event)
                 for listener in tuple(self.event_listeners):
                     listener(event)
@@ -342,6 +366,16 @@ class LightRing:
                     if any(isinstance(e, protocol.LightEvent) and e.light_id == light_id for e in self.events):
                         break
         raise BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
+
+
+def chip_temperature_c(hello: protocol.HelloReply, status: protocol.StatusReply) -> float | None:
+    """Return the temperature of the board's chip in degrees Celsius, good to some 5 degrees; None without a sensor.
+
+    T = 27 - (V - 0.706) / 0.001721 for the sensor's voltage V, 12 bits of 3.3 V (data sheet of the RP2040, 4.9.5).
+    """
+    if not hello.capabilities & Capability.TEMPERATURE:
+        return None
+    return 27 - (status.temperature * 3.3 / 4096 - 0.706) / 0.001721
 
 
 def colour_bytes(colours: NDArray[np.uint8]) -> bytes:

@@ -1,7 +1,7 @@
 """What a simulated camera looks at: the gel under a press, lit by the ring, before the noise of the camera."""
 
-from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,12 @@ class Scene:
         self.geometry = geometry
         self.light = ring_light(geometry)
         self.led_gain = np.ones(len(self.light)) if led_gain is None else led_gain
-        self._deformations: OrderedDict[tuple[str, float], Deformation] = OrderedDict()
+        self._gel = SensorGeometry(
+            gel_thickness_mm=geometry.gel_thickness_mm,
+            poisson_ratio=geometry.poisson_ratio,
+            coating_smoothing_mm=geometry.coating_smoothing_mm,
+        )
+        """what a deformation depends on"""
         self._flat = untouched(geometry).single_precision()
         self._lit: tuple[Press | None, Surface, NDArray[np.float32]] = None, self._flat, self._light_up(self._flat)
         self._untouched_lit = self._lit
@@ -62,7 +67,8 @@ class Scene:
         if press is None:
             self._lit = self._untouched_lit
         elif self._lit[0] != press:
-            surface = sample(self._deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
+            deformation = deformed(press.object_name, press.depth_mm, self._gel)
+            surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
             self._lit = press, surface, self._light_up(surface)
 
     def _light_up(self, surface: Surface) -> NDArray[np.float32]:
@@ -70,14 +76,11 @@ class Scene:
         lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
         return np.stack(lit).astype(np.float32, copy=False)
 
-    def _deformation(self, press: Press) -> Deformation:
-        key = (press.object_name, press.depth_mm)
-        if key not in self._deformations:
-            self._deformations[key] = press_object(press.object_name, press.depth_mm, self.geometry)
-        self._deformations.move_to_end(key)
-        while len(self._deformations) > KEPT_DEFORMATIONS:
-            self._deformations.popitem(last=False)
-        return self._deformations[key]
+
+@lru_cache(maxsize=KEPT_DEFORMATIONS)
+def deformed(object_name: str, depth_mm: float, gel: SensorGeometry) -> Deformation:
+    """Return what a press does to the gel; it is the same for every scene and wherever it happens."""
+    return press_object(object_name, depth_mm, gel)
 
 
 def under_light(lit: NDArray[np.float32], light: Array) -> Array:

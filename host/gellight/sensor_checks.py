@@ -1,5 +1,6 @@
 """The checks of `gellight doctor` that open the sensor: board, LEDs, formats, settings, frames as they really come."""
 
+import math
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -9,9 +10,12 @@ from gellight.discovery import Sensor
 from gellight.doctor import ISOCHRONOUS_BYTES_S, Finding, failure, ok, problem, warning
 from gellight.errors import GellightError
 from gellight.ring import LightRing
-from gellight.sensor_camera import Surroundings
+from gellight.sensor_connection import Surroundings
+from gellight.v4l2.decoding import decode
+from gellight.v4l2.errors import CorruptPictureError
 from gellight.v4l2.options import CaptureOptions
 from gellight.v4l2.stream import Picture
+from gellight.v4l2.timing import cadence
 from gellight.v4l2.video_camera import V4l2Camera
 
 FRAMES = 60
@@ -32,8 +36,9 @@ def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding
             pictures = [camera.picture() for _ in range(FRAMES)]
             yield from check_settings(camera)
             yield check_rate(camera, pictures)
+            yield check_stamps(camera, pictures)
             yield check_bandwidth(camera, pictures)
-            yield check_losses(camera)
+            yield check_losses(camera, pictures)
             if sensor.ring is not None:
                 with surroundings.open_ring(sensor.ring.path) as ring:
                     yield check_board(ring)
@@ -52,11 +57,10 @@ def check_formats(camera: V4l2Camera) -> Iterator[Finding]:
     offered = camera.offers
     yield ok("formats", "; ".join(str(offer) for offer in offered))
     mode = camera.mode
-    raw = [
-        offer.letters
-        for offer in offered
-        if offer.letters in ("YUYV", "RGB3") and offer.has(mode.width, mode.height) and max(offer.rates) >= mode.fps
+    fitting = [
+        offer for offer in offered if offer.has(mode.width, mode.height) and max(offer.rates, default=0) >= mode.fps
     ]
+    raw = [offer.letters for offer in fitting if offer.letters in ("YUYV", "RGB3")]
     if raw and mode.letters == "MJPG":
         text = f"{raw[0]} comes at {mode.fps:g} fps too, without JPEG's artefacts"
         yield ok("formats", f"{text}: use ?format={raw[0]} where the camera has its bus for itself")
@@ -83,15 +87,24 @@ def check_settings(camera: V4l2Camera) -> Iterator[Finding]:
 
 def check_rate(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
     """Compare the rate that the kernel's time stamps show with the one the camera promised."""
-    stamps = np.array([picture.stamp_s for picture in pictures])
-    numbers = np.array([picture.sequence for picture in pictures])
-    intervals = np.diff(stamps) / np.maximum(np.diff(numbers), 1)
-    fps, jitter_ms = 1 / max(float(np.median(intervals)), 1e-6), float(np.percentile(np.abs(
-        intervals - np.median(intervals)), 95)) * 1e3  # fmt: skip
-    text = f"{fps:.2f} frames/s by the kernel's stamps, {camera.mode.fps:g} promised; jitter {jitter_ms:.2f} ms (95 %)"
+    fps = 1 / cadence(pictures).period_s
+    text = f"{fps:.2f} frames/s by the kernel's stamps, {camera.mode.fps:g} promised"
     if abs(fps / camera.mode.fps - 1) > RATE_TOLERANCE:
         return warning("rate", text, "shorten the exposure, or ask for a rate that the camera keeps with ?fps=")
     return ok("rate", text)
+
+
+def check_stamps(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
+    """Look how far the time stamps wander: the light of a frame is told by them, within `stamp_error_us`."""
+    found, allowed_s = cadence(pictures), camera.dating.stamp_error_s
+    text = f"jitter of the time stamps {found.wander_s * 1e3:.2f} ms (95 %), at most {found.farthest_s * 1e3:.2f} ms"
+    if found.farthest_s > allowed_s:
+        return warning(
+            "stamps", f"{text}: more than the {allowed_s * 1e3:g} ms that labels of light allow for",
+            "end what keeps the processor busy, use a USB port without a hub, or let labels allow for it with "
+            f"?stamp_error_us={math.ceil(found.farthest_s * 1e4) * 100}",
+        )  # fmt: skip
+    return ok("stamps", text)
 
 
 def check_bandwidth(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
@@ -103,20 +116,34 @@ def check_bandwidth(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
     return ok("bandwidth", text)
 
 
-def check_losses(camera: V4l2Camera) -> Finding:
-    """Look at what was counted while the pictures came."""
-    counts = camera.counts
+def check_losses(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
+    """Look at what was counted while the pictures came, and whether they are whole."""
+    counts, few = camera.counts, FRAMES // 20
     if counts.wrong_stamps:
         return problem("clock", f"{counts.wrong_stamps} of {counts.delivered} time stamps cannot be true",
                        "unload and load uvcvideo without hwtimestamps=1, or use another camera")  # fmt: skip
-    if counts.identical > FRAMES // 20:
+    if counts.identical > few:
         return warning("frames", f"{counts.identical} of {counts.delivered} pictures repeat the one before",
                        "shorten the exposure or lower the rate: the camera fills gaps with old pictures")  # fmt: skip
-    bad = counts.lost + counts.damaged + counts.corrupt + counts.duplicated
-    text = f"{counts.lost} lost, {counts.damaged} damaged, {counts.duplicated} duplicated of {counts.delivered + bad}"
-    if bad > FRAMES // 20:
+    found = cadence(pictures)
+    if found.left_out > few and found.wander_s < found.period_s / 8:  # else a late picture looks like a missing one
+        return warning("frames", f"{found.left_out} pictures are missing without a gap in the driver's numbers",
+                       "lower the rate or the size, or use another camera: this one leaves pictures out")  # fmt: skip
+    corrupt = sum(not _whole(picture, camera) for picture in pictures)
+    bad = counts.lost + counts.damaged + corrupt + counts.duplicated
+    text = (f"{counts.lost} lost, {counts.damaged} damaged, {corrupt} not whole, {counts.duplicated} duplicated of "
+            f"{counts.delivered + bad - corrupt}")  # fmt: skip
+    if bad > few:
         return warning("frames", text, "use another cable, another port or no hub")
     return ok("frames", text)
+
+
+def _whole(picture: Picture, camera: V4l2Camera) -> bool:
+    try:
+        decode(picture.data, camera.mode)
+    except CorruptPictureError:
+        return False
+    return True
 
 
 def check_board(ring: LightRing) -> Finding:

@@ -7,13 +7,14 @@ So it is here: a frame whose exposure began earlier is passed over.
 import time
 from typing import TYPE_CHECKING
 
-from gellight.camera import Camera
+from gellight.camera import Camera, CameraControls
 from gellight.errors import CameraError
 from gellight.frames import CameraFrame
 from gellight.mailbox import Mailbox
 
 if TYPE_CHECKING:
     from gellight.lighting.timing import CameraTiming
+    from gellight.ring import LightRing
     from gellight.selfcheck import SelfCheck
 
 TIMEOUT_S = 20.0
@@ -26,9 +27,18 @@ class SharedCamera(Camera):
     def __init__(self, camera: Camera, captured: Mailbox[CameraFrame]) -> None:
         """Read along `camera`, whose frames arrive in `captured`."""
         self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
-        self.ring, self.controls = camera.ring, camera.controls
         self._camera, self._captured = camera, captured
         self._number = 0
+
+    @property
+    def ring(self) -> "LightRing | None":  # type: ignore[override]  # another one after the sensor was unplugged
+        """The ring of the camera."""
+        return self._camera.ring
+
+    @property
+    def controls(self) -> CameraControls | None:  # type: ignore[override]  # as the ring
+        """The controls of the camera."""
+        return self._camera.controls
 
     @property
     def timing(self) -> "CameraTiming | None":

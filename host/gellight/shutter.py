@@ -54,8 +54,8 @@ def row_weights(lights: list[Light], start_us: float, rows: int, phases_us: Arra
     """
     begins = start_us + shutter.readout_us * np.arange(rows) / max(rows - 1, 1)
     times = np.concatenate([begins, begins + shutter.exposure_us])
-    before, after = np.split(on_time(lights, times, start_us, phases_us, shutter), 2)
-    return np.asarray((after - before) / shutter.exposure_us)
+    on_us = on_time(lights, times, start_us, phases_us, shutter)
+    return np.asarray((on_us[rows:] - on_us[:rows]) / shutter.exposure_us)
 
 
 def on_time(lights: list[Light], times_us: Array, start_us: float, phases_us: Array, shutter: Shutter) -> Array:
@@ -65,8 +65,9 @@ def on_time(lights: list[Light], times_us: Array, start_us: float, phases_us: Ar
     count = int(np.ceil((start_us + shutter.duration_us - first.min()) / period)) + 1
     cycles = first[:, None] + period * np.arange(count)
     latched = np.searchsorted([light.time_us for light in lights], cycles, side="right") - 1
-    duty = np.stack([light.colours for light in lights])[np.maximum(latched, 0), leds[:, None]] / 255.0
-    before = np.cumsum(np.pad(duty * period, ((0, 0), (1, 0), (0, 0))), axis=1)
+    duty = np.array([light.colours for light in lights])[np.maximum(latched, 0), leds[:, None]] / 255.0
+    before = np.zeros((len(leds), count + 1, 3))
+    np.cumsum(duty * period, axis=1, out=before[:, 1:])
     cycle = np.minimum(((times_us[:, None] - first) // period).astype(int), count - 1)
     inside = (times_us[:, None] - first - cycle * period)[..., None]
     return np.asarray(before[leds, cycle] + np.minimum(inside, duty[leds, cycle] * period))

@@ -21,9 +21,10 @@ from gellight.baselines import Baseline, fit_lookup_table, fit_polynomial
 from gellight.calibration import Calibration, write_calibration
 from gellight.camera import EndOfStream, open_camera
 from gellight.errors import InputError, TrainingError
-from gellight.evaluation import PressError, baseline_errors, press_errors, summarised
+from gellight.evaluation import PressError, felt_by, press_error, press_errors, summarised
+from gellight.image_noise import measure_noise
+from gellight.labelling.refinement import FirstFits, refine_others
 from gellight.labelling.refinement import refine as refinement_of
-from gellight.labelling.refinement import refine_others
 from gellight.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
 
 Floats = NDArray[np.float32]
@@ -57,7 +58,7 @@ class Reference:
     """(H, W, 3) RGB mean of the frames, grey levels"""
     frames: int
     noise_grey: float
-    """standard deviation of one pixel of one frame, grey levels"""
+    """of one frame, as `image_noise` measures it, grey levels"""
 
     @property
     def image_shape(self) -> tuple[int, int]:
@@ -68,8 +69,8 @@ class Reference:
 def read_reference(source: str | Path) -> Reference:
     """Read the untouched gel from one image, or the mean of a folder or pattern of images.
 
-    The noise is the pixel-wise spread between frames; of a single frame it is estimated from the difference of
-    neighbouring pixels, which fixed texture of the gel raises.
+    The noise is the spread between frames (`image_noise.measure_noise`); of a single frame it is estimated from the
+    difference of neighbouring pixels, which fixed texture of the gel raises.
     """
     frames: list[NDArray[np.uint8]] = []
     with open_camera(source) as camera:
@@ -78,9 +79,9 @@ def read_reference(source: str | Path) -> Reference:
                 frames.append(camera.read().image)
             except EndOfStream:
                 break
-    stack = np.stack(frames).astype(np.float32)
-    noise = float(stack.std(axis=0, ddof=1).mean()) if len(frames) > 1 else _noise_of_one(stack[0])
-    return Reference(image=stack.mean(axis=0), frames=len(frames), noise_grey=noise)
+    mean = np.asarray(np.mean(frames, axis=0, dtype=np.float32))
+    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else _noise_of_one(mean)
+    return Reference(image=mean, frames=len(frames), noise_grey=noise)
 
 
 def _noise_of_one(image: Floats) -> float:
@@ -238,15 +239,16 @@ def cross_validate(
     order = np.random.default_rng(_FOLD_SEED).permutation(len(presses))
     errors: dict[str, list[PressError]] = {}
     seconds: list[float] = []
+    first = FirstFits(reference.image, ball)
     with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
         for fold in range(folds):
             part = set(order[fold::folds].tolist())
             training = [press for i, press in enumerate(presses) if i not in part]
             held_out = {"": [press for i, press in enumerate(presses) if i in part]}
             if refine:
-                refined = refinement_of(training, reference.image, ball)
+                refined = refinement_of(training, reference.image, ball, first=first)
                 training = refined.presses
-                held_out["refined"] = refine_others(refined, held_out[""], reference.image, ball)
+                held_out["refined"] = refine_others(refined, held_out[""], reference.image, ball, first=first)
             place = Path(folder) / f"fold-{fold}"
             calibration = fit(
                 training, reference, ball, place, sensor=f"fold {fold}", options=options, table_options=table_options
@@ -272,11 +274,12 @@ def _errors_of_fold(
         "polynomial_ratio": fit_polynomial(table, reference=reference.image),
     }
     follow = calibration.manifest.follow_light
-    errors: dict[str, list[PressError]] = {}
-    for labels, presses in held_out.items():
-        errors[labels] = press_errors(calibration, presses, ball)
-        for name, baseline in baselines.items():
-            errors[f"{labels}/{name}"] = baseline_errors(baseline, presses, reference.image, ball, follow_light=follow)
+    errors = {labels: press_errors(calibration, presses, ball) for labels, presses in held_out.items()}
+    for name, baseline in baselines.items():
+        felt = felt_by(baseline, held_out[""], reference.image, ball, follow_light=follow)
+        for labels, presses in held_out.items():
+            judged = zip(presses, felt, strict=True)  # the same images, whatever their labels
+            errors[f"{labels}/{name}"] = [press_error(press, ball, answer) for press, answer in judged]
     return errors
 
 

@@ -310,7 +310,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _arguments(arguments)
     torch.set_num_threads(options.threads)
-    torch.use_deterministic_algorithms(True)
+    torch.set_deterministic_debug_mode("error")  # as use_deterministic_algorithms, which loads torch's compiler too
     try:
         run(options)
     except (TableError, ExportError, OSError) as error:

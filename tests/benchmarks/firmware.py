@@ -85,7 +85,9 @@ def print_fuzzing(seconds: int) -> None:
     """Fuzz the core under the address and undefined-behaviour sanitizers."""
     with tempfile.TemporaryDirectory() as folder:
         done = fuzz(compile_fuzzer(Path(folder) / "fuzzer"), seconds, seed=1)
-    print(f"fuzzing, {seconds} s        {done.stdout.strip()}; {'no finding' if done.returncode == 0 else done.stderr}")
+    said = (done.stdout or done.stderr).strip().splitlines()
+    found = "no finding" if done.returncode == 0 else done.stderr
+    print(f"fuzzing, {seconds} s        {said[-1] if said else 'nothing said'}; {found}")
 
 
 def main() -> None:

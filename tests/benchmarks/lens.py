@@ -15,12 +15,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gellight.calibration import Calibration, extend_calibration
+from gellight.calibration import Calibration, extend_calibration, load_calibration
 from gellight.evaluation import angle_deg
 from gellight.frames import CameraFrame, TactileFrame
-from gellight.lens.fitting import fit_lens, read_pins
+from gellight.lens.fitting import fit_lens, read_pins, spacing_px
 from gellight.lens.lens_file import FILE_NAME, read_record
-from gellight.lens.session import add_lens, figures, measure_lens
+from gellight.lens.pins import dimples, spots
+from gellight.lens.session import add_lens, depth_feeler, figures, measure_lens
 from gellight.pipeline import Reconstructor
 from gellight.presses import Ball, Press
 from gellight.reconstruction import normals
@@ -30,9 +31,9 @@ from gellight.training import TrainingOptions, fit, read_reference
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import Surface
-from tests.host.lens.distorted import TrueLens, dimple_picture, map_error_px, pin_picture, untouched
+from tests.host.lens.distorted import TrueLens, map_error_px, pin_picture
 
-PIXEL_MM = 0.1176
+PIXEL_MM, PIN_PIXEL_MM = 0.1176, 0.0588
 SHAPE, SCENE_SHAPE = (240, 320), (300, 400)
 INSIDE = np.s_[30:270, 40:360]
 """the undistorted view, in the larger scene"""
@@ -108,8 +109,9 @@ def judged(felt: TactileFrame, surface: Surface, place: tuple[float, float]) -> 
 
 
 def maps() -> None:
-    """Print the map errors, px rms, of 20 random lenses from pictures of grids, and of 10 from dimples in the gel."""
+    """Print the map errors, px rms, of 20 random lenses from pictures of grids, and of 10 from pins in the gel."""
     errors: dict[str, list[float]] = {"spots": [], "dimples": []}
+    gel = PressedGrid()
     for seed in range(100, 130):
         random = np.random.default_rng(seed)
         lens = TrueLens(
@@ -117,23 +119,39 @@ def maps() -> None:
             k2=random.uniform(-0.02, 0.02),
             centre_px=tuple(random.uniform([290, 215], [350, 265])),
         )
-        kind = "spots" if seed < 120 else "dimples"
+        kind, spacing = "spots" if seed < 120 else "dimples", spacing_px(lens.pixel_mm, 2.0)
         if kind == "spots":
             turn, shift = random.uniform(-45, 45), tuple(random.uniform(-1, 1, 2))
             picture = pin_picture(lens, noise=3.0, missing=0.1, angle_deg=turn, shift_mm=shift, seed=seed)
+            contrasts = spots(picture.astype(np.float32), spacing)
         else:
-            picture = dimple_picture(lens, noise=3.0, seed=seed)
-        reference = untouched(lens.shape).astype(np.float32) if kind == "dimples" else None
-        pixel = lens.pixel_mm
-        lattice = read_pins(
-            picture.astype(np.float32), reference, pixel_size_mm=pixel, pitch_mm=2.0, source=Path(f"seed {seed}")
-        )
+            contrasts = dimples(gel.depth_mm(lens, random), spacing)
+        lattice = read_pins(contrasts, pixel_size_mm=lens.pixel_mm, pitch_mm=2.0, source=f"seed {seed}")
         found = fit_lens([lattice], lens.shape, 2.0).lens
         rows, columns = np.indices(lens.shape)
         pixels = np.stack([columns, rows], axis=-1).astype(float)
         errors[kind].append(map_error_px(found.to_gel(pixels), lens.gel_of_pixels()))
     for kind, values in errors.items():
         print(f"{kind:10} median {np.median(values):.4f}, worst {max(values):.4f} px rms over the picture")
+
+
+class PressedGrid:
+    """Pins pressed into the simulated gel, seen through a lens and felt by the network of the undistorted sensor."""
+
+    def __init__(self) -> None:
+        wide = SensorGeometry(image_width_px=800, image_height_px=600, pixel_size_mm=PIN_PIXEL_MM)
+        scene = Scene(wide, CameraResponse())
+        self._untouched, self._pressed = (scene.show(press)[0] for press in (None, Pressed("PINS", 0.2, 0.3, -0.2)))
+
+    def depth_mm(self, lens: TrueLens, random: np.random.Generator) -> np.ndarray:
+        """(H, W) felt."""
+        places = (lens.gel_of_pixels() / PIN_PIXEL_MM + (399.5, 299.5)).astype(np.float32)
+        untouched, raw = (
+            cv2.remap(one, *cv2.split(places), cv2.INTER_CUBIC) for one in (self._untouched, self._pressed)
+        )
+        picture = digitise(np.clip(raw, 0, 255), 1.0, random)
+        bundle = load_calibration("synthetic").with_reference(np.clip(untouched, 0, 255), frames=30)
+        return depth_feeler(Reconstructor(bundle))(picture)
 
 
 def main() -> None:

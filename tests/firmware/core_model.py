@@ -41,6 +41,7 @@ class CoreModel:
         self.running = False
         self.lights: list[tuple[int, bytes]] = []
         self.busy_until_us = 0
+        self._over_us: int | None = None
         self._showings: Iterator[p.SetStep] = iter(())
         self._planned: Iterator[tuple[int, bytes, bool]] = iter(())
         self._next: tuple[int, bytes, bool] | None = None
@@ -82,8 +83,10 @@ class CoreModel:
             at_us, colours, last = self._next
             self._light(at_us, colours)
             if last:
-                self.running = False
+                self._over_us = self.busy_until_us
             self._next = next(self._planned, None)
+        if self._over_us is not None and self._over_us <= self.now_us:
+            self._end()
 
     def _free(self, at_us: int) -> Iterator[tuple[int, bytes, bool]]:
         for step in self._showings:
@@ -121,7 +124,7 @@ class CoreModel:
 
     def _end(self) -> None:
         self.running = False
-        self._next, self._planned = None, iter(())
+        self._next, self._planned, self._over_us = None, iter(()), None
 
     def set_group(self, record: p.SetGroup) -> Answer:
         if record.group > 15:

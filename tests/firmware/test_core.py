@@ -6,7 +6,7 @@ import pytest
 from virtual_board import VirtualBoard
 
 from gellight import protocol as p
-from gellight.enumerations import Dark, Edge, Policy, Status, SyncMode
+from gellight.enumerations import Dark, Policy, Status, SyncMode
 from gellight.wire import Packet, encode
 
 RED = bytes([200, 0, 0] + [0] * 33)
@@ -14,21 +14,6 @@ GREEN = bytes([0, 200, 0] + [0] * 33)
 BLACK = bytes(36)
 WHITE = bytes([255] * 36)
 WIRE_US, LATCH_US = 360, 300
-
-
-def load(core: VirtualBoard, groups: list[bytes], steps: list[p.SetStep], loops: int = 0) -> None:
-    table = groups + [BLACK] * (16 - len(groups))
-    for index, colours in enumerate(table):
-        core.ok("SET_GROUP", p.SetGroup(index, colours))
-    for step in steps:
-        core.ok("SET_STEP", step)
-    crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
-    core.ok("COMMIT", p.Commit(crc, loops, len(steps)))
-
-
-def sync(core: VirtualBoard, mode: SyncMode, *, divider: int = 1, delay_us: int = 0, timeout_us: int = 0,
-         edge: Edge = Edge.RISING) -> None:  # fmt: skip
-    core.ok("SET_SYNC", p.SetSync(mode, edge, divider, delay_us, timeout_us))
 
 
 def keep_alive(core: VirtualBoard, duration_us: int) -> None:
@@ -193,8 +178,8 @@ def test_a_lower_limit_darkens_what_is_above_it(core: VirtualBoard) -> None:
 
 
 def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 2, 3000, 2500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
-    sync(core, SyncMode.FREE)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 2, 3000, 2500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
+    core.sync(SyncMode.FREE)
     core.ok("START")
     start = core.now_us + 2000
     core.advance(60_000)
@@ -207,8 +192,8 @@ def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
 
 
 def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
-    sync(core, SyncMode.FREE)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    core.sync(SyncMode.FREE)
     core.ok("START")
     start = core.now_us + 2000
     core.ok("TRIM", p.Trim(250, round(3.3e-5 * 2**32)))
@@ -223,7 +208,7 @@ def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> Non
 
 
 def test_hold_waits_for_the_host(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 2, 0, 0)], loops=1)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 2, 0, 0)], loops=1)
     core.ok("START")
     shown = []
     for _ in range(4):
@@ -235,7 +220,7 @@ def test_hold_waits_for_the_host(core: VirtualBoard) -> None:
 
 
 def test_a_hold_step_may_be_a_pulse(core: VirtualBoard) -> None:
-    load(core, [RED], [p.SetStep(0, 0, 1, 7000, 0)])
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 7000, 0)])
     core.ok("START")
     core.ok("STEP")
     core.advance(20_000)
@@ -244,8 +229,8 @@ def test_a_hold_step_may_be_a_pulse(core: VirtualBoard) -> None:
 
 
 def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 2000, 0), p.SetStep(1, 1, 1, 2000, 0)])
-    sync(core, SyncMode.EXT, divider=2, delay_us=750)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 2000, 0), p.SetStep(1, 1, 1, 2000, 0)])
+    core.sync(SyncMode.EXT, divider=2, delay_us=750)
     core.ok("START")
     edges = []
     for number in range(8):
@@ -262,8 +247,8 @@ def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard
 
 
 def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
-    sync(core, SyncMode.EXT, timeout_us=50_000)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
+    core.sync(SyncMode.EXT, timeout_us=50_000)
     core.ok("START")
     core.edge()
     core.advance(40_000)
@@ -279,18 +264,18 @@ def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoar
 
 def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard) -> None:
     steps = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0), p.SetStep(2, 0, 1, 10_000, 0)]
-    load(core, [RED, GREEN], steps)
-    sync(core, SyncMode.FREE)
+    core.load_sequence([RED, GREEN], steps)
+    core.sync(SyncMode.FREE)
     core.ok("START")
     core.advance(3000)
     blue = bytes([0, 0, 200] + [0] * 33)
-    load(core, [blue], [p.SetStep(0, 0, 1, 5000, 0)])
+    core.load_sequence([blue], [p.SetStep(0, 0, 1, 5000, 0)])
     core.advance(40_000)
     assert [colours for _, _, colours in core.lights()[1:6]] == [RED, GREEN, RED, blue, blue]
 
 
 def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:
-    load(core, [RED], [p.SetStep(0, 0, 1, 10_000, 0)])
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
     core.ok("START")
     for name, record in (("SET_LEDS", p.SetLeds(RED)), ("SET_LIMITS", p.SetLimits(300, 0)), ("START", None),
                          ("SAVE_CONFIG", None), ("SELFTEST", None)):  # fmt: skip
@@ -298,8 +283,8 @@ def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:
 
 
 def test_stop_leaves_the_light_and_blank_takes_it(core: VirtualBoard) -> None:
-    load(core, [RED], [p.SetStep(0, 0, 1, 10_000, 0)])
-    sync(core, SyncMode.FREE)
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
+    core.sync(SyncMode.FREE)
     core.ok("START")
     core.advance(5000)
     core.ok("STOP")
@@ -327,8 +312,8 @@ def test_a_silent_host_leaves_the_leds_dark_after_a_second(core: VirtualBoard) -
 
 
 def test_a_sequence_dies_with_its_host(core: VirtualBoard) -> None:
-    load(core, [RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
-    sync(core, SyncMode.FREE)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    core.sync(SyncMode.FREE)
     core.ok("START")
     keep_alive(core, 3_000_000)
     assert status(core).state == 1

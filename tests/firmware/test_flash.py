@@ -123,7 +123,7 @@ def test_flash_that_does_not_take_its_bytes_is_noticed(image: bytes) -> None:
     class Worn(BootRom):
         def send(self, endpoint: int, data: bytes, timeout_us: float) -> None:
             super().send(endpoint, data, timeout_us)
-            self.flash[5000] = 0
+            self.flash[5000] = image[5000] ^ 0xFF
 
     with pytest.raises(BoardError, match="worn out"):
         flash.Picoboot(backend=Worn()).flash(image)

@@ -18,7 +18,7 @@ colours = st.one_of(
     st.binary(min_size=36, max_size=36),
     st.lists(levels, min_size=36, max_size=36).map(bytes),
 )
-durations = st.sampled_from([0, 0, 1000, 2501, 7001, 30_011, 999, 60_000_001])
+durations = st.sampled_from([0, 0, p.DWELL_MIN_US, 2501, 7001, 30_011, p.DWELL_MIN_US - 1, 60_000_001])
 limits_ma = st.sampled_from([99, 100, 237, 450, 451])
 stories = st.lists(
     st.one_of(
@@ -41,7 +41,7 @@ stories = st.lists(
 def prepared(count: int) -> list[tuple[str, object]]:
     """A beginning that makes a sequence likely to run."""
     steps = [
-        ("SET_STEP", p.SetStep(i, i % 3, 1 + i % 2, (1000, 2501, 7001)[i % 3], (0, 1000, 0)[i % 3]))
+        ("SET_STEP", p.SetStep(i, i % 3, 1 + i % 2, (p.DWELL_MIN_US, 2501, 7001)[i % 3], (0, p.DWELL_MIN_US, 0)[i % 3]))
         for i in range(count)
     ]
     groups = [("SET_GROUP", p.SetGroup(i, bytes([50 * (i + 1)] + [0] * 35))) for i in range(3)]
@@ -56,6 +56,14 @@ def test_core_and_model_agree(core_library: ctypes.CDLL, count: int, story: list
         follow(board, CoreModel(board.now_us), [*(prepared(count) if count else []), *story])
     finally:
         board.close()
+
+
+def test_the_beginning_of_a_story_lets_a_sequence_run(core: VirtualBoard) -> None:
+    """Or the stories would agree about refusals only."""
+    model = CoreModel(core.now_us)
+    start = [("SET_SYNC", p.SetSync(SyncMode.FREE, 0, 1, 0, 0)), ("START", p.Empty()), ("advance", 100_003)]
+    follow(core, model, [*prepared(5), *start])
+    assert len(model.lights) > 20
 
 
 def follow(board: VirtualBoard, model: CoreModel, story: list[tuple[str, object]]) -> None:

@@ -4,10 +4,7 @@ Mutants of the board are built and run in the emulator under `examine`; mutants 
 the core against a library built from the changed sources.
 """
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +23,7 @@ from gellight.wire import Packet, encode
 CHECKOUT = Path(__file__).parents[2]
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
+FRAME_TOLERANCE_US = 20
 
 
 def mutate(mutation: Mutation, folder: Path) -> Path:
@@ -50,7 +48,7 @@ def examine(image: bytes) -> list[str]:
 
 def _examine(board: EmulatedBoard, problems: list[str]) -> None:
     ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
-    for check in (_colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault):
+    for check in (_colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault):
         ring = check(board, ring, problems) or ring
         if problems or board.faults:
             return
@@ -147,11 +145,23 @@ def _suspend(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> Ligh
 
 def _close(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
     ring.set_leds(PATTERN)
-    board.run(3_000)
+    for number in range(30):  # so that the main loop is busy when both happens, and looks only after that
+        board.host.send(encode(Packet(p.COMMANDS["SET_GROUP"].code, number, p.SetGroup(9, bytes(36)).pack())))
+    board.run(2_000)
     board.host.close()
+    board.host.open()
     if not _dark(board):
         problems.append("lit after closing")
     return _reopen(board)
+
+
+def _frames(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+    ring.clock()
+    board.run(150_400)
+    noted = ring.clock()
+    late_us = noted.sof_us - 1000 * (noted.sof_us // 1000)
+    if noted.sof_number != noted.sof_us // 1000 & 0x7FF or late_us > FRAME_TOLERANCE_US:
+        problems.append(f"USB frame noted {late_us} us late")
 
 
 def _watchdog(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
@@ -187,14 +197,9 @@ def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
 def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    from virtual_board import compile_library
+    from virtual_board import compile_library, run_core_tests
 
     library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
-    tests = [CHECKOUT / "tests/firmware" / name for name in ("test_core.py", "test_core_config.py")]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *map(str, tests)],
-        cwd=CHECKOUT, env=os.environ | {"GELLIGHT_CORE_LIBRARY": str(library)}, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
+    done = run_core_tests(library)
     assert done.returncode != 0, "survived"
     assert "error" not in done.stdout.lower().split("short test summary")[-1].split("failed")[0], done.stdout[-2000:]

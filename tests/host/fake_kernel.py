@@ -124,6 +124,7 @@ class FakeKernel:
         self.cameras = cameras or {}
         self.now_s = 100.0
         self.opened: dict[int, FakeCamera] = {}
+        self.mapped: list[FakeMemory] = []
         self.events: list[tuple[float, Callable[[], None]]] = []
 
     def at(self, time_s: float, action: Callable[[], None]) -> None:
@@ -163,7 +164,8 @@ class FakeKernel:
 
     def mmap(self, descriptor: int, length: int, offset: int) -> FakeMemory:
         camera = self.opened[descriptor]
-        return FakeMemory(camera.contents.setdefault(offset, bytearray(length)))
+        self.mapped.append(FakeMemory(camera.contents.setdefault(offset, bytearray(length))))
+        return self.mapped[-1]
 
     def poll(self, descriptor: int, timeout_s: float) -> int:
         camera, deadline_s = self.opened[descriptor], self.now_s + timeout_s
@@ -226,9 +228,11 @@ class FakeKernel:
     def s_parm(self, camera: FakeCamera, argument: v.StreamParameters) -> None:
         rates = camera.formats[camera.mode[0]][camera.mode[1:3]]
         asked = argument.denominator / argument.numerator
-        rate = min(rates, key=lambda offered: abs(offered - asked))
-        camera.mode = (*camera.mode[:3], rate)
-        argument.numerator, argument.denominator = 10_000_000 // rate, 10_000_000
+        camera.mode = (*camera.mode[:3], min(rates, key=lambda offered: abs(offered - asked)))
+        self.g_parm(camera, argument)
+
+    def g_parm(self, camera: FakeCamera, argument: v.StreamParameters) -> None:
+        argument.numerator, argument.denominator = 10_000_000 // camera.mode[3], 10_000_000
 
     def reqbufs(self, camera: FakeCamera, argument: v.RequestBuffers) -> None:
         camera.stop()
@@ -278,7 +282,7 @@ class FakeKernel:
 HANDLERS = {
     getattr(v, name): name.lower()
     for name in (
-        *("QUERYCAP", "ENUM_FMT", "ENUM_FRAMESIZES", "ENUM_FRAMEINTERVALS", "S_FMT", "S_PARM", "REQBUFS", "QUERYBUF"),
-        *("QBUF", "DQBUF", "STREAMON", "STREAMOFF", "QUERYCTRL", "G_CTRL", "S_CTRL"),
+        *("QUERYCAP", "ENUM_FMT", "ENUM_FRAMESIZES", "ENUM_FRAMEINTERVALS", "S_FMT", "REQBUFS", "QUERYBUF", "QBUF"),
+        *("DQBUF", "STREAMON", "STREAMOFF", "QUERYCTRL", "G_CTRL", "S_CTRL", "G_PARM", "S_PARM"),
     )
 }

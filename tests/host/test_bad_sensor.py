@@ -104,8 +104,18 @@ def test_urls_of_real_sensors_go_to_real_sensors(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="speed"):
         open_camera("auto?speed=3")
     (tmp_path / "v4l2").write_text("text")
-    with pytest.raises(CameraError, match=r"fails to say what it is|delivers no pictures"):
-        open_camera(f"v4l2://{tmp_path}/v4l2")
+    for path in (tmp_path / "v4l2", tmp_path, Path("/dev/null")):
+        with pytest.raises(CameraError, match=rf"^{path} is no V4L2 camera: `gellight find` lists"):
+            open_camera(f"v4l2://{path}")
+    for url in ("v4l2://", "sensor://", "v4l2://?fps=30"):
+        with pytest.raises(InputError, match=r"names no sensor: give auto, sensor://NAME"):
+            open_camera(url)
+
+
+@pytest.mark.parametrize("url", ["{}", "auto{}", "v4l2://{}", "v4l2:///dev/{}", "sensor://{}"])
+def test_a_name_that_is_too_long_for_a_file_is_one_that_is_not_there(url: str) -> None:
+    with pytest.raises(CameraError, match=r"no camera at|no sensor is called|is no file"):
+        open_camera(url.format("x" * 300))
 
 
 def test_a_folder_called_auto_is_still_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,6 +155,26 @@ def test_opencv_serves_where_there_is_no_v4l2_and_only_there(monkeypatch: pytest
     monkeypatch.setattr("sys.platform", "darwin")
     with pytest.raises(InputError, match="give opencv://0"):
         open_camera("opencv://front")
+
+
+def test_opencv_itself_delivers_rgb_frames_until_the_camera_ends(tmp_path: Path) -> None:
+    """OpenCV reads a file as it reads a camera; the frames show three colours that cannot be mistaken."""
+    import cv2
+
+    seen = np.array([(200, 40, 40), (40, 200, 40), (40, 40, 200)])
+    written = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, (32, 24))
+    for colour in seen:
+        written.write(np.full((24, 32, 3), colour[::-1], np.uint8))
+    written.release()
+    film = cv2.VideoCapture(str(tmp_path / "film.avi"))
+    with OpenCvCamera(0, url="opencv://0", capture=lambda index: film) as camera:
+        assert camera.image_shape == (24, 32)
+        frames = [camera.read() for _ in range(2)]
+        with pytest.raises(CameraError, match="gives no frame"):
+            camera.read()
+    shown = np.array([frame.image.mean(axis=(0, 1)) for frame in frames])
+    assert np.abs(shown - seen[1:]).max() < 12, "grey levels; the first picture told the size"
+    assert frames[0].time_s < frames[1].time_s
 
 
 # ---- gellight run ----
@@ -212,7 +242,7 @@ def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.Mo
         first = run_verb.follow(daemon, 5, as_json=False)
         assert first["frames"] == 5
         bench.unplug("1-2")
-        while not daemon.status()["error"]:
+        while "reconnecting" not in str(daemon.status()["error"]):
             time.sleep(0.01)
         run_verb.tell(daemon.status(), as_json=False)
         assert "reconnecting to sensor GL0001" in capsys.readouterr().err

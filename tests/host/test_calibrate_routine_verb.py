@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from gellight.cli.calibrate_routine import _obey, _screen
+from gellight.cli.calibrate_routine import _tools
+from gellight.cli.calibrate_screen import obey, screen
 from gellight.cli.main import app
 from gellight.errors import CameraError, InputError
 
@@ -38,6 +39,14 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -
     (tmp_path / "x.state/state.json").write_text(json.dumps({"finished": False}))
     assert "give --resume to go on, or --restart" in refused("--auto", "--out", str(tmp_path / "x"))
     assert (tmp_path / "x.state/state.json").is_file()
+
+
+def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
+    assert _tools(tmp_path, None, 6.0, None) == {"cylinder_diameter_mm": 6.0}
+    begun = {"sensor": "A17", "ball_radius_mm": 2.5, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
+    (tmp_path / "state.json").write_text(json.dumps({"finished": False, "identity": begun}))
+    given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
+    assert _tools(tmp_path, 3.0, None, None) == given
 
 
 def test_pictures_that_are_not_there_are_told_and_nothing_is_written(tmp_path: Path) -> None:
@@ -73,14 +82,14 @@ class Recorder:
 
 def test_typed_keys_become_actions_and_refusals_are_shown() -> None:
     routine = Recorder()
-    assert [_obey(routine, line) for line in ("n", "", "d", "c 10 20.5 7", "q")] == [""] * 5  # type: ignore[arg-type]
+    assert [obey(routine, line) for line in ("n", "", "d", "c 10 20.5 7", "q")] == [""] * 5  # type: ignore[arg-type]
     circle = {"center_x_px": 10.0, "center_y_px": 20.5, "contact_radius_px": 7.0}
     names = [action for action, _ in routine.asked]
     assert names == ["next", "next", "drop", "correct", "abort"]
     assert routine.asked[3][1] == circle
-    assert _obey(routine, "a") == "accept is not possible now"  # type: ignore[arg-type]
-    assert _obey(routine, "c 10 20") != ""  # type: ignore[arg-type]
-    assert _obey(routine, "c ten") != ""  # type: ignore[arg-type]
+    assert obey(routine, "a") == "accept is not possible now"  # type: ignore[arg-type]
+    assert obey(routine, "c 10 20") != ""  # type: ignore[arg-type]
+    assert obey(routine, "c ten") != ""  # type: ignore[arg-type]
 
 
 def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
@@ -98,7 +107,7 @@ def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
         "problem": "it moved",
     }
     console = Console(record=True, width=100)
-    console.print(_screen(snapshot, "", keys=True))
+    console.print(screen(snapshot, "", keys=True))
     text = console.export_text()
     for words in ("● prepare", "◐ presses", "3 of 40 presses", "10.0, 20.0, 7.5 px (taken)", "· 1", "9 ·", "lift"):
         assert words in text

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from gellight import training
 from gellight.calibration import load_calibration
-from gellight.cli.calibrate import app
+from gellight.cli.calibrate import _ball_text, _read, _which_ball, app
 from gellight.errors import InputError, TrainingError
 from gellight.evaluation import angle_deg
 from gellight.presses import Ball, read_presses
@@ -84,6 +84,14 @@ def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: 
     assert record["losses"][-1] < record["losses"][0]
     assert set(calibration.presses()) == {"rows", "image", "image_size"}
     assert [path.name for path in bundle.parent.iterdir()] == [bundle.name]
+
+
+@pytest.mark.parametrize(("named", "warned"), [(3.0, True), (4.0, False), (5.0, True)])
+def test_a_ball_that_the_light_contradicts_is_warned_of(pressed: Path, named: float, warned: bool) -> None:
+    given = _read(pressed / "presses.csv", str(pressed / "untouched"), named, 0.2352)
+    told = "".join(_ball_text({**_which_ball(*given, None), "ball_radius_mm": named}))
+    assert bool(told) is warned
+    assert not warned or float(told.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
 
 
 def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gellight.bundle_store import BundleStore
 from gellight.calibrating.benchmark import object_errors, summary
 from gellight.calibrating.choices import Limits, RoutineOptions
 from gellight.calibrating.preparing import apply_calibration
@@ -18,6 +19,7 @@ from gellight.calibrating.virtual_hand import VirtualHand
 from gellight.calibration import load_calibration
 from gellight.camera import Camera, ImageCamera, open_camera
 from gellight.errors import CalibrationError, CameraError, GellightError, InputError
+from gellight.lens.lens_file import read_record
 from gellight.pictures import write_png
 from gellight.simulated import SimulatedCamera
 from gellight.training import TrainingOptions
@@ -61,12 +63,13 @@ def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A calibration by the virtual hand, with the light ring; installed bundles are listed."""
     folder = tmp_path_factory.mktemp("calibrated")
+    wishes = options(folder, pin_pitch_mm=2.0)
     installed: list[str] = []
     with camera(LIT) as sensor:
         assert sensor.stage is not None
         hand = VirtualHand(sensor.stage)
         routine = Routine(
-            sensor, options(folder), folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
+            sensor, wishes, folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
         )
         snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
@@ -106,10 +109,24 @@ def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[
     assert snapshot["installed"] == [str(folder / "bundle")]
     assert len(bundle.manifest.led) == 12
     assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
-    report = bundle.files["report.html"].decode()
+    report = BundleStore(folder / "store").add(bundle).report().decode()
     assert "Section through the centre of the ball" in report
     assert "http" not in report.replace("http://www.w3.org/2000/svg", "")
     assert report.count("<img") >= 10
+
+
+def test_a_pin_grid_tells_the_lens_to_a_tenth_of_a_pixel_and_the_bundle_knows_it(
+    calibrated: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, snapshot = calibrated
+    lens = snapshot["figures"]["lens"]
+    assert lens["pins"] > 200
+    assert lens["rms_after_px"] < 0.1
+    assert lens["corner_moves_px"] < 1.0
+    bundle = load_calibration(folder / "bundle")
+    assert read_record(bundle).learnt_from_circles
+    assert bundle.metrics["lens"]["pins"] == lens["pins"]
+    assert "off this lens" in bundle.files["report.html"].decode()
 
 
 def test_its_objects_are_measured_under_the_light_it_was_made_with(calibrated: tuple[Path, dict[str, Any]]) -> None:
@@ -234,10 +251,17 @@ class Person:
         self.stage.release()
         return told
 
+    def press_grid(self) -> None:
+        wait_for(self.routine, lambda s: s["awaiting"] == "press" and s["step"] == "lens")
+        self.stage.press("PINS", 0.2, 0.3, -0.2)
+        wait_for(self.routine, lambda s: "pins" in s["pictures"])
+        self.stage.release()
+
 
 def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None:
     with camera() as sensor:
-        routine = Routine(sensor, options(tmp_path), tmp_path / "state")
+        wishes = options(tmp_path, pin_pitch_mm=2.0)
+        routine = Routine(sensor, wishes, tmp_path / "state")
         with pytest.raises(InputError, match="choose start"):
             routine.act("next")
         routine.act("start")
@@ -246,6 +270,8 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         user.go_on("reference")
         for place in ((0.0, 0.0), (3.0, 2.0)):
             user.press("CYLINDER", 0.3, *place)
+        assert "no grid of pins" in user.press("BALL", 1.0, 5.0, 3.0)["problem"]
+        user.press_grid()
         first = user.press("BALL", 1.0, 5.0, 3.0)["press"]
         assert (first["center_x_px"], first["center_y_px"]) == pytest.approx((202.0, 145.0), abs=0.5)
         routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=15.0)
@@ -261,12 +287,29 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         routine.act("abort")
         routine.join(20)
         assert routine.snapshot()["step"] == "aborted"
-        again = Routine(sensor, options(tmp_path), tmp_path / "state")
+        with pytest.raises(InputError, match=r"begun with pin_pitch_mm 2.0, not None: give the same again"):
+            Routine(sensor, options(tmp_path), tmp_path / "state")
+        again = Routine(sensor, wishes, tmp_path / "state")
         again.act("start")
         resumed = wait_for(again, lambda s: s["step"] == "presses" and s["progress"].get("done") == 1)
         assert resumed["figures"]["pixel_size"]["presses"] == 2
+        assert resumed["figures"]["lens"] == {"pictures": 1, "pitch_mm": 2.0}
         again.stop()
         again.join(20)
+        without = Routine(sensor, wishes, forgetful(tmp_path / "state"))
+        without.act("start")
+        Person(without, sensor).go_on("lens")
+        assert wait_for(without, lambda s: s["step"] == "presses")["figures"]["lens"] == {"pictures": 0}
+        without.stop()
+        without.join(20)
+
+
+def forgetful(state: Path) -> Path:
+    """The state as if the power had failed before the grid was pressed."""
+    kept = json.loads((state / "state.json").read_text())
+    del kept["steps"]["lens"]
+    (state / "state.json").write_text(json.dumps({**kept, "grids": []}))
+    return state
 
 
 def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
@@ -278,7 +321,7 @@ def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
     place.write_text(json.dumps({**state, "finished": False, "checks": []}))
     with camera(LIT) as sensor:
         assert sensor.stage is not None
-        strict = options(tmp_path, limits=Limits(depth_mm=1e-5))
+        strict = options(tmp_path, limits=Limits(depth_mm=1e-5), pin_pitch_mm=2.0)
         hand = VirtualHand(sensor.stage)
         snapshot = finished(Routine(sensor, strict, tmp_path / "state", hand=hand, install=lambda bundle: 1 / 0))
     assert snapshot["step"] == "finished", snapshot["problem"]

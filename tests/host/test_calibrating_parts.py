@@ -11,7 +11,7 @@ from gellight.calibrating.bulletin import Bulletin
 from gellight.calibrating.coverage import advice, coverage
 from gellight.calibrating.folder import Folder, has_state
 from gellight.calibrating.live_error import LiveError
-from gellight.calibrating.sensing import Watcher, check_light, wait_free
+from gellight.calibrating.sensing import Watcher, check_light, wait_free, wait_press
 from gellight.calibrating.uniformity import contour_picture, of_image, uniformity
 from gellight.calibrating.untouched import foreign_share
 from gellight.calibrating.virtual_hand import spread
@@ -215,16 +215,19 @@ class DarkUntilRelit:
 
     hand = None
 
-    def __init__(self, answers: int) -> None:
+    def __init__(self, answers: int, *, pressed: bool = False) -> None:
         self.bulletin = Bulletin()
         self.relit, self.answers = 0, answers
+        self.lit = np.full((*SHAPE, 3), 100, np.uint8)
+        if pressed:
+            self.lit[: SHAPE[0] // 3, : SHAPE[1] // 3] = 60
 
     def relight(self) -> None:
         self.relit += 1
 
     def frames(self) -> Iterator[CameraFrame]:
         while True:
-            yield frame(np.full((*SHAPE, 3), 100 if self.relit >= self.answers else 0, np.uint8))
+            yield frame(self.lit if self.relit >= self.answers else np.zeros_like(self.lit))
 
 
 def test_leds_that_went_dark_are_lit_again() -> None:
@@ -237,3 +240,12 @@ def test_leds_that_stay_dark_are_told() -> None:
     session = DarkUntilRelit(answers=99)
     with pytest.raises(InputError, match="the gel is dark: check the LEDs"):
         wait_free(session, Watcher(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
+
+
+def test_leds_that_go_dark_during_a_press_are_lit_again_and_the_dark_is_no_press() -> None:
+    session = DarkUntilRelit(answers=2, pressed=True)
+    untouched = np.full((*SHAPE, 3), 100, np.float32)
+    capture = wait_press(session, Watcher(untouched, 1.0), lambda: False)  # type: ignore[arg-type]
+    assert capture is not None
+    assert capture.image.min() == 60
+    assert session.relit == 2

@@ -1,5 +1,6 @@
 """The desk beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
 
+import json
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -78,6 +79,19 @@ def desk(daemon: Daemon, tmp_path: Path, guides: list[Guide]) -> Iterator[Desk]:
 
     with Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state", begin=begin) as desk:
         yield desk
+
+
+def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(desk: Desk, tmp_path: Path) -> None:
+    assert not desk.state()["interrupted"]
+    begun = {"ball_radius_mm": 2.5, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": 2.0}
+    (tmp_path / "state").mkdir()
+    for finished in (False, True):
+        state = {"finished": finished, "identity": {"sensor": "A17", **begun}}
+        (tmp_path / "state" / "state.json").write_text(json.dumps(state))
+        assert desk.state()["interrupted"] is not finished
+        assert (desk.state()["defaults"]["ball_radius_mm"] == 2.5) is not finished
+    (tmp_path / "state" / "state.json").write_text("{")
+    assert desk.state()["defaults"]["ball_radius_mm"] == 4.0
 
 
 def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(

@@ -47,7 +47,9 @@ def test_a_webcam_at_the_root_hub_is_never_paired_with_a_ring(usb: FakeUsb) -> N
     usb.plug("1-2", serial="RING", rings=1)
     found = seen(usb)
     assert not found.sensors
-    with pytest.raises(UnpluggedError, match=r"plug both into one hub of their own, or name them: v4l2://\S+\?ring="):
+    with pytest.raises(
+        UnpluggedError, match=r"plug both into one hub of their own, or name them with v4l2://\S+\?ring="
+    ):
         found.only()
 
 
@@ -67,6 +69,15 @@ def test_what_cannot_be_told_apart_behind_one_hub_is_said_not_guessed(usb: FakeU
     assert len(found.ambiguities) == 1
     assert "at USB 1-4 are 2 cameras and 1 rings" in found.ambiguities[0]
     assert "hub of its own" in found.ambiguities[0]
+
+
+def test_every_sensor_is_listed_with_a_url_that_opens_it_alone(usb: FakeUsb) -> None:
+    for port, serial in (("1-1", "SAME"), ("1-2", "SAME"), ("1-3", "OWN"), ("1-4", "")):
+        usb.plug(port, serial=serial, cameras=1, rings=1)
+    found = seen(usb)
+    urls = [found.url_of(sensor) for sensor in found.sensors]
+    assert urls == ["sensor://1-1", "sensor://1-2", "sensor://OWN", "sensor://1-4"]
+    assert [found.called(url.removeprefix("sensor://")) for url in urls] == list(found.sensors)
 
 
 def test_two_sensors_have_to_be_named(usb: FakeUsb) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -15,9 +14,13 @@ from gellight.cli.main import app
 from gellight.discovery import discover
 from gellight.doctor import Finding, Level, examine
 from gellight.errors import BoardError, CameraError, InputError
+from gellight.sensor_checks import check_stamps
 from gellight.v4l2 import controls as c
 from gellight.v4l2 import structures as v
+from gellight.v4l2.options import parse_url
+from gellight.v4l2.video_camera import V4l2Camera
 from tests.host.test_sensor_camera import Bench, FakeRing
+from tests.host.v4l2_pictures import jpeg, scene
 
 WEBCAM = (0x046D, 0x0825)
 
@@ -32,9 +35,6 @@ class TalkingRing(FakeRing):
 
     def clock(self) -> None:
         self.kernel.sleep(self.answer_s)
-
-    def blank(self) -> None:
-        self.lit = np.zeros((12, 3), np.uint8)
 
     def __enter__(self) -> "TalkingRing":
         self.hello.firmware_major, self.hello.firmware_minor, self.hello.firmware_patch = 1, 2, 3
@@ -83,7 +83,7 @@ def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp
     assert wrong(findings) == {}
     checks = {finding.check for finding in findings}
     assert checks >= {"udev rule", "disk", "clock", "sensors", "usb", "permission", "formats", "settings", "rate",
-                      "bandwidth", "frames", "board", "leds"}  # fmt: skip
+                      "stamps", "bandwidth", "frames", "board", "leds"}  # fmt: skip
     text = {finding.check: finding.text for finding in findings}
     assert "30.00 frames/s by the kernel's stamps" in text["rate"]
     assert clinic.all_dark()
@@ -97,6 +97,18 @@ def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp
         ({"missing": lambda number: number % 4 == 2}, "frames", "lost", "cable"),
         ({"bad": lambda number: v.FLAG_ERROR * (number % 4 == 2)}, "frames", "damaged", "cable"),
         ({"stamp": lambda number, time_s: time_s + 9}, "clock", "cannot be true", "hwtimestamps"),
+        (
+            {"stamp": lambda number, time_s: time_s + 0.005 * (number % 7 == 3)},
+            "stamps",
+            "than the 2 ms",
+            "without a hub",
+        ),
+        (
+            {"missing": lambda number: number % 9 == 4, "sequence": lambda number: number - (number + 4) // 9},
+            "frames",
+            "missing without a gap in the driver's numbers",
+            "lower the rate",
+        ),
     ],
 )
 def test_what_is_wrong_with_the_frames_is_found(
@@ -107,6 +119,35 @@ def test_what_is_wrong_with_the_frames_is_found(
     assert words in found[check].text
     assert remedy in found[check].remedy
     assert clinic.all_dark()
+
+
+def test_a_camera_that_does_not_tell_its_rates_is_examined_too(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", formats={"YUYV": {(32, 24): []}})
+    findings = clinic.examine(tmp_path)
+    assert wrong(findings) == {}
+    assert "YUYV 32x24 at ? fps" in [finding.text for finding in findings]
+
+
+def test_the_remedy_for_stamps_that_wander_is_one_that_helps(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", stamp=lambda number, time_s: time_s + 0.005 * (number % 7 == 3))
+    remedy = wrong(clinic.examine(tmp_path))["stamps"].remedy
+    option = remedy.rpartition("?")[2]
+    node = next(iter(clinic.kernel.cameras))
+    with V4l2Camera(node, parse_url(f"v4l2://x?{option}")[1], kernel=clinic.kernel) as camera:
+        pictures = [camera.picture() for _ in range(60)]
+        assert check_stamps(camera, pictures).level is Level.OK
+        assert camera.timing.stamp_error_s >= 0.0042, "5 ms, less what the steady rate takes of it"
+
+
+def test_jpegs_that_are_not_whole_are_found(clinic: Clinic, tmp_path: Path) -> None:
+    whole = jpeg(scene(shape=(24, 32)))
+    camera = clinic.plug("1-2", "GL0001", formats={"MJPG": {(32, 24): [30]}})
+    camera.payload = lambda number: (
+        (whole[:-40] if number % 4 == 1 else whole[:-2]) + bytes([number % 251]) + whole[-2:]
+    )
+    found = [finding for finding in clinic.examine(tmp_path) if finding.check == "frames"]
+    assert "15 not whole" in found[0].text
+    assert "cable" in found[0].remedy
 
 
 def test_a_camera_that_repeats_its_pictures_is_found(clinic: Clinic, tmp_path: Path) -> None:

@@ -126,6 +126,8 @@ def test_a_damaged_bundle_is_listed_as_such_and_never_put_in_service(store: Bund
     damaged = next(entry for entry in store.bundles() if entry.identity == first.identity)
     assert "changed after calibration" in damaged.problem
     assert json.dumps(damaged.as_json())
+    with pytest.raises(CalibrationError, match="has no report"):
+        store.find(second.identity).report()
     with pytest.raises(CalibrationError, match="changed after calibration"):
         restore("", sensor="GL-7", store=store)
     assert store.current("GL-7").identity == second.identity

@@ -1,8 +1,12 @@
 """The command itself: its version, and how it ends."""
 
 import importlib.metadata
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
+import typer
+from rich.text import Text
 from typer.testing import CliRunner
 
 from gellight.cli import main
@@ -12,6 +16,20 @@ from gellight.errors import InputError
 def test_the_version_is_that_of_the_installed_package() -> None:
     result = CliRunner().invoke(main.app, ["--version"])
     assert (result.exit_code, result.output) == (0, f"gellight {importlib.metadata.version('gellight')}\n")
+
+
+def verbs(command: Any) -> Iterator[Any]:
+    yield command
+    for name in getattr(command, "commands", {}):
+        yield from verbs(command.commands[name])
+
+
+def test_the_help_of_every_option_is_shown_as_it_is_written() -> None:
+    """Square brackets would be taken for markup and vanish, and a default that is told in them too."""
+    found = list(verbs(typer.main.get_command(main.app)))
+    texts = [each.help for verb in found for each in (verb, *verb.params)]
+    assert len(texts) > 100
+    assert [text for text in texts if text and Text.from_markup(text).plain != text] == []
 
 
 def test_an_error_of_ours_is_one_line_and_status_2(

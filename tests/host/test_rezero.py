@@ -19,6 +19,8 @@ from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
 from gellight.watch.monitor import Watch
 from sim_reference.camera import digitise
+from sim_reference.gel import NO_OBJECT
+from sim_reference.objects import PROBES, ObjectParameters
 from tests.host.watched_sensor import NOISE_GREY, WatchedSensor
 
 New = Callable[[int], WatchedSensor]
@@ -58,6 +60,26 @@ def test_the_zero_is_never_set_in_contact(new_sensor: New, press: Press) -> None
         assert "lift everything off" in sensor.watch.refusal(asked=asked)
         with pytest.raises(InputError, match="the zero was not set: something touches"):
             sensor.watch.propose_zero(asked=asked)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.004])
+def test_a_flat_plate_on_the_whole_gel_is_not_taken_for_light(
+    new_sensor: New, monkeypatch: pytest.MonkeyPatch, tilt: float
+) -> None:
+    def plate(x: np.ndarray, y: np.ndarray, _: ObjectParameters) -> np.ndarray:
+        on_plate = (np.abs(x) < 23) & (np.abs(y) < 18)
+        return np.where(on_plate, tilt * (x + 0.5 * y - 32), NO_OBJECT)  # its highest point, a corner, at 0
+
+    monkeypatch.setitem(PROBES, "PLATE", plate)
+    press = Press("PLATE", 0.1 + 25 * tilt)
+    sensor = new_sensor(2120)
+    sensor.run(4)
+    sensor.run(4, press)
+    assert sensor.watch.status()["state"] == "at rest", "no cell shows what light could not do"
+    for asked in (False, True):
+        assert "something flat pressed the whole gel" in sensor.watch.refusal(asked=asked)
+    sensor.run(4)
+    assert sensor.watch.refusal(asked=True) == ""
 
 
 def test_a_touch_that_nobody_noticed_is_not_taken_into_the_zero(new_sensor: New, synthetic: Calibration) -> None:

@@ -10,8 +10,11 @@ import pytest
 from gellight.calibration import Calibration, LedSetting, write_calibration
 from gellight.camera import ReconnectingError
 from gellight.daemon import Daemon
+from gellight.enumerations import Dark
 from gellight.errors import BoardError, CalibrationError, CameraError, GellightError
-from gellight.sensor_camera import SensorCamera, Surroundings, open_sensor
+from gellight.protocol import DarkEvent
+from gellight.sensor_camera import SensorCamera, open_sensor
+from gellight.sensor_connection import Surroundings
 from gellight.v4l2 import controls as c
 from gellight.v4l2.errors import BusyError, DeniedError
 from tests.host.fake_kernel import FakeCamera, FakeKernel
@@ -33,16 +36,32 @@ class FakeRing:
         self.lit_s = 0.0
         self.refusal: BoardError | None = None
         self.mute = False
+        self.still: np.ndarray | None = None
+        self.event_listeners: list[Any] = []
+        self.ping_listeners: list[Any] = []
+        self.untold: list[DarkEvent] = []
 
     def clock(self) -> None:
         if self.mute:
             raise BoardError("the board did not answer CLOCK")
+        while self.untold:
+            for listener in self.event_listeners:
+                listener(self.untold[0])
+            self.untold.pop(0)
+
+    def go_dark(self) -> None:
+        """What a board does that does not hear from its host for a second; it tells it when it is asked."""
+        self.lit = np.zeros((12, 3), np.uint8)
+        self.untold.append(DarkEvent(time_us=0, events_dropped=0, dark=Dark.HOST_SILENT))
 
     def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
         if self.refusal:
             raise self.refusal
-        self.lit = colours
+        self.lit = self.still = colours
         return SimpleNamespace(light_id=1)
+
+    def blank(self) -> None:
+        self.lit = np.zeros((12, 3), np.uint8)
 
     def wait_for_light(self, light_id: int) -> None:
         self.kernel.sleep(0.02)
@@ -153,6 +172,57 @@ def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnectio
         camera.read()
         assert device.controls[c.EXPOSURE].value == 160
         assert (bench.rings[-1].lit == [led.rgb for led in darker]).all()
+
+
+def test_a_sensor_that_was_opened_dark_is_dark_again_when_a_bundle_cannot_be_adopted(
+    bench: Bench, bundle: Calibration
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open(f"auto?{SIZE}&exposure_us=4000") as camera:
+
+        def fail(light_id: int) -> None:
+            raise BoardError("the board did not say that it is lit")
+
+        bench.rings[0].wait_for_light = fail  # type: ignore[method-assign]
+        with pytest.raises(BoardError, match="did not say that it is lit"):
+            camera.adopt(bundle)
+        assert not bench.rings[0].lit.any()
+        assert device.controls[c.EXPOSURE].value == 40
+        assert camera.read().sequence == 0
+
+
+def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto?format=YUYV&width=32&height=24") as camera:
+        camera.read()
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        camera.adopt(bundle)
+        bench.plug("1-3", "GL0001")
+        camera.read()
+        assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
+
+
+def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    camera = bench.open("auto", bundle)
+    camera.read()
+    bench.unplug("1-2")
+    with pytest.raises(ReconnectingError):
+        camera.read()
+    bench.plug("1-2", "GL0001")
+    opened = bench.kernel.open
+
+    def closing(path: str) -> int:
+        camera.close()
+        return opened(path)
+
+    bench.kernel.open = closing  # type: ignore[method-assign]
+    with pytest.raises(CameraError, match="is closed"):
+        camera.read()
+    assert bench.all_dark()
+    assert not bench.kernel.opened
 
 
 def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Calibration) -> None:
@@ -298,6 +368,33 @@ def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Ben
         assert bench.rings[1].lit.any()
 
 
+def test_leds_that_the_board_made_dark_are_lit_again_and_no_dark_frame_is_delivered(
+    bench: Bench, bundle: Calibration, caplog: pytest.LogCaptureFixture
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    device.payload = lambda number: bytes([200 if bench.rings[0].lit.any() else 10, 128] * 32 * 24)
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.kernel.at(bench.kernel.now_s + 1.0, bench.rings[0].go_dark)
+        bench.kernel.sleep(1.5)
+        frames = [camera.read() for _ in range(5)]
+        assert min(frame.image.mean() for frame in frames) > 150
+        assert (bench.rings[0].lit == [led.rgb for led in bundle.manifest.led]).all()
+        assert camera.status()["reconnections"] == 0
+    assert "made its LEDs dark (host silent); they are lit again" in caplog.text
+
+
+def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.rings[0].set_leds(np.full((12, 3), 9, np.uint8))
+        bench.rings[0].go_dark()
+        bench.kernel.sleep(1.0)
+        camera.read()
+        assert not bench.rings[0].lit.any()
+
+
 def test_a_bundle_that_does_not_tell_its_light_is_told(
     bench: Bench, bundle: Calibration, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -306,8 +403,12 @@ def test_a_bundle_that_does_not_tell_its_light_is_told(
         tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
         pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
     )  # fmt: skip
-    with bench.open("auto", unlit):
+    with bench.open("auto", unlit) as camera:
         assert not bench.rings[0].lit.any()
+        camera.adopt(bundle)
+        assert bench.rings[0].lit.any()
+        camera.adopt(unlit)
+        assert not bench.rings[0].lit.any(), "the light of another bundle is not left on"
     assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 
 
@@ -356,10 +457,14 @@ def test_the_daemon_serves_its_status_while_the_sensor_is_away_and_goes_on(bench
     reconstructor: Any = CountingReconstructor()
     with Daemon(sensor, reconstructor) as daemon:
         before = daemon.wait_frame(10, 10).camera_frame
+        told: list[Any] = []
+        bench.rings[0].close = lambda: told.append(daemon.status()["error"])  # type: ignore[method-assign]
         bench.unplug("1-2")
         deadline = time.monotonic() + 10
-        while not daemon.status()["error"] and time.monotonic() < deadline:
+        while "reconnecting" not in (daemon.status()["error"] or "") and time.monotonic() < deadline:
             time.sleep(0.005)
+        assert "was unplugged" in told[0], "before the ring was given up, which may take seconds"
+        bench.rings.pop(0)
         status: Any = daemon.status()
         assert "reconnecting to sensor GL0001" in status["error"]
         assert status["camera"]["connection"] == "reconnecting"

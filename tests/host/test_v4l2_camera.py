@@ -1,6 +1,5 @@
 """From bytes to frames: whole pictures only, dated by what a time stamp means."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,66 +7,15 @@ import pytest
 
 from gellight.errors import CameraError, InputError
 from gellight.v4l2 import structures as v
-from gellight.v4l2.decoding import CorruptPictureError, decode
-from gellight.v4l2.errors import StalledError
+from gellight.v4l2.decoding import decode
+from gellight.v4l2.errors import CorruptPictureError, StalledError
 from gellight.v4l2.formats import Mode, Wanted
 from gellight.v4l2.options import parse_url
 from gellight.v4l2.timing import hardware_stamps
 from gellight.v4l2.video_camera import V4l2Camera, open_v4l2
 from tests.host.v4l2_pictures import PATH, fake, jpeg, scene
 
-# ---- decoding ----
-
-MJPG = Mode(letters="MJPG", width=640, height=480, fps=30)
-
-
-def test_a_whole_jpeg_is_decoded_and_filling_behind_it_does_not_matter() -> None:
-    image = scene()
-    data = jpeg(image)
-    assert np.abs(decode(data, MJPG).astype(int) - image).mean() < 3
-    for filling in (bytes(40), bytes(range(200)) * 10, b"\xff" * 9):
-        assert (decode(data + filling, MJPG) == decode(data, MJPG)).all()
-
-
-def test_a_jpeg_without_its_huffman_tables_is_decoded_as_cameras_send_it() -> None:
-    data = jpeg(scene())
-    stripped, place = data[:2], 2
-    while data[place + 1] != 0xDA:
-        length = 2 + int.from_bytes(data[place + 2 : place + 4])
-        stripped += b"" if data[place + 1] == 0xC4 else data[place : place + length]
-        place += length
-    stripped += data[place:]
-    assert len(stripped) < len(data)
-    assert (decode(stripped, MJPG) == decode(data, MJPG)).all()
-
-
-def test_a_jpeg_that_lost_bytes_anywhere_is_never_taken_for_whole() -> None:
-    data, rng = jpeg(scene()), np.random.default_rng(1)
-    for _ in range(60):
-        start = int(rng.integers(700, len(data) - 3000))
-        cut = data[:start] + data[start + int(rng.integers(20, 2500)) :]
-        with pytest.raises(CorruptPictureError):
-            decode(cut, MJPG)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda data: data[:-2],
-        lambda data: data[1:],
-        lambda data: data[: len(data) // 2] + b"\xff\xd9",
-        lambda data: b"\xff\xd8\xff\xd9",
-        lambda data: b"",
-    ],
-)
-def test_what_is_no_whole_jpeg_is_refused(change: Callable[[bytes], bytes]) -> None:
-    with pytest.raises(CorruptPictureError):
-        decode(change(jpeg(scene())), MJPG)
-
-
-def test_a_jpeg_of_another_size_is_refused() -> None:
-    with pytest.raises(CorruptPictureError, match="shape"):
-        decode(jpeg(scene(shape=(240, 320))), MJPG)
+# ---- decoding raw pictures ----
 
 
 @pytest.mark.parametrize(("letters", "pixel_bytes"), [("RGB3", 3), ("GREY", 1), ("YUYV", 2)])
@@ -156,6 +104,11 @@ def test_what_was_not_measured_makes_the_light_of_a_frame_less_sure(tmp_path: Pa
     assert camera.timing.readout_s == 0.012
     assert np.diff(doubts) == pytest.approx([-1 / 30, -1 / 30])
     assert doubts[-1] == 0.002
+    options = parse_url("v4l2://x?exposure_us=8000&width=32&height=24&readout_us=12000&delay_us=0&stamp_error_us=500")[
+        1
+    ]
+    with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
+        assert camera.timing.stamp_error_s == 0.0005
 
 
 def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_path: Path) -> None:
@@ -170,6 +123,9 @@ def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_p
         ("speed=3", "unknown parameter speed: choose one of width, height, format"),
         ("width=640", "width and height together"),
         ("exposure_us=x", "exposure_us"),
+        ("delay_us=inf", "delay_us"),
+        ("readout_us=2e6", "readout_us"),
+        ("gain=nan", "gain"),
     ],
 )
 def test_wrong_parameters_of_a_url_are_named(query: str, message: str) -> None:

@@ -14,7 +14,7 @@ from gellight.v4l2 import structures as v
 from gellight.v4l2.controls import V4l2Controls
 from gellight.v4l2.device import Device
 from gellight.v4l2.errors import BusyError, DeniedError, UnpluggedError
-from gellight.v4l2.formats import Wanted
+from gellight.v4l2.formats import Wanted, choose
 from gellight.v4l2.options import parse_url
 from gellight.v4l2.video_camera import V4l2Camera
 from tests.host.fake_kernel import FakeCamera, FakeControl, refuse
@@ -71,6 +71,24 @@ def test_a_range_of_sizes_holds_every_step_of_it() -> None:
     assert "320x240 to 960x720" in str(offer)
 
 
+def test_a_range_of_rates_holds_every_rate_in_it() -> None:
+    kernel, _ = fake(formats={"MJPG": {(640, 480): [30]}})
+
+    def range_of_rates(camera: FakeCamera, entry: v.FrameInterval) -> None:
+        kernel._index(entry, 1)
+        entry.type = 3
+        entry.values[:] = [1, 60, 1, 1, 1, 1000]  # the shortest and the longest interval, and the step
+
+    kernel.enum_frameintervals = range_of_rates  # type: ignore[method-assign]
+    with Device(PATH, kernel=kernel) as device:
+        (offer,) = offered = device.offers()
+    assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
+    assert choose(offered, Wanted(), path=PATH)[1].fps == 30, "not 1, the nearer one of its ends"
+    assert choose(offered, Wanted(fps=25), path=PATH)[1].fps == 25
+    with pytest.raises(CameraError, match="60 to 1 fps"):
+        choose(offered, Wanted(fps=90), path=PATH)
+
+
 # ---- who and what stands in the way ----
 
 
@@ -85,7 +103,7 @@ def test_no_camera_a_foreign_camera_and_no_permission_are_told_apart() -> None:
     with pytest.raises(CameraError, match="delivers no pictures"):
         Device(PATH, kernel=kernel)
     camera.errors[v.QUERYCAP] = errno.ENOTTY
-    with pytest.raises(CameraError, match="no V4L2 device"):
+    with pytest.raises(CameraError, match="is no V4L2 camera: `gellight find` lists"):
         Device(PATH, kernel=kernel)
     assert not kernel.opened, "what could not be used was closed again"
 
@@ -104,6 +122,28 @@ def test_a_full_usb_bus_is_told_with_the_way_out() -> None:
     with pytest.raises(CameraError, match="has no bandwidth left: use format=MJPG"):
         V4l2Camera(PATH, kernel=kernel)
     assert not kernel.opened
+
+
+def test_a_camera_without_memory_for_two_pictures_is_told_and_nothing_stays_mapped() -> None:
+    kernel, camera = fake()
+    kernel.reqbufs = lambda camera, argument: setattr(argument, "count", 1)  # type: ignore[method-assign]
+    with pytest.raises(CameraError, match="memory for 1 pictures only: ask for a smaller size"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert not kernel.opened
+    kernel, camera = fake()
+    camera.errors[v.STREAMON] = errno.EIO
+    with pytest.raises(CameraError, match="fails to start its stream"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert all(memory.closed for memory in kernel.mapped)
+
+
+def test_the_controls_of_a_camera_that_was_closed_say_so() -> None:
+    kernel, _ = fake()
+    camera = V4l2Camera(PATH, kernel=kernel)
+    camera.close()
+    for use in (camera.controls.names, camera.controls.deviations, lambda: camera.controls.set("gain", 3)):
+        with pytest.raises(CameraError, match="is closed: open it again"):
+            use()
 
 
 def test_holders_are_found_by_their_open_files(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from gellight.ring import LightRing
 from gellight.virtual import vhci
 from gellight.virtual.device import VirtualSensor, open_virtual
 from gellight.virtual.geometry import sized_geometry
+from gellight.virtual.server import UsbipServer
 from gellight.virtual.usbip import import_device
 from tests.host.usb_client import UsbClient
 
@@ -110,6 +111,12 @@ def test_the_verb_names_what_is_wrong_in_one_line(options: list[str], message: s
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert message in done.stderr
+
+
+@pytest.mark.parametrize(("host", "port"), [("127.0.0.1", 70_000), ("no.such.host.invalid", 0)])
+def test_an_address_that_cannot_be_listened_on_is_told(host: str, port: int) -> None:
+    with pytest.raises(InputError, match=f"cannot listen on {host}:{port} .*: choose another host or port"):
+        UsbipServer({}, host=host, port=port)
 
 
 class PluggedRing:

@@ -239,7 +239,10 @@ def test_faults_are_read_from_text() -> None:
         ("melt=1", "choose one of drop"),
         ("drop=lots", "give a number"),
         ("drop=2", "0 to 1"),
-        ("late_ms=-1", "negative"),
+        ("late_ms=-1", "from 0 up"),
+        ("late_ms=inf", "from 0 up"),
+        ("late_ms=nan", "from 0 up"),
+        ("stall_after=1.5", "a whole number, for example stall_after=10"),
     ],
 )
 def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
@@ -250,3 +253,23 @@ def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
 def test_a_control_that_is_not_there_cannot_be_stuck() -> None:
     with pytest.raises(InputError, match="exposure_us"):
         VirtualSensor(CameraBody(CardCamera()), serial_number="1", faults=Faults(stuck="zoom"))
+
+
+def test_a_cable_whose_other_end_has_gone_leaves_no_controller_running(camera: CardCamera) -> None:
+    class Counting(CameraBody):
+        powered = 0
+
+        def power_on(self) -> None:
+            self.powered += 1
+
+        def power_off(self) -> None:
+            self.powered -= 1
+
+    body = Counting(camera)
+    ours, theirs = socket.socketpair()
+    theirs.close()
+    with VirtualSensor(body, serial_number="1") as sensor, ours:
+        with pytest.raises(OSError, match="Broken pipe"):
+            sensor.plug(ours, greeting=b"imported")
+        assert body.powered == 0
+        assert sensor.unplugged.is_set()

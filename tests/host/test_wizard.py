@@ -86,6 +86,15 @@ def test_without_a_desk_everything_says_so(source: FormulaSource) -> None:
             urllib.request.urlopen(server.url + "calibration")
 
 
+def test_a_report_is_shown_without_scripts_and_a_missing_one_told(server: DashboardServer) -> None:
+    with urllib.request.urlopen(server.url + "calibration/report/" + "a" * 16) as answer:
+        assert b"Calibration of A17" in answer.read()
+        assert answer.headers["Content-Security-Policy"].startswith("default-src 'none'; style-src 'unsafe-inline'")
+    for wrong in ("b" * 16, "..%2F..%2Fx"):
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.url + "calibration/report/" + wrong)
+
+
 def test_a_picture_that_is_not_there_is_told(server: DashboardServer) -> None:
     with urllib.request.urlopen(server.url + "calibration/picture/live") as answer:
         assert answer.read()[:2] == b"\xff\xd8"
@@ -103,6 +112,10 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, desk:
     page.get_by_test_id("action-begin").click()
     (begin, wishes), *_ = wait_for(desk, page, 1)
     assert begin == "begin"
+    assert wishes.pin_pitch_mm is None
+    page.get_by_test_id("pins").fill("2")
+    page.get_by_test_id("action-begin").click()
+    assert wait_for(desk, page, 2)[1][1].pin_pitch_mm == 2
     assert (wishes.ball_radius_mm, wishes.cylinder_diameter_mm, wishes.presses) == (2.5, 8.0, 24)
     assert (wishes.hand, wishes.anew) == (False, False)
 
@@ -198,12 +211,17 @@ def test_training_draws_its_loss_and_the_verdict_is_told(opened: Open, desk: Scr
 def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open, desk: ScriptedDesk) -> None:
     made = "2026-11-01T10:00:00+00:00"
     desk.bundles = [
-        {"identity": "aaaaaaaaaaaaaaaa", "created": made, "in_service": False, "problem": ""},
+        {"identity": "aaaaaaaaaaaaaaaa", "created": made, "in_service": False, "problem": "", "report": True},
         {"identity": "bbbbbbbbbbbbbbbb", "created": None, "in_service": False, "problem": "<b>changed</b>"},
         {"identity": "0123456789abcdef", "created": made, "in_service": True, "problem": ""},
     ]
     page = opened()
     expect(page.get_by_test_id("bundles").locator("button")).to_have_count(1)
+    expect(page.get_by_test_id("bundles").locator("a")).to_have_count(1)
+    with page.context.expect_page() as shown:
+        page.get_by_test_id("report-aaaaaaaaaaaaaaaa").click()
+    expect(shown.value.locator("h1")).to_have_css("color", "rgb(255, 0, 0)")
+    shown.value.close()
     expect(page.get_by_test_id("bundles")).to_contain_text("<b>changed</b>")
     page.get_by_test_id("restore-aaaaaaaaaaaaaaaa").click()
     assert wait_for(desk, page, 1) == [("restore", "aaaaaaaaaaaaaaaa")]

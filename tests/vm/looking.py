@@ -10,7 +10,7 @@ from urllib.parse import parse_qsl, urlencode
 import cv2
 
 from gellight.errors import CameraError, GellightError
-from gellight.sensor_checks import check_rate
+from gellight.sensor_checks import check_stamps
 from gellight.v4l2.decoding import decode
 from gellight.v4l2.video_camera import V4l2Camera, open_v4l2
 from gellight.virtual.encoding import read_mark
@@ -90,10 +90,10 @@ def read_frames(serial: str, options: str, count: int) -> dict[str, int]:
         return camera.counts.as_json()
 
 
-def rate(serial: str, count: int = 45) -> dict[str, str]:
-    """Return what the check of the frame rate, as in `gellight doctor`, says of the kernel's time stamps."""
+def stamps(serial: str, count: int = 45) -> dict[str, str]:
+    """Return what the check of the time stamps, as in `gellight doctor`, says."""
     with opened(serial) as camera:
-        return check_rate(camera, [camera.picture() for _ in range(count)]).as_json()
+        return check_stamps(camera, [camera.picture() for _ in range(count)]).as_json()
 
 
 def watch(serial: str) -> dict[str, Any]:

@@ -51,16 +51,19 @@ def test_a_control_that_does_not_hold_is_an_error_that_names_it(guest: Guest, on
     assert "does not keep its settings: exposure_us was set to 4000 and is 8000" in message
 
 
-def test_time_stamps_that_wander_show_in_the_jitter(guest: Guest, one: VirtualSensor) -> None:
-    honest = jitter_ms(guest.run("looking:rate", serial=ONE)["text"])
+def test_time_stamps_that_wander_are_found_by_the_doctor(guest: Guest, one: VirtualSensor) -> None:
+    honest = jitter_ms(guest.run("looking:stamps", serial=ONE)["text"])
     one.inject(Faults(late_ms=40))
-    lying = jitter_ms(guest.run("looking:rate", serial=ONE)["text"])
+    finding = guest.run("looking:stamps", serial=ONE)
+    lying = jitter_ms(finding["text"])
     print(f"jitter of the stamps (95 %): honest {honest} ms, held back up to 40 ms {lying} ms")
     assert lying > 10
     assert lying > 1.5 * honest
+    assert (finding["level"], finding["check"]) == ("warning", "stamps")
+    assert "stamp_error_us=" in finding["remedy"]
 
 
 def jitter_ms(text: str) -> float:
-    found = re.search(r"jitter ([0-9.]+) ms", text)
+    found = re.search(r"jitter of the time stamps ([0-9.]+) ms", text)
     assert found, text
     return float(found[1])

@@ -15,9 +15,11 @@ struct image_header {
 extern const struct image_header image_header;
 
 /* start.c */
+#define START_CODE __attribute__((section(".start_code"))) /* in flash: what runs before the image is in RAM */
 void vectors_install(void);
 
 /* clock.c */
+void clock_raise(void);
 void clock_start(void);
 uint64_t clock_micros(void);
 uint16_t clock_temperature(void);
@@ -51,16 +53,15 @@ uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
 
-/* What happened on the bus since it was asked last. */
+/* What happened on the bus since it was asked last: bits. An opening came after all else. */
 enum usb_event {
-    USB_NOTHING,
-    USB_OPENED,
-    USB_CLOSED,
-    USB_SUSPENDED,
-    USB_BOOTLOADER,
-    USB_RESTART,
+    USB_OPENED = 1u << 0,
+    USB_CLOSED = 1u << 1,
+    USB_SUSPENDED = 1u << 2,
+    USB_BOOTLOADER = 1u << 3,
+    USB_RESTART = 1u << 4,
 };
-enum usb_event usb_event(void);
+uint32_t usb_events(void);
 
 /* usb_descriptors.c */
 const uint8_t *usb_descriptor(uint8_t type, uint8_t index, uint16_t *count);

@@ -1,4 +1,7 @@
-/* Bytes between an interrupt and the main loop: one side puts, the other gets. */
+/*
+ * Bytes between an interrupt and the main loop: one side puts, the other gets. The bytes are volatile too, because the
+ * compiler may move other accesses past those of head and tail; the processor itself keeps their order.
+ */
 #ifndef GELLIGHT_BYTE_RING_H
 #define GELLIGHT_BYTE_RING_H
 
@@ -7,7 +10,7 @@
 #define RING_BYTES 1024u /* a power of two */
 
 struct byte_ring {
-    uint8_t bytes[RING_BYTES];
+    volatile uint8_t bytes[RING_BYTES];
     volatile uint32_t head, tail; /* count up for ever; their difference is what is in the ring */
 };
 
@@ -20,6 +23,11 @@ static inline void ring_put(struct byte_ring *ring, uint8_t byte)
 {
     ring->bytes[ring->head % RING_BYTES] = byte;
     ring->head++;
+}
+
+static inline void ring_empty(struct byte_ring *ring)
+{
+    ring->tail = ring->head;
 }
 
 static inline uint8_t ring_get(struct byte_ring *ring)

@@ -9,19 +9,13 @@
 
 static volatile bool passed;
 
-static void wait_for(uint32_t address, uint32_t bits)
+START_CODE static void wait_for(uint32_t address, uint32_t bits)
 {
     while ((REGISTER(address) & bits) != bits)
         ;
 }
 
-static void release(uint32_t resets)
-{
-    CLEAR_BITS(RESETS_RESET) = resets;
-    wait_for(RESETS_DONE, resets);
-}
-
-static void crystal_start(void)
+START_CODE static void crystal_start(void)
 {
     REGISTER(CLK_SYS_RESUS_CTRL) = 0;
     REGISTER(XOSC_CTRL) = 0xaa0;           /* 1 to 15 MHz */
@@ -32,9 +26,10 @@ static void crystal_start(void)
     wait_for(CLK_REF_SELECTED, 1u << 2);
 }
 
-static void pll_start(void)
+START_CODE static void pll_start(void)
 {
-    release(RESET_PLL_USB);
+    CLEAR_BITS(RESETS_RESET) = RESET_PLL_USB;
+    wait_for(RESETS_DONE, RESET_PLL_USB);
     REGISTER(PLL_USB_CS) = 1;              /* reference divider */
     REGISTER(PLL_USB_FBDIV) = 40;          /* 12 MHz * 40 = 480 MHz */
     CLEAR_BITS(PLL_USB_PWR) = 1u << 0 | 1u << 5;
@@ -43,18 +38,30 @@ static void pll_start(void)
     CLEAR_BITS(PLL_USB_PWR) = 1u << 3;
 }
 
-void clock_start(void)
+/* Before anything is in RAM. */
+START_CODE void clock_raise(void)
 {
     crystal_start();
     pll_start();
     REGISTER(CLK_SYS_CTRL) = 1u << 5;      /* auxiliary source: PLL_USB */
     SET_BITS(CLK_SYS_CTRL) = 1;
     wait_for(CLK_SYS_SELECTED, 1u << 1);
+}
+
+static void free_blocks(uint32_t resets)
+{
+    CLEAR_BITS(RESETS_RESET) = resets;
+    while ((REGISTER(RESETS_DONE) & resets) != resets)
+        ;
+}
+
+void clock_start(void)
+{
     REGISTER(CLK_PERI_CTRL) = 1u << 11;
     REGISTER(CLK_USB_CTRL) = 1u << 11;
     REGISTER(CLK_ADC_CTRL) = 1u << 11;
     REGISTER(WATCHDOG_TICK) = 1u << 9 | 12; /* 1 us, for the timer too */
-    release(RESET_ADC | RESET_DMA | RESET_IO_BANK0 | RESET_PADS_BANK0 | RESET_PIO0 | RESET_TIMER | RESET_USBCTRL);
+    free_blocks(RESET_ADC | RESET_DMA | RESET_IO_BANK0 | RESET_PADS_BANK0 | RESET_PIO0 | RESET_TIMER | RESET_USBCTRL);
     REGISTER(ADC_CS) = 4u << 12 | 1u << 1 | 1u << 0; /* temperature sensor */
     SET_BITS(TIMER_INTE) = 1u << 0 | 1u << 1;
     REGISTER(TIMER_ALARM(1)) = REGISTER(TIMER_TIMERAWL) + TICK_US;
@@ -77,7 +84,8 @@ uint64_t clock_micros(void)
 uint16_t clock_temperature(void)
 {
     SET_BITS(ADC_CS) = 1u << 2; /* one conversion, 2 us */
-    wait_for(ADC_CS, 1u << 8);
+    while (!(REGISTER(ADC_CS) & 1u << 8))
+        ;
     return (uint16_t)REGISTER(ADC_RESULT);
 }
 

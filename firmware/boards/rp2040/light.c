@@ -76,19 +76,25 @@ static void launch(void)
     REGISTER(TIMER_ALARM(0)) = (uint32_t)began_us + shown_us;
 }
 
-/* Wait for a time that may be so near that it is over before the alarm is set. */
+/* Forget the alarm, even if it fires at this moment: an interrupt that is pending would pass for the next alarm. */
+static void alarm_cancel(void)
+{
+    REGISTER(TIMER_ARMED) = 1u << 0;
+    REGISTER(TIMER_INTR) = 1u << 0;
+    REGISTER(NVIC_ICPR) = 1u << IRQ_TIMER_0;
+}
+
+/* Wait for a time that may be so near that the timer is there before the alarm is set, which then waits for 71 min. */
 static void launch_at(uint64_t start_us)
 {
-    if (start_us <= clock_micros()) {
-        launch();
-        return;
+    if (start_us > clock_micros()) {
+        phase = PHASE_TIME;
+        REGISTER(TIMER_ALARM(0)) = (uint32_t)start_us;
+        if (clock_micros() < start_us || !(REGISTER(TIMER_ARMED) & 1u))
+            return;
+        alarm_cancel();
     }
-    phase = PHASE_TIME;
-    REGISTER(TIMER_ALARM(0)) = (uint32_t)start_us;
-    if (clock_micros() > start_us && REGISTER(TIMER_ARMED) & 1u) {
-        REGISTER(TIMER_ARMED) = 1u << 0;
-        launch();
-    }
+    launch();
 }
 
 void light_show(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us)
@@ -98,7 +104,7 @@ void light_show(void *context, const uint8_t *wire, uint64_t start_us, uint16_t 
         words[i] = (uint32_t)wire[0] << 24 | (uint32_t)wire[1] << 16 | (uint32_t)wire[2] << 8;
     shown_us = WIRE_US + latch_us + 1u;
     prepare_transfer();
-    uint32_t interrupts = interrupts_off();
+    uint32_t interrupts = interrupts_off(); /* and a barrier to the compiler: the words are written before the DMA runs */
     if (start_us == PORT_ON_TRIGGER)
         phase = PHASE_TRIGGER;
     else
@@ -112,18 +118,17 @@ bool light_cancel(void *context)
     uint32_t interrupts = interrupts_off();
     bool waiting = phase == PHASE_TIME || phase == PHASE_TRIGGER;
     if (waiting) {
-        REGISTER(TIMER_ARMED) = 1u << 0;
-        REGISTER(TIMER_INTR) = 1u << 0;
+        alarm_cancel();
         phase = PHASE_IDLE;
     }
     interrupts_restore(interrupts);
     return waiting;
 }
 
-/* All words have left the DMA and the FIFO. */
+/* All words have left the DMA and the FIFO; a transfer that was broken off is not busy either, but has words left. */
 static bool transferred(void)
 {
-    return !(REGISTER(DMA_CTRL_TRIG) & 1u << 24) && REGISTER(PIO0_FSTAT) & 1u << 24;
+    return !(REGISTER(DMA_CTRL_TRIG) & 1u << 24) && !REGISTER(DMA_TRANS_COUNT) && REGISTER(PIO0_FSTAT) & 1u << 24;
 }
 
 enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *latched_us)
@@ -185,9 +190,14 @@ static void spin_us(uint32_t duration_us)
         ;
 }
 
-/* For the fault handler: no interrupts, no DMA, no state; a running transfer ends and the LEDs latch it first. */
+/*
+ * For the fault handler: no interrupts, no DMA, no state; a running transfer ends and the LEDs latch it first. A fault
+ * before clock_start() has ended finds no light path and no timer to wait by: only the restart is left.
+ */
 void light_force_dark(void)
 {
+    if (~REGISTER(RESETS_DONE) & (RESET_DMA | RESET_PIO0 | RESET_TIMER))
+        return;
     REGISTER(DMA_CHAN_ABORT) = 1u << 0;
     spin_us(WIRE_US + 500u);
     for (uint32_t i = 0; i < ALL_LEDS; i++) {

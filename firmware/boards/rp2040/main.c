@@ -87,7 +87,8 @@ static void port_fill(void)
         .identity = {
             .board = BOARD_KIND_RP2040,
             .reset_reason = watchdog_reset_reason(),
-            .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_TEMPERATURE,
+            .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_USB_CLOCK |
+                            CAPABILITY_TEMPERATURE,
             .image_crc = image_header.crc,
         },
     };
@@ -95,25 +96,15 @@ static void port_fill(void)
 
 static void follow_bus(void)
 {
-    switch (usb_event()) {
-    case USB_NOTHING:
-        break;
-    case USB_OPENED:
-        controller_link(&controller, true, DARK_NOT_DARK);
-        break;
-    case USB_CLOSED:
+    uint32_t happened = usb_events();
+    if (happened & USB_CLOSED)
         controller_link(&controller, false, DARK_PORT_CLOSED);
-        break;
-    case USB_SUSPENDED:
+    if (happened & USB_SUSPENDED)
         controller_link(&controller, false, DARK_SUSPENDED);
-        break;
-    case USB_BOOTLOADER:
-        controller_restart(&controller, true);
-        break;
-    case USB_RESTART:
-        controller_restart(&controller, false);
-        break;
-    }
+    if (happened & (USB_BOOTLOADER | USB_RESTART))
+        controller_restart(&controller, happened & USB_BOOTLOADER);
+    if (happened & USB_OPENED)
+        controller_link(&controller, true, DARK_NOT_DARK);
 }
 
 static void serve_host(void)

@@ -102,6 +102,7 @@
 
 #define NVIC_ISER 0xe000e100u
 #define NVIC_ICER 0xe000e180u
+#define NVIC_ICPR 0xe000e280u
 #define NVIC_IPR(n) (0xe000e400u + 4u * (n))
 #define SCB_VTOR 0xe000ed08u
 

@@ -1,68 +1,42 @@
 /*
- * A full-speed CDC-ACM device on the USB controller of the RP2040 (data sheet 4.1). Endpoint 0 answers requests,
- * endpoint 2 carries the bytes both ways; endpoint 1 is there because the class asks for it.
+ * A full-speed CDC-ACM device on the USB controller of the RP2040 (data sheet 4.1). Endpoint 0 answers requests
+ * (usb_control.c), endpoint 2 carries the bytes both ways; endpoint 1 is there because the class asks for it.
  *
  * Bytes for the host wait in a ring until it fetches them; an OUT packet is accepted only while there is room for a
  * whole one, so a host that floods the board is slowed down by the bus and nothing is lost.
  */
-#include "board.h"
 #include "byte_ring.h"
-#include "registers.h"
+#include "usb_wire.h"
 
-#define FULL (1u << 15)
-#define LAST (1u << 14)
-#define DATA1 (1u << 13)
-#define STALL (1u << 11)
-#define AVAILABLE (1u << 10)
-#define COUNT 0x3ffu
-#define PACKET 64u
-
-#define EP0_BUFFER (USB_DPRAM + 0x100u)
 #define IN_OFFSET 0x180u
 #define OUT_OFFSET 0x1c0u
 #define NOTIFY_OFFSET 0x200u
 #define ENDPOINT_CONTROL(endpoint, out) (USB_DPRAM + 8u * (endpoint) + ((out) ? 4u : 0u))
-#define BUFFER_CONTROL(endpoint, out) (USB_DPRAM + 0x80u + 8u * (endpoint) + ((out) ? 4u : 0u))
 #define ENABLED (1u << 31 | 1u << 29) /* with an interrupt for each buffer */
 #define BULK (2u << 26)
 #define INTERRUPT (3u << 26)
 
+/* INTE, INTS */
 #define INTERRUPT_BUFFER (1u << 4)
 #define INTERRUPT_RESET (1u << 12)
 #define INTERRUPT_SUSPEND (1u << 14)
 #define INTERRUPT_SETUP (1u << 16)
+#define INTERRUPT_SOF (1u << 17)
+/* SIE_STATUS */
+#define STATUS_SUSPENDED (1u << 4)
+#define STATUS_SETUP (1u << 17)
+#define STATUS_RESET (1u << 19)
 
 #define BAUD_TOUCH 1200u
-
-struct setup {
-    uint8_t type, request;
-    uint16_t value, index, count;
-};
+#define SOF_EVERY_US 100000u
 
 static struct byte_ring incoming, outgoing;
-static struct setup setup;
-static const uint8_t *control_bytes; /* still to be sent on endpoint 0 */
-static uint16_t control_count;
-static bool control_zero; /* and then an empty packet */
-static bool control_data1, in_data1, out_data1;
-static bool expect_line_coding, in_busy, out_armed;
-static uint8_t new_address, configured;
-static uint8_t line_coding[7] = {0x00, 0xc2, 0x01, 0x00, 0, 0, 8}; /* 115200 8N1 */
+static bool configured;
+static bool in_data1, out_data1, in_busy, out_armed;
 static volatile bool open;
-static volatile uint8_t event;
-
-static volatile uint8_t *dpram(uint32_t address)
-{
-    return (volatile uint8_t *)address;
-}
-
-/* AVAILABLE goes last and 12 cycles of clk_usb later than the rest (4.1.2.5.1). */
-static void hand_over(uint32_t control, uint32_t value)
-{
-    REGISTER(control) = value;
-    __asm volatile("nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop");
-    REGISTER(control) = value | AVAILABLE;
-}
+static volatile uint8_t events; /* bits of enum usb_event */
+static uint64_t sof_us;         /* board clock at the start of the frame sof_number, 0: none was noted yet */
+static uint16_t sof_number;
 
 /* Only the interrupt of USB is held off: that of the light may never wait. */
 static void lock(void)
@@ -77,65 +51,24 @@ static void unlock(void)
     REGISTER(NVIC_ISER) = 1u << IRQ_USB;
 }
 
-static void note(enum usb_event what)
+/* ---- in the interrupt ---- */
+
+void usb_note(enum usb_event what)
 {
-    event = (uint8_t)what;
+    events = (uint8_t)(events | what);
 }
 
+/* A closing stays noted when the port is opened again before the main loop looks, an opening before it does not. */
 static void close_port(enum usb_event why)
 {
     if (!open)
         return;
     open = false;
-    outgoing.tail = outgoing.head;
-    note(why);
+    ring_empty(&incoming);
+    ring_empty(&outgoing);
+    events = (uint8_t)(events & ~(uint32_t)USB_OPENED);
+    usb_note(why);
 }
-
-/* ---- endpoint 0 ---- */
-
-static void control_in(uint16_t count)
-{
-    hand_over(BUFFER_CONTROL(0, false), count | FULL | LAST | (control_data1 ? DATA1 : 0));
-    control_data1 = !control_data1;
-}
-
-static void control_out(uint16_t count)
-{
-    hand_over(BUFFER_CONTROL(0, true), count | LAST | DATA1);
-}
-
-static void control_continue(void)
-{
-    uint16_t count = control_count < PACKET ? control_count : (uint16_t)PACKET;
-    for (uint16_t i = 0; i < count; i++)
-        dpram(EP0_BUFFER)[i] = *control_bytes++;
-    control_count = (uint16_t)(control_count - count);
-    if (count < PACKET)
-        control_zero = false;
-    control_in(count);
-}
-
-static void control_reply(const uint8_t *bytes, uint16_t count)
-{
-    control_bytes = bytes;
-    control_count = count < setup.count ? count : setup.count;
-    control_zero = control_count < setup.count && control_count % PACKET == 0;
-    control_continue();
-}
-
-static void control_accept(void)
-{
-    control_in(0);
-}
-
-static void control_refuse(void)
-{
-    REGISTER(USB_EP_STALL_ARM) = 3;
-    REGISTER(BUFFER_CONTROL(0, false)) = STALL;
-    REGISTER(BUFFER_CONTROL(0, true)) = STALL;
-}
-
-/* ---- endpoint 2 ---- */
 
 static void accept_packet(void)
 {
@@ -166,10 +99,9 @@ static void send_packet(void)
     in_data1 = !in_data1;
 }
 
-static void configure(void)
+void data_configure(bool chosen)
 {
-    configured = (uint8_t)setup.value;
-    control_accept();
+    configured = chosen;
     if (!configured) {
         close_port(USB_CLOSED);
         return;
@@ -177,123 +109,36 @@ static void configure(void)
     REGISTER(ENDPOINT_CONTROL(1, false)) = ENABLED | INTERRUPT | NOTIFY_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, true)) = ENABLED | BULK | OUT_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, false)) = ENABLED | BULK | IN_OFFSET;
+    REGISTER(BUFFER_CONTROL(2, false)) = 0; /* a packet from before must not be sent */
     in_data1 = out_data1 = in_busy = false;
-    incoming.tail = incoming.head;
-    outgoing.tail = outgoing.head;
+    ring_empty(&incoming);
+    ring_empty(&outgoing);
     accept_packet();
 }
 
-/* ---- requests ---- */
-
-static void get_descriptor(void)
-{
-    uint16_t count;
-    const uint8_t *bytes = usb_descriptor((uint8_t)(setup.value >> 8), (uint8_t)setup.value, &count);
-    if (bytes)
-        control_reply(bytes, count);
-    else
-        control_refuse();
-}
-
 /* Opening at 1200 baud and closing again asks for the boot loader, as on many boards. */
-static void set_control_lines(void)
+void data_lines(bool terminal_ready, uint32_t baud)
 {
-    bool asked = setup.value & 1u;
-    uint32_t baud = (uint32_t)line_coding[0] | (uint32_t)line_coding[1] << 8 | (uint32_t)line_coding[2] << 16;
-    control_accept();
-    if (asked && !open)
-        note(USB_OPENED);
-    else if (!asked)
+    if (terminal_ready && !open)
+        usb_note(USB_OPENED);
+    else if (!terminal_ready)
         close_port(baud == BAUD_TOUCH ? USB_BOOTLOADER : USB_CLOSED);
-    open = asked;
-}
-
-static void standard_request(void)
-{
-    static const uint8_t nothing[2];
-    if (setup.type == 0x80 && setup.request == 6) {
-        get_descriptor();
-    } else if (setup.type == 0x00 && setup.request == 5) {
-        new_address = (uint8_t)setup.value; /* takes effect after the status stage */
-        control_accept();
-    } else if (setup.type == 0x00 && setup.request == 9 && setup.value <= 1) {
-        configure();
-    } else if (setup.type == 0x80 && setup.request == 8) {
-        control_reply(&configured, 1);
-    } else if (setup.request == 0 && setup.type >= 0x80 && setup.type <= 0x82) {
-        control_reply(nothing, 2);
-    } else {
-        control_refuse();
-    }
-}
-
-static void class_request(void)
-{
-    if (setup.type == 0x21 && setup.request == 0x20 && setup.index == 0) {
-        expect_line_coding = true;
-        control_out(sizeof line_coding);
-    } else if (setup.type == 0x21 && setup.request == 0x22 && setup.index == 0) {
-        set_control_lines();
-    } else if (setup.type == 0xa1 && setup.request == 0x21 && setup.index == 0) {
-        control_reply(line_coding, sizeof line_coding);
-    } else if (setup.type == 0x21 && setup.index == 2 && (setup.request == 1 || setup.request == 2)) {
-        note(setup.request == 1 ? USB_BOOTLOADER : USB_RESTART);
-        control_accept();
-    } else {
-        control_refuse();
-    }
-}
-
-static void take_setup(void)
-{
-    const volatile uint8_t *bytes = dpram(USB_DPRAM);
-    setup.type = bytes[0];
-    setup.request = bytes[1];
-    setup.value = (uint16_t)(bytes[2] | bytes[3] << 8);
-    setup.index = (uint16_t)(bytes[4] | bytes[5] << 8);
-    setup.count = (uint16_t)(bytes[6] | bytes[7] << 8);
-    control_data1 = true;
-    control_count = 0;
-    control_zero = false;
-    expect_line_coding = false;
-    if (setup.type & 0x60)
-        class_request();
-    else
-        standard_request();
-}
-
-static void control_sent(void)
-{
-    if (new_address) {
-        REGISTER(USB_ADDR_ENDP) = new_address;
-        new_address = 0;
-    }
-    if (control_count || control_zero) {
-        if (!control_count)
-            control_zero = false;
-        control_continue();
-    } else if (setup.type & 0x80) {
-        control_out(0); /* status stage */
-    }
-}
-
-static void control_received(void)
-{
-    if (!expect_line_coding)
-        return;
-    expect_line_coding = false;
-    for (uint32_t i = 0; i < sizeof line_coding; i++)
-        line_coding[i] = dpram(EP0_BUFFER)[i];
-    control_data1 = true;
-    control_accept();
+    open = terminal_ready;
 }
 
 static void bus_reset(void)
 {
-    REGISTER(USB_ADDR_ENDP) = 0;
-    configured = 0;
-    new_address = 0;
+    control_reset();
+    configured = false;
     close_port(USB_CLOSED);
+}
+
+/* One frame is noted, the interrupt is off until the next is asked for: one each millisecond would be too many. */
+static void start_of_frame(void)
+{
+    CLEAR_BITS(USB_INTE) = INTERRUPT_SOF;
+    sof_us = clock_micros();
+    sof_number = (uint16_t)(REGISTER(USB_SOF_RD) & 0x7ffu); /* reading ends the interrupt */
 }
 
 static void buffers_done(void)
@@ -313,18 +158,20 @@ static void buffers_done(void)
 void usb_interrupt(void)
 {
     uint32_t why = REGISTER(USB_INTS);
+    if (why & INTERRUPT_SOF) /* first: its time is what counts */
+        start_of_frame();
     if (why & INTERRUPT_BUFFER)
         buffers_done();
     if (why & INTERRUPT_SETUP) {
-        REGISTER(USB_SIE_STATUS) = 1u << 17;
-        take_setup();
+        REGISTER(USB_SIE_STATUS) = STATUS_SETUP;
+        control_setup();
     }
     if (why & INTERRUPT_RESET) {
-        REGISTER(USB_SIE_STATUS) = 1u << 19;
+        REGISTER(USB_SIE_STATUS) = STATUS_RESET;
         bus_reset();
     }
     if (why & INTERRUPT_SUSPEND) {
-        REGISTER(USB_SIE_STATUS) = 1u << 4;
+        REGISTER(USB_SIE_STATUS) = STATUS_SUSPENDED;
         close_port(USB_SUSPENDED);
     }
 }
@@ -358,30 +205,38 @@ bool usb_send(void *context, const uint8_t *bytes, size_t count)
     return fits;
 }
 
+/* What was noted last; where that is old, the next frame will be noted, for those who ask later. */
 uint16_t usb_start_of_frame(void *context, uint64_t *at_us)
 {
     (void)context;
-    *at_us = 0; /* its time is not kept */
-    return (uint16_t)(REGISTER(USB_SOF_RD) & 0x7ffu);
+    lock();
+    uint16_t number = sof_number;
+    *at_us = sof_us;
+    unlock();
+    if (*at_us && clock_micros() - *at_us < SOF_EVERY_US)
+        return number;
+    (void)REGISTER(USB_SOF_RD); /* forgets the frames that began meanwhile, of which none knows when */
+    SET_BITS(USB_INTE) = INTERRUPT_SOF;
+    return number;
 }
 
 size_t usb_receive(uint8_t *bytes, size_t room)
 {
     size_t count = 0;
+    lock(); /* also for the tail, which closing the port moves as well */
     while (count < room && ring_count(&incoming))
         bytes[count++] = ring_get(&incoming);
-    lock();
     if (!out_armed)
         accept_packet();
     unlock();
     return count;
 }
 
-enum usb_event usb_event(void)
+uint32_t usb_events(void)
 {
     lock();
-    enum usb_event what = (enum usb_event)event;
-    event = USB_NOTHING;
+    uint32_t what = events;
+    events = 0;
     unlock();
     return what;
 }

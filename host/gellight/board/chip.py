@@ -20,8 +20,19 @@ LED_PIN, TRIGGER_PIN = 2, 3
 FLASH_BASE, FLASH_BYTES = 0x10000000, 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
 USB_INTERRUPT = 5
+PIO0 = 0x50200
+"""window (address >> 12)"""
+NEVER_DUE = 1 << 62
+"""of the emulator's PIO: no state machine runs, or all of them wait"""
 MOST_FAULTS = 50
 UNIQUE_ID = bytes.fromhex("e6605838833a5d2f")
+TEMPERATURE_CHANNEL = 4
+ROOM_C = 25.0
+
+
+def temperature_reading(temperature_c: float) -> int:
+    """Return what the converter reads of the chip's sensor: 0.706 V at 27 degrees, -1.721 mV a degree (4.9.5)."""
+    return round((0.706 - 0.001721 * (temperature_c - 27)) / 3.3 * 4096)
 
 
 class _Log:
@@ -61,6 +72,7 @@ class EmulatedBoard:
         self.cut_after: int | None = None
         """power fails after so many bytes of flash were erased or programmed"""
         self.powered = False
+        self.temperature_c = ROOM_C
         self._past_ns = 0.0
         self.power_on()
 
@@ -101,19 +113,19 @@ class EmulatedBoard:
         chip = self.chip = RP2040()
         chip.logger = _Log(self.fault)
         chip.load_bootrom(rom_words())
+        chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(self.temperature_c)
         chip.flash[:FLASH_BYTES] = self.flash
         self._simulator = Simulator(rp2040=chip)
         chip.on_break = self._rom_function
-        self._watchdog_fired = False
+        self._watchdog_fired = self._halted = False
         chip.watchdog.on_watchdog_trigger = self._note_watchdog
         if scratch:
             chip.watchdog.scratch_data[:] = scratch
         chip.watchdog._reason = reason
         self._cycle_ns = 1e9 / registers.RING_OSCILLATOR_HZ
         self._install_registers(chip)
-        pio = chip.pio[0]
-        self._pio_ns = 0.0
-        chip.gpio[LED_PIN].add_listener(lambda new, _old: self._pin_changed(pio, int(new)))
+        self._pio_ns, self._pio_busy, self._pio_behind = 0.0, True, 0
+        chip.gpio[LED_PIN].add_listener(lambda new, _old: self._pin_changed(int(new)))
         self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_enabled)
         self._boot()
 
@@ -127,13 +139,18 @@ class EmulatedBoard:
         chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
+        blocks[PIO0] = registers.Guard(blocks[PIO0].inner, self._pio_held, self.fault)
         self._usb = registers.UsbGuard(
-            chip.usb_ctrl, lambda: self._held(24), self.fault, lambda: int(self._chip_ns / 1e6) & 0x7FF,
+            chip.usb_ctrl, lambda: self._held(24), self.fault, chip.clock,
             lambda on: chip.set_interrupt(USB_INTERRUPT, on))  # fmt: skip
         blocks[0x50110] = self._usb
 
     def _held(self, bit: int) -> bool:
         return bool(self.resets_block.held >> bit & 1)
+
+    def _pio_held(self) -> bool:
+        self._wake_pio()
+        return self._held(registers.RESET_BITS[PIO0])
 
     def _reclock(self) -> None:
         self._cycle_ns = 1e9 / self.clocks.system_hz(self.pll)
@@ -152,15 +169,15 @@ class EmulatedBoard:
         core.registers[14] = 0
 
     def _note_watchdog(self) -> None:
-        self._watchdog_fired = True
+        self._watchdog_fired = self._halted = True
 
-    def _pin_changed(self, pio: Any, level: int) -> None:
+    def _pin_changed(self, level: int) -> None:
         if level in (0, 1):
-            self.waveform.edge(self._past_ns + self._pio_ns, bool(level))
+            self.waveform.edge(self._past_ns + (self._pio_ns if self._pio_busy else self._chip_ns), bool(level))
 
     def _rom_function(self, number: int) -> None:
         if number == Function.UB:
-            self.in_bootloader = True
+            self.in_bootloader = self._halted = True
         elif number in (Function.RE, Function.RP):
             self._change_flash(number)
         elif number not in set(Function):
@@ -175,7 +192,7 @@ class EmulatedBoard:
         offset, count = (values[0], values[1]) if number == Function.RE else (values[0], values[2])
         for i in range(count):
             if self.cut_after is not None and self.cut_after <= 0:
-                self._cut = True
+                self._cut = self._halted = True
                 return
             if self.cut_after is not None:
                 self.cut_after -= 1
@@ -184,8 +201,14 @@ class EmulatedBoard:
 
     _cut = False
 
+    def set_temperature(self, temperature_c: float) -> None:
+        """Warm the chip; it stays so warm when it starts anew."""
+        self.temperature_c = temperature_c
+        self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
+
     def set_trigger(self, high: bool) -> None:
         """Drive the trigger pin."""
+        self._wake_pio()
         self.chip.gpio[TRIGGER_PIN].set_input_value(high)
 
     def suspend(self) -> None:
@@ -213,28 +236,32 @@ class EmulatedBoard:
 
     def _run_slice(self, most_ns: float, steps: int = 32) -> None:
         """Execute some instructions, or sleep until something is due."""
-        chip, core, clock = self.chip, self.chip.core, self.chip.clock
-        pio, execute, end_ns = chip.pio[0], core.execute_instruction, self._chip_ns + most_ns
+        core, pio, tick = self.chip.core, self.chip.pio[0], self.chip.clock.tick
+        execute, chip_ns = core.execute_instruction, self._chip_ns
+        end_ns = chip_ns + most_ns
         for _ in range(steps):
             cycle_ns, asleep = self._cycle_ns, core.waiting
-            cycles = self._sleep_cycles(core, clock, pio, end_ns) if asleep else execute()
-            clock.tick(cycles * cycle_ns)
-            self._advance_pio(pio, cycles, cycle_ns)
-            self._chip_ns += cycles * cycle_ns
-            if self._watchdog_fired:
-                self._restart()
-                return
-            if self._cut:
-                self._cut, self.cut_after = False, None
-                self.power_off()
-                return
-            if asleep or self._chip_ns >= end_ns or self.in_bootloader:
-                return
+            cycles = self._sleep_cycles(core, pio, end_ns) if asleep else execute()
+            elapsed_ns = cycles * cycle_ns
+            tick(elapsed_ns)
+            if self._pio_busy:
+                self._advance_pio(pio, cycles, cycle_ns)
+            else:
+                self._pio_behind += cycles
+            self._chip_ns = chip_ns = chip_ns + elapsed_ns
+            if asleep or chip_ns >= end_ns or self._halted:
+                break
+        if self._watchdog_fired:
+            self._restart()
+        elif self._cut:
+            self._cut, self.cut_after = False, None
+            self.power_off()
 
-    def _sleep_cycles(self, core: Any, clock: Any, pio: Any, end_ns: float) -> int:
+    def _sleep_cycles(self, core: Any, pio: Any, end_ns: float) -> int:
         if core.pending_interrupts & core.enabled_interrupts:
             core.waiting = False  # an interrupt that was pending before the WFI ends it at once
             return 1
+        clock = self.chip.clock
         sleep = max(1, int((end_ns - self._chip_ns) // self._cycle_ns) + 1)
         if clock.has_scheduled_alarm:
             sleep = min(sleep, max(1, -int(-clock.nanos_to_next_alarm // self._cycle_ns)))
@@ -250,6 +277,14 @@ class EmulatedBoard:
             self._pio_ns += step * cycle_ns
             pio.advance(step)
             cycles -= step
+        self._pio_busy = pio.next_due_fp < NEVER_DUE
+
+    def _wake_pio(self) -> None:
+        """Give the PIO the cycles that passed while it had nothing to do, before somebody gives it something."""
+        if not self._pio_busy:
+            self._pio_ns, self._pio_busy = self._chip_ns, True
+            self.chip.pio[0].advance(self._pio_behind)
+            self._pio_behind = 0
 
     def _restart(self) -> None:
         """Start a new chip after the watchdog: flash and scratch registers stay, and so do the LEDs."""

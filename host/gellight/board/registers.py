@@ -5,6 +5,9 @@ from typing import Any
 
 CRYSTAL_HZ = 12e6
 RING_OSCILLATOR_HZ = 6.5e6
+FRAME_NS = 1e6
+SOF = 1 << 17
+"""start of frame in INTR, INTE and INTS of the USB controller"""
 IO_QSPI, PADS_QSPI, SYSCFG, SYSINFO = 6, 9, 18, 19
 ALL_RESETS = 0x1FFFFFF
 RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x4002C: 13, 0x40054: 21, 0x40034: 22,
@@ -146,14 +149,16 @@ class Guard:
 
 
 class UsbGuard(Guard):
-    """The USB controller with what the emulator leaves out: start of frame, suspend, and no life without clk_usb."""
+    """The USB controller with what the emulator leaves out: start of frame and suspend (data sheet 4.1)."""
 
-    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None], frame: Callable[[], int],
+    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None], clock: Any,
                  interrupt: Callable[[bool], None]) -> None:  # fmt: skip
-        """Number frames by `frame`, raise the interrupt line by `interrupt`."""
+        """Let a frame begin each millisecond of the emulator's clock; raise the interrupt line by `interrupt`."""
         super().__init__(inner, held, report)
-        self._frame, self._interrupt = frame, interrupt
+        self._clock, self._interrupt = clock, interrupt
         self._suspended = False
+        self._frame_read = 0
+        self._alarm = clock.create_alarm(self._begin_frame)
 
     def suspend(self) -> None:
         """The host has been silent for 3 ms."""
@@ -161,11 +166,31 @@ class UsbGuard(Guard):
         self._interrupt(True)
 
     def read_uint32(self, offset: int) -> int:
-        """SOF_RD and the suspend bit of INTS are ours."""
-        if offset == 0x48:
-            return self._frame()
+        """SOF_RD, which ends its interrupt, and the suspend bit of INTS are ours."""
         value = super().read_uint32(offset)
+        if offset == 0x48:
+            self._frame_read = self._frame
+            self._set_raw(False)
+            return self._frame_read & 0x7FF
         return value | 1 << 14 if offset == 0x98 and self._suspended else value
+
+    @property
+    def _frame(self) -> int:
+        return int(self._clock.nanos // FRAME_NS)
+
+    def _begin_frame(self) -> None:
+        self._set_raw(True)
+
+    def _set_raw(self, began: bool) -> None:
+        self.inner._int_raw = self.inner._int_raw & ~SOF | SOF * began
+        self.inner.check_interrupts()
+
+    def _await_frame(self) -> None:
+        """A frame that began since SOF_RD was read last counts at once, as it stays noted."""
+        if self._frame != self._frame_read:
+            self._begin_frame()
+        else:
+            self._alarm.schedule((self._frame + 1) * FRAME_NS - self._clock.nanos + 1)
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         """Writing SUSPENDED to SIE_STATUS ends the interrupt."""
@@ -174,6 +199,8 @@ class UsbGuard(Guard):
             self._interrupt(False)
             value &= ~(1 << 4)
         super().write_uint32_atomic(offset, value, alias)
+        if offset == 0x90 and self.inner._int_enable & SOF:
+            self._await_frame()
 
 
 class FlashBus(Window):

@@ -32,6 +32,11 @@ _SHARPNESS = 1.15
 _DARK_GREY = 8.0
 
 
+def is_another(likely_mm: float, named_mm: float) -> bool:
+    """Tell whether a likely radius contradicts the one that was named."""
+    return abs(likely_mm / named_mm - 1) > TOLERANCE
+
+
 def likely_radius_mm(
     images: Sequence[NDArray[np.uint8]], presses: Sequence[Press], reference: NDArray[np.float32], ball: Ball
 ) -> float | None:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-STEPS = ("prepare", "reference", "pixel_size", "presses", "fit", "verify")
-"""in this order; then "finished", and "aborted" or "failed" at any time"""
+STEPS = ("prepare", "reference", "pixel_size", "lens", "presses", "fit", "verify")
+"""in this order, "lens" only where the user has a pin grid; then "finished", and "aborted" or "failed" at any time"""
 Picture = NDArray[np.uint8]
 
 
@@ -16,6 +16,8 @@ Picture = NDArray[np.uint8]
 class Bulletin:
     """The board on which the routine writes; `snapshot` is a consistent copy."""
 
+    steps: tuple[str, ...] = STEPS
+    """those of this routine"""
     step: str = "idle"
     instruction: str = "Start when the sensor is warm and the gel is clean."
     actions: tuple[str, ...] = ("start",)
@@ -29,7 +31,7 @@ class Bulletin:
     verdict: dict[str, Any] | None = None
     bundle: str = ""
     reached: str = ""
-    """the last of STEPS"""
+    """the last of `steps`"""
     version: int = 0
     _pictures: dict[str, Picture] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -41,7 +43,7 @@ class Bulletin:
                 if not hasattr(self, name):
                     raise AttributeError(f"a bulletin has no {name}")
                 setattr(self, name, value)
-            self.reached = self.step if self.step in STEPS else self.reached
+            self.reached = self.step if self.step in self.steps else self.reached
             self.version += 1
 
     def note(self, name: str, figures: Any) -> None:
@@ -62,11 +64,11 @@ class Bulletin:
     def snapshot(self) -> dict[str, Any]:
         """Return everything but the pictures, ready for JSON."""
         with self._lock:
-            done = STEPS.index(self.reached) if self.reached else 0
-            done = len(STEPS) if self.step == "finished" else done
+            done = self.steps.index(self.reached) if self.reached else 0
+            done = len(self.steps) if self.step == "finished" else done
             steps = [
                 {"name": name, "state": "done" if i < done else "now" if name == self.step else "to do"}
-                for i, name in enumerate(STEPS)
+                for i, name in enumerate(self.steps)
             ]
             return {
                 "version": self.version,

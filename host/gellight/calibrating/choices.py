@@ -35,6 +35,8 @@ class RoutineOptions:
     """serial number or name of the sensor"""
     ball_radius_mm: float = 4.0
     cylinder_diameter_mm: float = 8.0
+    pin_pitch_mm: float | None = None
+    """distance of neighbouring pins of the grid that shows how the lens bends the picture; None: there is no grid"""
     reference_frames: int = 30
     cylinder_presses: int = 5
     presses: int = 40
@@ -48,9 +50,9 @@ class RoutineOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        for name in ("ball_radius_mm", "cylinder_diameter_mm"):
+        for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
+            if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} = {value}: give the size of the tool in mm, greater than 0")
         least = {"presses": LEAST_PRESSES, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
         for name, count in least.items():

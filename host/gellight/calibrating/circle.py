@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gellight.calibrating.bulletin import Picture
 from gellight.errors import InputError
 from gellight.labelling import find_circle
-from gellight.presses import Ball
+from gellight.presses import Ball, Press
 
 LEAST_SHARE = 0.15
 """of the ball's radius: a smaller contact shows too few slopes"""
@@ -27,6 +27,13 @@ class Circle:
     def as_json(self) -> dict[str, float]:
         """Return the three numbers by name."""
         return asdict(self)
+
+    @classmethod
+    def of(cls, press: Press) -> "Circle":
+        """Return the circle of a press."""
+        return cls(
+            center_x_px=press.center_x_px, center_y_px=press.center_y_px, contact_radius_px=press.contact_radius_px
+        )
 
     @classmethod
     def checked(cls, values: dict[str, float], ball: Ball, image_shape: tuple[int, int]) -> "Circle":

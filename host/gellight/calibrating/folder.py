@@ -4,6 +4,7 @@ state.json        what is done, written whole or not at all
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
+grids/*.png       the pin grid
 """
 
 import json
@@ -23,7 +24,7 @@ from gellight.writing import write_file
 SCHEMA_VERSION = 1
 STATE = "state.json"
 _REFERENCE = "reference.npy"
-KINDS = ("presses", "checks")
+KINDS = ("presses", "checks", "grids")
 
 
 def has_state(path: Path) -> bool:
@@ -34,6 +35,17 @@ def has_state(path: Path) -> bool:
         return False
     except (OSError, ValueError, KeyError, TypeError):
         return True
+
+
+def begun_with(path: Path) -> dict[str, Any]:
+    """Return sensor, picture size and tools of the interrupted calibration in a folder; empty where there is none."""
+    if not has_state(path):
+        return {}
+    try:
+        identity: dict[str, Any] = json.loads((path / STATE).read_text(encoding="utf-8"))["identity"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}  # `Folder.open` tells what is wrong with it
+    return identity
 
 
 @dataclass
@@ -49,6 +61,8 @@ class Folder:
     """file, center_x_px, center_y_px, contact_radius_px of each press to train on"""
     checks: list[dict[str, Any]] = field(default_factory=list)
     """the same of each fresh press"""
+    grids: list[dict[str, Any]] = field(default_factory=list)
+    """file of each picture of the pin grid"""
     finished: bool = False
     """a finished calibration is not taken up again"""
     extra_presses: int = 0
@@ -62,7 +76,7 @@ class Folder:
             folder._load()
         for name in ("", *KINDS):
             _made(path / name)
-        wanted = {record["file"] for record in folder.presses + folder.checks}
+        wanted = {record["file"] for record in folder.presses + folder.checks + folder.grids}
         for picture in (p for kind in KINDS for p in (path / kind).glob("press-*.png")):
             if str(picture.relative_to(path)) not in wanted:
                 picture.unlink()
@@ -75,7 +89,7 @@ class Folder:
             state = json.loads(place.read_text(encoding="utf-8"))
             found, schema = state["identity"], state["schema_version"]
             self.steps, self.presses, self.checks = state["steps"], state["presses"], state["checks"]
-            self.extra_presses = state["extra_presses"]
+            self.extra_presses, self.grids = state["extra_presses"], state.get("grids", [])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise CalibrationError(f"{place} cannot be read ({error}): remove the folder and begin again") from error
         if schema != SCHEMA_VERSION:
@@ -84,7 +98,7 @@ class Folder:
             if found.get(name) != value:
                 raise InputError(
                     f"the calibration in {self.path} was begun with {name} {found.get(name)}, not {value}: "
-                    "give another folder, or remove this one"
+                    "give the same again, or begin anew"
                 )
 
     def save(self) -> None:
@@ -95,6 +109,7 @@ class Folder:
             "steps": self.steps,
             "presses": self.presses,
             "checks": self.checks,
+            "grids": self.grids,
             "extra_presses": self.extra_presses,
             "finished": self.finished,
         }
@@ -114,6 +129,12 @@ class Folder:
         for step in ("presses", "fit", "refused_checks"):
             self.steps.pop(step, None)
         self.checks.clear()
+        self.save()
+
+    def forget_grid(self) -> None:
+        """Forget the pictures of the pin grid and what they told."""
+        self.steps.pop("lens", None)
+        self.grids.clear()
         self.save()
 
     def close(self) -> None:
@@ -137,7 +158,7 @@ class Folder:
         return image
 
     def add(self, kind: str, picture: Picture, circle: dict[str, float], **more: Any) -> dict[str, Any]:
-        """Keep a press of `KINDS` with its picture; returns its record."""
+        """Keep a picture of `KINDS`, a press with its circle; returns its record."""
         records = self._records(kind)
         number = 1 + max((record["number"] for record in records), default=0)
         record = {"number": number, "file": f"{kind}/press-{number:03d}.png", **circle, **more}
@@ -170,7 +191,7 @@ class Folder:
         ]
 
     def _records(self, kind: str) -> list[dict[str, Any]]:
-        return self.presses if kind == "presses" else self.checks
+        return {"presses": self.presses, "checks": self.checks, "grids": self.grids}[kind]
 
 
 def _made(path: Path) -> None:

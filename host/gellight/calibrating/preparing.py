@@ -27,6 +27,8 @@ LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
 PULSES_US = 1000.0
 """exposures are whole multiples of this where they can be: whole cycles of pulsed LEDs leave no bands"""
 _ROUNDS = 6
+_CONTROL_FRAMES = 4
+"""sensors take a new exposure or gain over two or three frames after it was set"""
 _BALANCED = 0.01
 _DIMMEST_SHARE = 0.3
 
@@ -111,8 +113,9 @@ def _locked(camera: Camera) -> dict[str, float]:
 
 
 def _picture(session: Session) -> NDArray[np.float32]:
-    session.frame()
-    frame = session.frame()
+    """Return a picture, thinned out, in which the controls act that were set before."""
+    for _ in range(_CONTROL_FRAMES):
+        frame = session.frame()
     session.bulletin.show(live=frame.image)
     return frame.image[::4, ::4].astype(np.float32)
 

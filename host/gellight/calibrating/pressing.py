@@ -148,7 +148,7 @@ class _Collector:
         images = [read_image(press.image) for press in presses]
         self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
         named = self.session.options.ball_radius_mm
-        if self.radius_mm is None or abs(self.radius_mm / named - 1) <= ball_radius.TOLERANCE:
+        if self.radius_mm is None or not ball_radius.is_another(self.radius_mm, named):
             return
         problem = (
             f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "

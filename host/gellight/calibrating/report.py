@@ -12,7 +12,7 @@ from gellight.calibrating.session import Session
 from gellight.calibrating.uniformity import contour_picture
 from gellight.optimize.figures import Axes, Series, heat_map, line_chart, picture
 from gellight.pictures import depth_picture, difference_picture, normal_picture
-from gellight.presses import Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.presses import cap_depth_mm, contact_circle, sphere_gradient
 from gellight.reconstruction import normals
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def page(session: Session, verdict: dict[str, Any], figures: dict[str, Any], sho
         _verification(session, figures, shown),
         _preparation(session),
         _pixel_size(steps["pixel_size"], session.options.cylinder_diameter_mm),
+        _lens(steps.get("lens", {})),
         _presses(steps),
         _training(steps["fit"]),
     ]
@@ -50,7 +51,7 @@ def _tiles(steps: dict[str, Any], verdict: dict[str, Any], session: Session) -> 
         (f"{verdict['depth_um']:.0f} µm", f"mean depth error in contact on {fresh} fresh presses; paper: 20 µm"),
         (f"{verdict['normal_deg']:.2f}°", "mean angle between the normals in contact there"),
         (f"{1000 * size['pixel_size_mm']:.2f} µm", f"a pixel, from {size['presses']} presses of the cylinder"),
-        (f"{steps['reference']['noise_grey']:.2f}", "grey levels of noise in a pixel of a frame"),
+        (f"{steps['reference']['pixel_noise_grey']:.2f}", "grey levels of noise in a pixel of a frame"),
         (f"{steps['presses']['presses']}", f"ball presses learnt from; {steps['presses']['refused']} refused"),
         ("passed" if verdict["passed"] else "not passed", "verdict"),
     ]
@@ -65,32 +66,13 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def _verification(session: Session, figures: dict[str, Any], shown: "Shown") -> str:
-    image, press, felt, ball = shown.image, shown.press, shown.felt, shown.ball
-    shape = (image.shape[0], image.shape[1])
-    inside = contact_circle(press, shape)
-    cap = np.nan_to_num(cap_depth_mm(press, ball, shape))
-    error = np.where(inside, felt.depth_mm - cap, 0)
-    error = np.where(inside, np.abs(error - error[inside].mean()), 0)
-    scale = max(1000.0 * float(felt.depth_mm.max()), 100.0)
-    true = normals(np.nan_to_num(sphere_gradient(press, ball, shape)))
-    circle = Circle(
-        center_x_px=press.center_x_px, center_y_px=press.center_y_px, contact_radius_px=press.contact_radius_px
-    )
-    pictures = [
-        (drawn(image, circle), "one fresh press and its contact circle"),
-        (difference_picture(felt.difference), "difference from the untouched gel"),
-        (depth_picture(felt.depth_mm, scale_um=scale), f"depth felt, bright: {scale:.0f} µm"),
-        (normal_picture(np.where(inside[..., None], true, [0, 0, 1])), "normals of the ball inside the circle"),
-        (normal_picture(felt.normal_map), "normals felt"),
-        (depth_picture(error, scale_um=_ERROR_SCALE_UM), f"depth error in contact, bright: {_ERROR_SCALE_UM:.0f} µm"),
-    ]
     return (
         "<h2>Verification on fresh presses</h2>"
         "<p>None of these presses was learnt from. A contact circle does not say how deep its own rim lies, so depth "
         "errors have their mean removed; the last column compares the picture with the one that the slopes felt would "
         "make.</p>"
-        + _pictures(pictures)
-        + f'<div class="figures">{section_profile(press, shown)}</div>'
+        + _pictures(_felt_pictures(shown))
+        + f'<div class="figures">{section_profile(shown)}</div>'
         + _checks(session.folder.checks)
         + "<h3>Second opinions, fitted to the same presses</h3>"
         + _table(
@@ -101,6 +83,25 @@ def _verification(session: Session, figures: dict[str, Any], shown: "Shown") -> 
             ],
         )
     )
+
+
+def _felt_pictures(shown: "Shown") -> list[tuple[NDArray[np.uint8], str]]:
+    """One fresh press: seen, felt, and as the ball says it should be."""
+    press, felt = shown.on_gel, shown.felt
+    shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
+    inside = contact_circle(press, shape)
+    error = felt.depth_mm - np.nan_to_num(cap_depth_mm(press, shown.ball, shape))
+    error = np.where(inside, np.abs(error - error[inside].mean()), 0)
+    scale = max(1000.0 * float(felt.depth_mm.max()), 100.0)
+    true = np.where(inside[..., None], normals(np.nan_to_num(sphere_gradient(press, shown.ball, shape))), [0, 0, 1])
+    return [
+        (drawn(shown.image, Circle.of(shown.press)), "one fresh press and its contact circle"),
+        (difference_picture(felt.difference), "difference from the untouched gel"),
+        (depth_picture(felt.depth_mm, scale_um=scale), f"depth felt, bright: {scale:.0f} µm"),
+        (normal_picture(true), "normals of the ball inside the circle"),
+        (normal_picture(felt.normal_map), "normals felt"),
+        (depth_picture(error, scale_um=_ERROR_SCALE_UM), f"depth error in contact, bright: {_ERROR_SCALE_UM:.0f} µm"),
+    ]
 
 
 def _checks(records: list[dict[str, Any]]) -> str:
@@ -122,8 +123,9 @@ def _checks(records: list[dict[str, Any]]) -> str:
     return _table(head, rows)
 
 
-def section_profile(press: Press, shown: "Shown") -> str:
+def section_profile(shown: "Shown") -> str:
     """Draw depth along the horizontal line through the centre of a press, felt and by the ball (figure 6c)."""
+    press = shown.on_gel
     shape = (shown.image.shape[0], shown.image.shape[1])
     row = round(press.center_y_px)
     felt = shown.felt.depth_mm[row]
@@ -162,7 +164,8 @@ def _preparation(session: Session) -> str:
     return (
         "<h2>Light</h2>"
         f"<p>Camera locked: {escape(camera)}. Reference: mean of {reference['frames']} frames, "
-        f"{reference['noise_grey']:.2f} grey levels of noise; while warming up the light moved by "
+        f"{reference['pixel_noise_grey']:.2f} grey levels of noise in a pixel, {reference['noise_grey']:.2f} where "
+        "neighbours share it, as a camera that compresses makes them; while warming up the light moved by "
         f"{reference['warm_up_grey']:.2f} grey levels.</p>"
         + _pictures(pictures)
         + _table(["intensity", "mean", "sigma", "within 1 sigma", "2 sigma", "3 sigma"], rows)
@@ -179,6 +182,21 @@ def _pixel_size(size: dict[str, Any], diameter_mm: float) -> str:
             ["", "mm per pixel", "spread"],
             [[axis, f"{size[f'{axis}_mm']:.6f}", f"{size[f'{axis}_spread_mm']:.6f}"] for axis in ("x", "y")],
         )
+    )
+
+
+def _lens(lens: dict[str, Any]) -> str:
+    if not lens.get("pictures"):
+        return "<p>No pin grid was pressed: the lens is taken to be straight.</p>"
+    rows = [
+        [name, f"{lens[f'rms_{when}_px']:.3f}", f"{1000 * lens[f'rms_{when}_mm']:.1f}"]
+        for name, when in (("pins off a straight grid", "before"), ("pins off this lens", "after"))
+    ]
+    return (
+        "<h2>Lens</h2>"
+        f"<p>{lens['pins']} pins, {lens['pitch_mm']:g} mm apart, in {lens['pictures']} picture(s). The lens moves a "
+        f"corner of the picture by {lens['corner_moves_px']:.1f} px; depth and normals are freed of that.</p>"
+        + _table(["root mean square", "px", "µm"], rows)
     )
 
 

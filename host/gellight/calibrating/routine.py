@@ -127,7 +127,7 @@ class Routine:
                 self._install(bundle)
             self._end("finished", bulletin.instruction)
         except Aborted:
-            self._end("aborted", "Stopped. What was measured is kept; start again to go on from here.")
+            self._end("aborted", "Stopped. What was measured is kept: you can go on from here.")
         except GellightError as error:
             self._error = error
             bulletin.post(problem=str(error))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gellight.calibrating.session import Session
 from gellight.errors import InputError
 from gellight.frames import CameraFrame
+from gellight.image_noise import square_means
 from gellight.light_drift import light_drift
 
 Floats = NDArray[np.float32]
@@ -18,6 +19,8 @@ STILL_FRAMES = 3
 """so many frames without movement begin a capture"""
 MEAN_FRAMES = 4
 """so many frames are averaged for a press"""
+PATIENCE_FRAMES = 150
+"""so long something may be wrong before the user is told"""
 _SIGMAS = 6.0
 _LEAST_CHANGE_GREY = 1.5
 _TOUCHED_SHARE = 0.0015
@@ -27,9 +30,7 @@ _DARK_GREY = 12.0
 
 def block_means(image: NDArray[np.generic]) -> Floats:
     """(H, W, 3) -> (H/4, W/4, 3) means of blocks."""
-    height, width = (size // BLOCK_PX for size in image.shape[:2])
-    cut = image[: height * BLOCK_PX, : width * BLOCK_PX]
-    return np.asarray(cut.reshape(height, BLOCK_PX, width, BLOCK_PX, 3).mean(axis=(1, 3), dtype=np.float32))
+    return square_means(image, BLOCK_PX)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,24 +86,19 @@ class Capture:
     """the last of them"""
 
 
-def wait_free(session: Session, watcher: Watcher, *, patience: int = 150) -> None:
+def wait_free(session: Session, watcher: Watcher, *, patience: int = PATIENCE_FRAMES) -> None:
     """Wait until nothing touches; after so many frames say what may be wrong."""
-    complained, dark = False, 0
+    complained, light = False, _Light(session, patience)
     session.bulletin.post(awaiting="lift")
     for count, frame in enumerate(session.frames()):
         sight = watcher.look(frame)
         session.bulletin.show(live=frame.image)
-        black = is_dark(frame.image)
-        if sight.free and sight.still and not black:
+        if light.is_out(frame.image):
+            continue
+        if sight.free and sight.still:
             session.bulletin.post(problem="" if complained else session.bulletin.problem, awaiting="")
             return
-        if black:
-            if dark > patience:
-                check_light(frame.image, "the gel")
-            if not dark % (patience // 3):
-                session.relight()
-            dark += 1
-        if count == patience:
+        if count >= patience and not complained:
             problem = (
                 f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
                 "touches it, something lay on it when the reference was taken: stop and begin again"
@@ -118,7 +114,7 @@ def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) ->
 
     A press that moves while it is captured is told, and waited for again.
     """
-    still, taken = 0, list[CameraFrame]()
+    still, taken, light = 0, list[CameraFrame](), _Light(session)
     session.bulletin.post(awaiting="press")
     for frame in session.frames():
         if ended():
@@ -126,7 +122,7 @@ def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) ->
             return None
         sight = watcher.look(frame)
         session.bulletin.show(live=frame.image)
-        if sight.free:
+        if light.is_out(frame.image) or sight.free:
             still, taken = 0, []
         elif not sight.still:
             if taken:
@@ -140,6 +136,26 @@ def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) ->
                 session.bulletin.post(awaiting="")
                 return Capture(image=mean_image(taken), frame=taken[-1])
     raise AssertionError("frames come for ever")
+
+
+class _Light:
+    """Lights the ring again where the picture goes dark: a board that was reset or kept waiting makes it so itself."""
+
+    def __init__(self, session: Session, patience: int = PATIENCE_FRAMES) -> None:
+        """Give up after `patience` dark frames in a row."""
+        self._session, self._patience, self._dark = session, patience, 0
+
+    def is_out(self, image: NDArray[np.uint8]) -> bool:
+        """Tell whether a frame is dark, and see to it; InputError where the light does not come back."""
+        if not is_dark(image):
+            self._dark = 0
+            return False
+        if self._dark > self._patience:
+            check_light(image, "the gel")
+        if self._dark % (self._patience // 3) == 0:
+            self._session.relight()
+        self._dark += 1
+        return True
 
 
 def mean_image(frames: list[CameraFrame]) -> NDArray[np.uint8]:

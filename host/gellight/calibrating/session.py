@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gellight.calibrating.bulletin import Bulletin
+from gellight.calibrating.bulletin import STEPS, Bulletin
 from gellight.calibrating.choices import RoutineOptions
 from gellight.calibrating.folder import Folder
 from gellight.calibration import load_calibration
@@ -26,6 +26,9 @@ class Hand(Protocol):
 
     def cylinder(self, number: int) -> None:
         """Press the cylinder probe, the `number`-th time."""
+
+    def grid(self) -> None:
+        """Press the pin grid."""
 
     def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
         """Press the ball at the `number`-th place to train on."""
@@ -48,7 +51,7 @@ class Session:
         self.camera = camera
         self.options = options
         self.hand = hand
-        self.bulletin = Bulletin()
+        self.bulletin = Bulletin(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
         self._asked: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
@@ -125,6 +128,7 @@ def _identity(camera: Camera, options: RoutineOptions) -> dict[str, Any]:
         "image_size_px": [width, height],
         "ball_radius_mm": options.ball_radius_mm,
         "cylinder_diameter_mm": options.cylinder_diameter_mm,
+        "pin_pitch_mm": options.pin_pitch_mm,
     }
 
 

@@ -1,6 +1,7 @@
 """The steps of a calibration in their order; what an earlier run finished is not done again."""
 
 from gellight.calibrating.fitting import fit
+from gellight.calibrating.pin_grid import collect_grid, straighten
 from gellight.calibrating.preparing import prepare, prepare_again
 from gellight.calibrating.pressing import collect_presses
 from gellight.calibrating.probing import measure_pixel_size
@@ -17,14 +18,18 @@ def run_steps(session: Session) -> Calibration | None:
         ("prepare", prepare, prepare_again),
         ("reference", take_reference, compare_with_reference),
         ("pixel_size", measure_pixel_size, None),
+        ("lens", collect_grid, None),
         ("presses", collect_presses, None),
         ("fit", fit, None),
     ):
-        session.bulletin.post(step=step, progress={}, problem="", press=None)
+        if step not in session.bulletin.steps:
+            continue
+        session.bulletin.post(step=step, progress={}, problem="", press=None, advice="")
         if step not in done:
             first(session)
         elif again:
             again(session)
         session.bulletin.note(step, done[step])
-    session.bulletin.post(step="verify", progress={}, problem="", press=None)
+    straighten(session)
+    session.bulletin.post(step="verify", progress={}, problem="", press=None, advice="")
     return verify(session)

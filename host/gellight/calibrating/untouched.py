@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gellight.calibrating.sensing import Watcher, block_means, check_light
 from gellight.calibrating.session import Session
 from gellight.errors import CalibrationError, CameraError, InputError
+from gellight.image_noise import ImageNoise, measure_noise
 from gellight.light_drift import light_drift
 
 Floats = NDArray[np.float32]
@@ -30,7 +31,7 @@ def take_reference(session: Session) -> None:
     while True:
         drift = wait_steady(session)
         try:
-            image, noise = _average(session, session.options.reference_frames)
+            image, noise = _averaged(_record(session, session.options.reference_frames))
             check_light(np.rint(image).astype(np.uint8), "the untouched gel")
         except InputError as error:
             _ask_again(session, error)
@@ -41,8 +42,8 @@ def take_reference(session: Session) -> None:
     session.folder.keep_reference(image)
     figures: dict[str, Any] = {
         "frames": session.options.reference_frames,
-        "noise_grey": float(np.sqrt(np.mean(noise**2))),
-        "noise_p95_grey": float(np.percentile(noise, 95)),
+        "noise_grey": noise.white_grey,
+        "pixel_noise_grey": noise.pixel_grey,
         **drift,
     }
     session.folder.finish("reference", figures)
@@ -95,14 +96,13 @@ def wait_steady(session: Session) -> dict[str, Any]:
     )
 
 
-def _average(session: Session, count: int) -> tuple[Floats, Floats]:
-    """(H, W, 3) mean and (H, W, 3) standard deviation of single frames; InputError if something moves meanwhile."""
+def _record(session: Session, count: int) -> list[NDArray[np.uint8]]:
+    """Record frames of the gel at rest; InputError if something moves meanwhile."""
+    images: list[NDArray[np.uint8]] = []
     watcher: Watcher | None = None
-    for number in range(count):
+    while len(images) < count:
         frame = session.frame()
-        image = frame.image.astype(np.float64)
         if watcher is None:
-            total, squares = np.zeros_like(image), np.zeros_like(image)
             watcher = Watcher(frame.image.astype(np.float32), 2.0)
             watcher.look(frame)
         sight = watcher.look(frame)
@@ -111,12 +111,18 @@ def _average(session: Session, count: int) -> tuple[Floats, Floats]:
                 f"something moved on {max(sight.touched, sight.moved):.0%} of the gel while the reference was taken: "
                 "take your hands off and repeat"
             )
-        total += image
-        squares += image**2
-        session.bulletin.post(progress={"done": number + 1, "wanted": count, "unit": "frames"})
-    mean = total / count
-    variance = np.maximum(squares - count * mean**2, 0) / (count - 1)
-    return mean.astype(np.float32), np.sqrt(variance).astype(np.float32)
+        images.append(frame.image)
+        session.bulletin.post(progress={"done": len(images), "wanted": count, "unit": "frames"})
+    return images
+
+
+def _averaged(images: list[NDArray[np.uint8]]) -> tuple[Floats, ImageNoise]:
+    """(H, W, 3) mean of frames, and their noise."""
+    mean = np.zeros(images[0].shape, np.float64)
+    for image in images:
+        mean += image
+    average = (mean / len(images)).astype(np.float32)
+    return average, measure_noise(images, average)
 
 
 def _ask_again(session: Session, error: InputError) -> None:

@@ -1,6 +1,6 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,13 @@ from gellight.calibrating.report import page
 from gellight.calibrating.rerender import Rerenderer
 from gellight.calibrating.sensing import Capture, Watcher, check_light, wait_free, wait_press
 from gellight.calibrating.session import Session
-from gellight.calibration import Calibration, load_calibration, write_calibration
+from gellight.calibration import REPORT, Calibration, load_calibration, write_calibration
 from gellight.camera import read_image
 from gellight.errors import InputError
 from gellight.evaluation import angle_deg, baseline_errors
 from gellight.frames import CameraFrame, GroundTruth, TactileFrame
+from gellight.lens.lens_file import FILE_NAME, has_lens, lens_of, read_record
+from gellight.lens.undistortion import circle_on_gel
 from gellight.pictures import depth_picture
 from gellight.pipeline import Reconstructor
 from gellight.presses import Ball, Press, PressTable, cap_depth_mm, contact_circle, sphere_gradient
@@ -34,15 +36,33 @@ MORE_PRESSES = 12
 class _Judge:
     """What every fresh press is held against."""
 
+    draft: Calibration
     reconstructor: Reconstructor
     rerenderer: Rerenderer
     ball: Ball
+
+    def figures(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, dict[str, float]]:
+        """Return what is felt of a press, and what that says of the draft."""
+        felt = self.reconstructor.reconstruct(frame)
+        figures = figures_of(felt, self.on_gel(press), self.ball)
+        seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
+        figures["picture_grey"] = picture_error_grey(seen, press, self.rerenderer)
+        return felt, figures | truth_figures(felt, frame.truth)
+
+    def on_gel(self, press: Press) -> Press:
+        """Return the circle of a press over the undistorted gel: the same where the bundle knows no lens."""
+        if not has_lens(self.draft):
+            return press
+        seen = press.center_x_px, press.center_y_px, press.contact_radius_px
+        x, y, radius = circle_on_gel(lens_of(read_record(self.draft)), self.draft.pixel_size_mm, seen)
+        return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
 
 
 def verify(session: Session) -> Calibration | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_calibration(draft_path(session))
-    judge = _Judge(Reconstructor(draft), Rerenderer(draft.presses()["rows"], draft.image_shape), ball_of(session))
+    rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
+    judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(session))
     reference = session.folder.reference()
     watcher = Watcher(reference, draft.manifest.noise_grey)
     while len(session.folder.checks) < session.options.verifications:
@@ -82,10 +102,7 @@ def _take(session: Session, capture: Capture, reference: Floats, judge: _Judge) 
         session.folder.finish("refused_checks", refused)
         session.bulletin.post(problem=str(error))
         return
-    felt = judge.reconstructor.reconstruct(capture.frame)
-    press = Press(image=session.folder.path, **circle.as_json())
-    figures = figures_of(felt, press, judge.ball, judge.rerenderer)
-    figures |= truth_figures(felt, capture.frame.truth)
+    felt, figures = judge.figures(capture.frame, Press(image=session.folder.path, **circle.as_json()))
     record = session.folder.add("checks", image, circle.as_json(), figures=figures)
     session.bulletin.post(problem="", press={**record, "state": "checked"})
     session.bulletin.show(press=drawn(image, circle), verify=depth_picture(felt.depth_mm))
@@ -96,24 +113,31 @@ def _check_whole(x: float, y: float, radius: float, shape: tuple[int, ...]) -> N
         raise InputError(f"the contact at ({x:.0f}, {y:.0f}) px leaves the picture: press nearer to the middle")
 
 
-def figures_of(felt: TactileFrame, press: Press, ball: Ball, rerenderer: Rerenderer) -> dict[str, float]:
-    """Return what a press says of a calibration by its circle alone, as every sensor can.
+def figures_of(felt: TactileFrame, press: Press, ball: Ball) -> dict[str, float]:
+    """Return what a press says of a calibration by its circle on the gel alone, as every sensor can.
 
     depth_mm: mean absolute error inside the contact circle, mean removed, for a circle does not say how deep its rim
-    lies. normal_deg: mean angle there. picture_grey: mean absolute difference from the re-rendered picture there.
+    lies. normal_deg: mean angle there.
     """
     shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
     inside = contact_circle(press, shape)
     depth = felt.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     true = normals(sphere_gradient(press, ball, shape))[inside]
-    rows, columns = np.nonzero(inside)
-    predicted = rerenderer.difference(felt.gradient_map, rows, columns)
     return {
         "depth_mm": float(np.abs(depth - depth.mean()).mean()),
         "normal_deg": float(angle_deg(felt.normal_map[inside], true).mean()),
-        "picture_grey": float(np.abs(predicted - felt.difference[inside]).mean()),
         "indentation_mm": felt.contact.indentation_mm,
     }
+
+
+def picture_error_grey(seen: TactileFrame, press: Press, rerenderer: Rerenderer) -> float:
+    """Return the mean absolute difference from the re-rendered picture inside the circle; `seen` lies over the picture.
+
+    Slopes that were felt wrong would make another picture than the one that was taken.
+    """
+    inside = contact_circle(press, (seen.depth_mm.shape[0], seen.depth_mm.shape[1]))
+    predicted = rerenderer.difference(seen.gradient_map, *np.nonzero(inside))
+    return float(np.abs(predicted - seen.difference[inside]).mean())
 
 
 def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, float]:
@@ -195,6 +219,9 @@ class Shown:
 
     image: NDArray[np.uint8]
     press: Press
+    """its circle in the picture"""
+    on_gel: Press
+    """its circle over the undistorted gel, where what is felt lies"""
     felt: TactileFrame
     ball: Ball
 
@@ -207,13 +234,14 @@ def _shown(session: Session, judge: _Judge) -> Shown:
     press = session.folder.listed("checks")[chosen]
     image = read_image(press.image)
     frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
-    return Shown(image, press, judge.reconstructor.reconstruct(frame), judge.ball)
+    return Shown(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
 
 
 def _written(session: Session, draft: Calibration, figures: dict[str, Any], report: str) -> Calibration:
     """Write the bundle with everything that was learnt."""
     steps, manifest = session.folder.steps, draft.manifest
     prepared = steps["prepare"]
+    lens = {FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {}
     return write_calibration(
         session.options.out,
         sensor=session.options.sensor,
@@ -224,10 +252,16 @@ def _written(session: Session, draft: Calibration, figures: dict[str, Any], repo
         network=draft.network,
         network_name=manifest.network,
         follow_light=manifest.follow_light,
-        metrics={**draft.metrics, "verification": figures, "pixel_size": steps["pixel_size"], "prepare": prepared},
+        metrics={
+            **draft.metrics,
+            "verification": figures,
+            "pixel_size": steps["pixel_size"],
+            "lens": steps.get("lens", {}),
+            "prepare": prepared,
+        },
         presses=draft.presses(),
         led=led_settings(prepared["led"]),
         camera=prepared["camera"],
-        extra_files={"report.html": report.encode()},
+        extra_files={REPORT: report.encode(), **lens},
         overwrite=session.options.overwrite,
     )

@@ -36,6 +36,11 @@ Seed = Annotated[int, typer.Option(help="the same seed gives the same network")]
 Epochs = Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")]
 Threads = Annotated[int, typer.Option(min=1, help="of torch")]
 Refine = Annotated[bool, typer.Option("--refine", help="refit the circles together with the light before training")]
+Out = Annotated[Path, typer.Option(help="folder of the calibration bundle to write")]
+Overwrite = Annotated[bool, typer.Option(help="replace an existing bundle")]
+Previous = Annotated[
+    str | None, typer.Option(help="earlier bundle of this sensor: refuses a ball of another size than it feels")
+]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
 
 
@@ -45,44 +50,31 @@ def fit(
     reference: Untouched,
     ball_radius_mm: BallRadius,
     pixel_size_mm: PixelSize,
-    out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
+    out: Out,
     sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
     recipe: Recipe = "thorough",
     width: Width = 32,
     seed: Seed = 0,
     epochs: Epochs = None,
     threads: Threads = 1,
-    folds: Annotated[int, typer.Option(help="also measure the error by this many folds; 0: do not")] = 0,
+    folds: Annotated[int, typer.Option(min=0, help="also measure the error by this many folds; 0: do not")] = 0,
     refine: Refine = False,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
-    previous: Annotated[
-        str | None, typer.Option(help="earlier bundle of this sensor: refuses a ball of another size than it feels")
-    ] = None,
+    overwrite: Overwrite = False,
+    previous: Previous = None,
     as_json: Json = False,
 ) -> None:
     """Train on ball presses and write a calibration bundle."""
     from gellight import training
-    from gellight.calibration import load_calibration
-    from gellight.labelling.ball_size import check_ball
 
     options = _options(recipe, width, seed, epochs, threads)
-    labelled, untouched, ball = _read(presses, reference, ball_radius_mm, pixel_size_mm)
-    if out.exists() and not overwrite:
-        # Said before minutes of training, not after.
-        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
-    extra: dict[str, Any] = {}
-    if previous is not None:
-        extra["felt_ball_radius_mm"] = check_ball(load_calibration(previous), labelled, ball)
+    given = _read(presses, reference, ball_radius_mm, pixel_size_mm)
+    _check_free(out, overwrite)
+    extra = _which_ball(*given, previous)
     if folds:
-        with _progress("folds") as report:
-            extra["cross_validation"] = training.cross_validate(
-                labelled, untouched, ball, folds=folds, options=options, refine=refine, progress=report
-            )
+        extra["cross_validation"] = _cross_validated(given, folds=folds, options=options, refine=refine)
     with _progress("training") as report:
         calibration = training.fit(
-            labelled,
-            untouched,
-            ball,
+            *given,
             out,
             sensor=sensor,
             options=options,
@@ -136,31 +128,24 @@ def crossvalidate(
     as_json: Json = False,
 ) -> None:
     """Measure the error on presses that were not trained on: each press once, in folds by image."""
-    from gellight import training
-
-    labelled, untouched, ball = _read(presses, reference, ball_radius_mm, pixel_size_mm)
+    given = _read(presses, reference, ball_radius_mm, pixel_size_mm)
     options = _options(recipe, width, seed, epochs, threads)
-    with _progress("folds") as report:
-        result = training.cross_validate(
-            labelled, untouched, ball, folds=folds, options=options, refine=refine, progress=report
-        )
-    _print(result, as_json, _error_text)
+    _print(_cross_validated(given, folds=folds, options=options, refine=refine), as_json, _error_text)
 
 
 @app.command()
 def synthetic(
-    out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
+    out: Out,
     width: Width = 32,
     seed: Seed = 0,
     threads: Threads = 1,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Make the bundle of the simulated sensor again, as it comes with GelLight."""
     from gellight.synthetic import make_synthetic
 
-    if out.exists() and not overwrite:
-        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+    _check_free(out, overwrite)
     with _progress("training") as report:
         calibration = make_synthetic(out, width=width, seed=seed, threads=threads, overwrite=overwrite, progress=report)
     _print({"calibration": str(out), "metrics": calibration.metrics}, as_json, _synthetic_text)
@@ -183,6 +168,35 @@ def _read(
     ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
     untouched = read_reference(reference)
     return read_presses(presses, ball=ball, image_shape=untouched.image_shape), untouched, ball
+
+
+def _check_free(out: Path, overwrite: bool) -> None:
+    """Say that a bundle exists before minutes of training, not after."""
+    if out.exists() and not overwrite:
+        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+
+
+def _which_ball(labelled: "list[Press]", untouched: "Reference", ball: "Ball", previous: str | None) -> dict[str, Any]:
+    """What the light and an earlier bundle say of the radius; InputError where the bundle feels another ball."""
+    from gellight.calibrating.ball_radius import likely_radius_mm
+    from gellight.calibration import load_calibration
+    from gellight.camera import read_image
+    from gellight.labelling.ball_size import check_ball
+
+    images = [read_image(press.image) for press in labelled]
+    found: dict[str, Any] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
+    if previous is not None:
+        found["felt_ball_radius_mm"] = check_ball(load_calibration(previous), labelled, ball)
+    return found
+
+
+def _cross_validated(
+    given: "tuple[list[Press], Reference, Ball]", *, folds: int, options: "TrainingOptions", refine: bool
+) -> dict[str, Any]:
+    from gellight import training
+
+    with _progress("folds") as report:
+        return training.cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
 
 
 def _ball_of(metrics: dict[str, Any], pixel_size_mm: tuple[float, float], radius_mm: float | None) -> "Ball":
@@ -230,9 +244,23 @@ def _fit_text(result: dict[str, Any]) -> str:
         f"{len(training['held_out_images'])} held-out images, each pixel alone: "
         f"{training['held_out_normal_error_deg']['mean']:.2f} deg",
     ]
+    lines += _ball_text(metrics)
     if "cross_validation" in metrics:
         lines.append(_error_text(metrics["cross_validation"]))
     return "\n".join(lines)
+
+
+def _ball_text(metrics: dict[str, Any]) -> list[str]:
+    """Warn where the light in the imprints says another ball than the one that was named."""
+    from gellight.calibrating.ball_radius import is_another
+
+    likely, named = metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]
+    if likely is None or not is_another(likely, named):
+        return []
+    return [
+        f"WARNING: the ball was named as {named:g} mm in radius, but the light in its imprints fits one of about "
+        f"{likely:.1f} mm: measure the ball, and train again with its radius"
+    ]
 
 
 def _synthetic_text(result: dict[str, Any]) -> str:

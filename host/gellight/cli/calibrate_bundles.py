@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from gellight.camera import Camera
     from gellight.installing import Installed
 
-Sensor = Annotated[str | None, typer.Option(help="URL of the sensor. [default: as in the settings, or sim://]")]
+Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
 
 

@@ -13,7 +13,10 @@ def command(
     calibration: Annotated[str, typer.Option(help="bundle that the lens is added to")],
     out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
     reference: Annotated[
-        str | None, typer.Option(help="image of the untouched gel, or a folder of them: for pins that press into it")
+        str | None,
+        typer.Option(
+            help="image of the untouched gel, or a folder of them: for pins that press into it, felt by the bundle"
+        ),
     ] = None,
     overlay: Annotated[Path | None, typer.Option(help="PNG file to draw the pins of the first picture into")] = None,
     overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,

@@ -9,9 +9,9 @@ import typer
 
 def command(
     out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
-    sensor: Annotated[str | None, typer.Option(help="URL of the camera. [default: sim://]")] = None,
+    sensor: Annotated[str | None, typer.Option(help="URL of the camera.", show_default="sim://")] = None,
     calibration: Annotated[
-        str | None, typer.Option(help="bundle that the lights are added to. [default: synthetic]")
+        str | None, typer.Option(help="bundle that the lights are added to.", show_default="synthetic")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=256, help="frames averaged for each LED")] = 8,
     ring_from_light: Annotated[

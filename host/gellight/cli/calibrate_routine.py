@@ -2,113 +2,119 @@
 
 import json
 import shutil
-import sys
-import threading
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gellight.cli import calibrate_objects
 from gellight.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from gellight.calibrating.benchmark import ObjectError
     from gellight.calibrating.choices import RoutineOptions
     from gellight.calibrating.routine import Routine
     from gellight.calibration import Calibration
     from gellight.camera import Camera
 
-Sensor = Annotated[str | None, typer.Option(help="URL of the sensor. [default: as in the settings, or sim://]")]
+Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
+Out = Annotated[Path, typer.Option(help="folder of the bundle to write")]
+State = Annotated[Path | None, typer.Option(help="where the state is kept.", show_default="OUT.state")]
+BallRadius = Annotated[
+    float | None,
+    typer.Option(help="radius of the ball, mm.", show_default="4, or as the interrupted calibration has it"),
+]
+Cylinder = Annotated[
+    float | None, typer.Option(help="diameter of the flat-ended cylinder, mm.", show_default="8, or likewise")
+]
+PinPitch = Annotated[
+    float | None,
+    typer.Option(
+        help="distance of two pins of a grid, mm: measures the distortion of the lens.", show_default="no grid"
+    ),
+]
+Presses = Annotated[int, typer.Option(help="ball presses to learn from")]
+Verifications = Annotated[int, typer.Option(help="fresh ball presses that judge")]
+DepthLimit = Annotated[float, typer.Option(help="a calibration worse than this on fresh presses is not kept, µm")]
+NormalLimit = Annotated[float, typer.Option(help="the same for the normals, degrees")]
+Seed = Annotated[int, typer.Option(help="of the virtual hand's places and of the training")]
+Recipe = Annotated[str, typer.Option(help="of the training: thorough, fast or paper")]
+Threads = Annotated[int, typer.Option(min=1, help="of the training")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
-POLL_S = 0.1
-KEYS = "n: next or enough   d: drop the last press   c X Y R: correct its circle, px   a: accept   q: stop"
-_ACTIONS = {"n": "next", "d": "drop", "c": "correct", "a": "accept", "q": "abort"}
 
 
 def attach(app: typer.Typer) -> None:
     """Make the routine what `gellight calibrate` does without a verb, and add the verb `objects`."""
     app.callback(invoke_without_command=True, no_args_is_help=False)(command)
-    app.command()(objects)
+    app.command("objects")(calibrate_objects.command)
 
 
 def command(
     context: typer.Context,
     auto: Annotated[bool, typer.Option("--auto", help="a virtual hand presses, on the simulated sensor")] = False,
     sensor: Sensor = None,
-    name: Annotated[str | None, typer.Option(help="name of the sensor. [default: serial number of its board]")] = None,
-    out: Annotated[Path, typer.Option(help="folder of the bundle to write")] = Path("calibration"),
-    folder: Annotated[Path | None, typer.Option(help="where the state is kept. [default: OUT.state]")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="name of the sensor.", show_default="serial number of its board")
+    ] = None,
+    out: Out = Path("calibration"),
+    folder: State = None,
     resume: Annotated[bool, typer.Option(help="go on with an interrupted calibration")] = False,
     restart: Annotated[bool, typer.Option(help="throw an interrupted calibration away")] = False,
     overwrite: Annotated[bool, typer.Option(help="replace an existing bundle of this sensor")] = False,
     install: Annotated[
         bool, typer.Option("--install", help="put what passes into service: kept, and remembered by the board")
     ] = False,
-    ball_radius_mm: Annotated[float, typer.Option(help="radius of the ball, mm")] = 4.0,
-    cylinder_diameter_mm: Annotated[float, typer.Option(help="diameter of the flat-ended cylinder, mm")] = 8.0,
-    presses: Annotated[int, typer.Option(help="ball presses to learn from")] = 40,
-    verifications: Annotated[int, typer.Option(help="fresh ball presses that judge")] = 6,
-    largest_depth_error_um: Annotated[float, typer.Option(help="a calibration worse than this is not kept")] = 80.0,
-    largest_normal_error_deg: Annotated[float, typer.Option(help="the same for the normals")] = 7.0,
-    seed: Annotated[int, typer.Option(help="of the virtual hand's places and of the training")] = 0,
-    recipe: Annotated[str, typer.Option(help="of the training: thorough, fast or paper")] = "thorough",
-    threads: Annotated[int, typer.Option(min=1, help="of the training")] = 1,
+    ball_radius_mm: BallRadius = None,
+    cylinder_diameter_mm: Cylinder = None,
+    pin_pitch_mm: PinPitch = None,
+    presses: Presses = 40,
+    verifications: Verifications = 6,
+    largest_depth_error_um: DepthLimit = 80.0,
+    largest_normal_error_deg: NormalLimit = 7.0,
+    seed: Seed = 0,
+    recipe: Recipe = "thorough",
+    threads: Threads = 1,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a sensor: guided, step by step, or by itself; verbs work on recorded images."""
     if context.invoked_subcommand:
         return
     from gellight.calibrating.choices import Limits, RoutineOptions
+
+    place = folder or out.with_name(out.name + ".state")
+    _choose_state(place, resume=resume, restart=restart)
+    tools = _tools(place, ball_radius_mm, cylinder_diameter_mm, pin_pitch_mm)
+    limits = Limits(depth_mm=largest_depth_error_um / 1000, normal_deg=largest_normal_error_deg)
+    options = RoutineOptions(
+        out=out,
+        presses=presses,
+        verifications=verifications,
+        limits=limits,
+        training=_training(recipe, seed, threads),
+        overwrite=overwrite,
+        **tools,
+    )
+    work = _Work(sensor, options, place, name=name, seed=seed if auto else None, install=install)
+    _tell(_calibrate(work, quiet=as_json), as_json)
+
+
+def _tools(place: Path, ball: float | None, cylinder: float | None, pins: float | None) -> dict[str, Any]:
+    """What was given, else what the interrupted calibration was begun with; the rest is left to the defaults."""
+    from gellight.calibrating.folder import begun_with
+
+    begun = begun_with(place)
+    given = {"ball_radius_mm": ball, "cylinder_diameter_mm": cylinder, "pin_pitch_mm": pins}
+    chosen = {name: begun.get(name) if value is None else value for name, value in given.items()}
+    return {name: value for name, value in chosen.items() if value is not None}
+
+
+def _training(recipe: str, seed: int, threads: int) -> Any:
     from gellight.training import RECIPES, TrainingOptions
 
     if recipe not in RECIPES:
         raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
-    place = folder or out.with_name(out.name + ".state")
-    _choose_state(place, resume=resume, restart=restart)
-    options = RoutineOptions(
-        out=out,
-        ball_radius_mm=ball_radius_mm,
-        cylinder_diameter_mm=cylinder_diameter_mm,
-        presses=presses,
-        verifications=verifications,
-        limits=Limits(depth_mm=largest_depth_error_um / 1000, normal_deg=largest_normal_error_deg),
-        training=TrainingOptions(recipe=recipe, seed=seed, threads=threads),
-        overwrite=overwrite,
-    )
-    work = _Work(sensor, options, place, name=name, seed=seed if auto else None, install=install)
-    result = _calibrate(work, quiet=as_json)
-    typer.echo(json.dumps(result, indent=2) if as_json else _result_text(result))
-    if not result["verdict"]["passed"]:
-        raise CalibrationError("the calibration did not pass: go on with --resume to press more")
-
-
-def objects(
-    calibration: Annotated[str, typer.Option(help="bundle: folder, .gelcal file or 'synthetic'")],
-    sensor: Sensor = None,
-    press_depth_mm: Annotated[float, typer.Option(min=0.05, help="how deep the objects are pressed, mm")] = 0.3,
-    rezero: Annotated[bool, typer.Option(help="record the untouched gel anew before, nothing else")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Press the ten benchmark objects into the simulated sensor and measure the error of a bundle on each."""
-    from gellight.calibrating.benchmark import object_errors, summary
-
-    settings = _settings(sensor)
-    geometry = settings.geometry.overrides()
-    errors = object_errors(calibration, settings.sensor.url, geometry, press_depth_mm, rezero=rezero)
-    result = {"calibration": calibration, "sensor": settings.sensor.url, "press_depth_mm": press_depth_mm}
-    rows = [*errors, summary(errors)]
-    typer.echo(json.dumps({**result, "objects": [vars(e) for e in rows]}, indent=2) if as_json else _object_text(rows))
-
-
-def _settings(sensor: str | None) -> Any:
-    from gellight.config import load_settings
-
-    return load_settings({"sensor.url": sensor})
+    return TrainingOptions(recipe=recipe, seed=seed, threads=threads)
 
 
 def _choose_state(place: Path, *, resume: bool, restart: bool) -> None:
@@ -155,14 +161,16 @@ class _Work:
 def _calibrate(work: _Work, *, quiet: bool) -> dict[str, Any]:
     """Run the routine to its end."""
     from gellight.camera import open_camera
+    from gellight.cli.calibrate_screen import follow
+    from gellight.config import load_settings
 
-    settings = _settings(work.sensor)
+    settings = load_settings({"sensor.url": work.sensor})
     begun_s = time.monotonic()
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         routine = work.routine(camera)
         routine.act("start")
         try:
-            _follow(routine, work.place, interactive=work.seed is None, quiet=quiet)
+            follow(routine, work.place, interactive=work.seed is None, quiet=quiet)
         except KeyboardInterrupt:
             routine.stop()
         routine.join()
@@ -175,85 +183,19 @@ def _calibrate(work: _Work, *, quiet: bool) -> dict[str, Any]:
     return {**{name: snapshot[name] for name in kept}, "seconds": round(time.monotonic() - begun_s, 1)}
 
 
-def _follow(routine: "Routine", place: Path, *, interactive: bool, quiet: bool) -> None:
-    """Show what the routine says until it ends, and hand it what the user types."""
-    from rich.console import Console
-    from rich.live import Live
-
-    typed: SimpleQueue[str] = SimpleQueue()
-    if interactive:
-        threading.Thread(target=_read_lines, args=(typed,), daemon=True).start()
-    console = Console(stderr=True, quiet=quiet)
-    version, refusal = -1, ""
-    with Live(console=console, auto_refresh=False, transient=False) as live:
-        while not routine.ended:
-            snapshot = routine.snapshot()
-            if snapshot["version"] != version:
-                version = snapshot["version"]
-                live.update(_screen(snapshot, refusal, keys=interactive), refresh=console.is_terminal)
-                if interactive and snapshot["press"]:
-                    _show_press(routine, place)
-            try:
-                refusal = _obey(routine, typed.get(timeout=POLL_S))
-            except Empty:
-                continue
-        live.update(_screen(routine.snapshot(), "", keys=False), refresh=True)
+def _tell(result: dict[str, Any], as_json: bool) -> None:
+    typer.echo(json.dumps(result, indent=2) if as_json else _result_text(result))
+    if not result["verdict"]["passed"]:
+        raise CalibrationError("the calibration did not pass: go on with --resume to press more")
 
 
-def _read_lines(typed: "SimpleQueue[str]") -> None:
-    for line in sys.stdin:
-        typed.put(line)
-
-
-def _obey(routine: "Routine", line: str) -> str:
-    """Do what a line asks for; returns why it cannot be done, empty otherwise."""
-    words = line.split() or ["n"]
-    action = _ACTIONS.get(words[0].lower(), words[0])
-    try:
-        numbers = [float(word) for word in words[1:]]
-        names = ("center_x_px", "center_y_px", "contact_radius_px")
-        routine.act(action, **dict(zip(names, numbers, strict=action == "correct")))
-    except (InputError, ValueError) as error:
-        return str(error)
-    return ""
-
-
-def _show_press(routine: "Routine", place: Path) -> None:
-    """A terminal shows no pictures: the last press lies beside the state."""
-    from gellight.pictures import write_png
-
-    pictures = routine.pictures()
-    for name in ("press", "cylinder"):
-        if name in pictures:
-            write_png(place / f"{name}.png", pictures[name])
-
-
-def _screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> "RenderableType":
-    from rich.console import Group
-    from rich.text import Text
-
-    marks = {"done": "●", "now": "◐", "to do": "○"}
-    head = "  ".join(f"{marks[step['state']]} {step['name'].replace('_', ' ')}" for step in snapshot["steps"])
-    lines: list[RenderableType] = [Text(head, style="bold"), Text(snapshot["instruction"])]
-    progress = snapshot["progress"]
-    if progress.get("done") is not None:
-        lines.append(Text(f"{progress['done']} of {progress['wanted']} {progress['unit']}", style="cyan"))
-    if snapshot["awaiting"]:
-        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[snapshot["awaiting"]], style="bold green"))
-    press = snapshot["press"]
-    if press:
-        circle = ", ".join(f"{press[k]:.1f}" for k in ("center_x_px", "center_y_px", "contact_radius_px"))
-        lines.append(Text(f"last press: centre and radius {circle} px ({press['state']})"))
-    if snapshot["coverage"] and snapshot["step"] == "presses":
-        lines.append(Text(_map(snapshot["coverage"]["places"]), style="green"))
-    if snapshot["advice"]:
-        lines.append(Text(snapshot["advice"], style="yellow"))
-    lines += [Text(words, style="bold red") for words in (snapshot["problem"], refusal) if words]
-    return Group(*lines, *([Text(KEYS, style="dim")] if keys else []))
-
-
-def _map(places: list[list[int]]) -> str:
-    return "\n".join(" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in places)
+def _lens_text(lens: dict[str, Any]) -> str:
+    if not lens.get("pictures"):
+        return "the lens was taken to be straight; a pin grid measures it (--pin-pitch-mm)"
+    return (
+        f"the lens moves a corner of the picture by {lens['corner_moves_px']:.1f} px; {lens['pins']} pins are "
+        f"{lens['rms_after_px']:.2f} px off it, {lens['rms_before_px']:.2f} px off a straight one"
+    )
 
 
 def _result_text(result: dict[str, Any]) -> str:
@@ -266,6 +208,7 @@ def _result_text(result: dict[str, Any]) -> str:
         f"pixel {size['x_mm']:.5f} x {size['y_mm']:.5f} mm (cylinder {size['diameter_px']:.2f} px, spread "
         f"{size['spread_px']:.2f} px); noise {figures['reference']['noise_grey']:.2f} grey levels"
     )
+    lines.append(_lens_text(figures.get("lens", {})))
     truth = figures["verify"]
     if "true_depth_mm" in truth:
         lines.append(
@@ -273,16 +216,3 @@ def _result_text(result: dict[str, Any]) -> str:
             f"{truth['true_normal_deg']:.3f} degrees over the whole map"
         )
     return "\n".join([*lines, f"{result['seconds']:.0f} s from start to end"])
-
-
-def _object_text(rows: "list[ObjectError]") -> str:
-    lines = [
-        f"{'':10}{'normals °':>20}{'depth mm':>22}",
-        f"{'object':10}{'whole':>10}{'contact':>10}{'whole':>11}{'contact':>11}",
-    ]
-    for row in rows:
-        lines.append(
-            f"{row.object_name:10}{row.normal_deg:10.3f}{row.contact_normal_deg:10.3f}{row.depth_mm:11.4f}"
-            f"{row.contact_depth_mm:11.4f}"
-        )
-    return "\n".join(lines)

@@ -17,11 +17,13 @@ FRAME_TIMEOUT_S = 20.0
 
 
 def command(
-    sensor: Annotated[str | None, typer.Option(help="URL of the camera. [default: sim://]")] = None,
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
-    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one. [default: 8420]")] = None,
+    sensor: Annotated[str | None, typer.Option(help="URL of the camera.", show_default="sim://")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")
+    ] = None,
     mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid. [default: network]")
+        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,

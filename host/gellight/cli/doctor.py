@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 def command(
     sensor: Annotated[
-        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0. [default: every sensor]")
+        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0.", show_default="every sensor")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check computer, USB, camera, light ring and frames; exits with 1 when something prevents use."""
     from gellight.doctor import Level, examine
-    from gellight.sensor_camera import Surroundings
+    from gellight.sensor_connection import Surroundings
     from gellight.v4l2.kernel import LinuxKernel
 
     findings = []

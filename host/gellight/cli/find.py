@@ -22,7 +22,7 @@ def command(
     if not (found.cameras or found.rings or found.sensors):
         found.only()  # says what to do
     for sensor in found.sensors:
-        print(f"sensor://{sensor.name}   USB {sensor.port}, camera {sensor.camera.path}, {sensor.camera.name}, ring "
+        print(f"{found.url_of(sensor)}   USB {sensor.port}, camera {sensor.camera.path}, {sensor.camera.name}, ring "
               f"{sensor.ring.path if sensor.ring else 'none'}")  # fmt: skip
     for kind, nodes in (("camera without a ring", found.cameras), ("ring without a camera", found.rings)):
         for node in nodes:
@@ -35,7 +35,7 @@ def as_dictionary(found: "Discovery") -> dict[str, object]:
     """Return everything by name, ready for JSON."""
     return {
         "sensors": [
-            {"url": f"sensor://{sensor.name}", "serial": sensor.serial, "port": sensor.port,
+            {"url": found.url_of(sensor), "serial": sensor.serial, "port": sensor.port,
              "camera": _node(sensor.camera), "ring": _node(sensor.ring) if sensor.ring else None}
             for sensor in found.sensors
         ],

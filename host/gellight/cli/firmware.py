@@ -39,7 +39,7 @@ def generate(checkout: Checkout = None) -> None:
 @app.command("build")
 def build(
     checkout: Checkout = None,
-    compiler: Annotated[str, typer.Option(help="zig (pip install gellight[firmware]) or gcc")] = "zig",
+    compiler: Annotated[str, typer.Option(help="zig (of the extra `firmware`) or gcc")] = "zig",
     out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
 ) -> None:
     """Compile the image."""
@@ -58,12 +58,11 @@ def flash(
     drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
 ) -> None:
     """Flash a board: the one at a port, or the one that waits in its boot loader."""
-    from gellight.firmware import uf2
-    from gellight.firmware.build import committed_image
+    from gellight.firmware.build import committed_image, read_image
     from gellight.firmware.flash import copy_uf2, flash_board
     from gellight.transport import find_port
 
-    content = uf2.unpack(image.read_bytes()) if image else committed_image()
+    content = read_image(image) if image else committed_image()
     if drive:
         copy_uf2(content, drive)
         print(f"copied to {drive}")

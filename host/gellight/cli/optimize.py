@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
 GeometryFile = Annotated[
-    Path | None, typer.Option("--geometry", metavar="FILE", help="Settings file with [geometry]. [default: the paper]")
+    Path | None,
+    typer.Option(
+        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the paper"
+    ),
 ]
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
@@ -31,7 +34,9 @@ Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a si
 Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]
 ShardText = Annotated[str, typer.Option("--shard", metavar="I/N", help="Compute only this part of the sweep.")]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="URL", help="Dask scheduler, tcp://...")]
-Keep = Annotated[Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept. [default: cache]")]
+Keep = Annotated[
+    Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
+]
 
 
 @dataclass(frozen=True)
@@ -155,7 +160,7 @@ def fine(
 def design(
     study: Study,
     lights: Annotated[
-        list[int] | None, typer.Option("--lights", help="A number of LEDs; may be repeated. [default: 12]")
+        list[int] | None, typer.Option("--lights", help="A number of LEDs; may be repeated.", show_default="12")
     ] = None,
     one_shot: Annotated[bool, typer.Option("--one-shot", help="Reconstruct from one exposure in colour.")] = False,
     exposure_limit: Annotated[
@@ -211,7 +216,7 @@ def ball(
     as_json: AsJson = False,
     press: Annotated[float, typer.Option("--press", help="How deep the ball is pressed, mm.")] = 2.0,
     radius: Annotated[
-        list[float] | None, typer.Option("--radius", help="A ball at hand, mm; may be repeated. [default: 2 to 8]")
+        list[float] | None, typer.Option("--radius", help="A ball at hand, mm; may be repeated.", show_default="2 to 8")
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""

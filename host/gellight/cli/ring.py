@@ -1,41 +1,79 @@
 """`gellight ring`: the light ring by hand."""
 
-from typing import Annotated
+import json
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gellight.cli.bounds import MOST_SECONDS, between
+
+if TYPE_CHECKING:
+    from gellight.ring import LightRing
+
 app = typer.Typer(name="ring", help="The light ring by hand.", no_args_is_help=True)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
-Seconds = Annotated[float, typer.Option(help="how long it stays lit; 0: until Ctrl-C")]
+Seconds = Annotated[
+    float, typer.Option(help="how long it stays lit, s; 0: until Ctrl-C", callback=between(0, MOST_SECONDS, "s"))
+]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
 
 
 def _wait(seconds: float) -> None:
     import time
 
     try:
-        time.sleep(seconds) if seconds else time.sleep(1e9)
+        time.sleep(seconds or MOST_SECONDS)
     except KeyboardInterrupt:
         print()
 
 
 @app.command("info")
-def information(url: Url = "serial://") -> None:
+def information(url: Url = "serial://", as_json: Json = False) -> None:
     """Tell who the board is, what it is doing and what went wrong."""
-    from dataclasses import asdict
-
-    from gellight.enumerations import Dark, ResetReason, SyncMode
     from gellight.ring import connect
 
     with connect(url) as ring:
-        hello, status, counters = ring.hello, ring.status(), ring.counters()
-        version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
-        print(f"board     {hello.unique_id.hex().upper()}, firmware {version}, image {hello.image_crc:08x}")
-        print(f"protocol  {hello.protocol_major}.{hello.protocol_minor}, schema {hello.schema_crc:08x}")
-        print(f"started   by {ResetReason(hello.reset_reason).name}, {status.time_us / 1e6:.1f} s ago")
-        print(f"light     {status.current_ma} of {status.limit_ma} mA, {Dark(status.dark).name}")
-        print(f"mode      {SyncMode(status.mode).name}, {'running' if status.state else 'still'}")
-        wrong = {k: v for k, v in asdict(counters).items() if v and k not in ("packets", "lights", "triggers")}
-        print(f"counters  {counters.packets} packets, {counters.lights} lights, {wrong or 'nothing wrong'}")
+        told = _facts(ring)
+    print(json.dumps(told, indent=2) if as_json else _text(told))
+
+
+def _facts(ring: "LightRing") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from gellight.enumerations import Dark, ResetReason, SyncMode
+    from gellight.ring import chip_temperature_c
+
+    hello, status = ring.hello, ring.status()
+    return {
+        "board": hello.unique_id.hex().upper(),
+        "firmware": f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}",
+        "image_crc": f"{hello.image_crc:08x}",
+        "protocol": f"{hello.protocol_major}.{hello.protocol_minor}",
+        "schema_crc": f"{hello.schema_crc:08x}",
+        "reset_reason": ResetReason(hello.reset_reason).name,
+        "uptime_s": status.time_us / 1e6,
+        "temperature_c": chip_temperature_c(hello, status),
+        "current_ma": status.current_ma,
+        "limit_ma": status.limit_ma,
+        "dark": Dark(status.dark).name,
+        "mode": SyncMode(status.mode).name,
+        "running": bool(status.state),
+        "counters": asdict(ring.counters()),
+    }
+
+
+def _text(told: dict[str, Any]) -> str:
+    counters = told["counters"]
+    wrong = {k: v for k, v in counters.items() if v and k not in ("packets", "lights", "triggers")}
+    warm = "" if told["temperature_c"] is None else f", chip at {told['temperature_c']:.0f} °C"
+    return (
+        f"board     {told['board']}, firmware {told['firmware']}, image {told['image_crc']}\n"
+        f"protocol  {told['protocol']}, schema {told['schema_crc']}\n"
+        f"started   by {told['reset_reason']}, {told['uptime_s']:.1f} s ago{warm}\n"
+        f"light     {told['current_ma']} of {told['limit_ma']} mA, {told['dark']}\n"
+        f"mode      {told['mode']}, {'running' if told['running'] else 'still'}\n"
+        f"counters  {counters['packets']} packets, {counters['lights']} lights, {wrong or 'nothing wrong'}"
+    )
 
 
 @app.command("set")
@@ -110,8 +148,10 @@ def _numbers(text: str) -> list[int]:
 
 @app.command("sequence")
 def sequence(
-    dwell_ms: Annotated[float, typer.Option(help="how long each light group is lit")] = 100.0,
-    value: Annotated[int, typer.Option(min=1, max=255, help="brightness")] = 60,
+    dwell_ms: Annotated[
+        float, typer.Option(help="how long each light group is lit, ms", callback=between(2, 60_000, "ms"))
+    ] = 100.0,
+    value: Annotated[int, typer.Option(min=1, max=255, help="brightness, 1 to 255")] = 60,
     url: Url = "serial://",
     seconds: Seconds = 0,
 ) -> None:

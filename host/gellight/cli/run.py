@@ -22,12 +22,15 @@ WAIT_S = 0.5
 
 def command(
     sensor: Annotated[
-        str | None, typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim:// [default: auto, or the settings]")
+        str | None,
+        typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="auto, or the settings"),
     ] = None,
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
-    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one. [default: 8420]")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")
+    ] = None,
     mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid. [default: network]")
+        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,

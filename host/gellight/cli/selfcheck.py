@@ -21,8 +21,8 @@ COLUMNS = (
 
 
 def command(
-    sensor: Annotated[str | None, typer.Option(help="URL of a simulated sensor. [default: sim://]")] = None,
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle. [default: synthetic]")] = None,
+    sensor: Annotated[str | None, typer.Option(help="URL of a simulated sensor.", show_default="sim://")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Press the ball and the ten objects; compare depth, normals and picture with the reference simulator.

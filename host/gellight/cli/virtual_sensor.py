@@ -13,11 +13,13 @@ REPLUG_S = 2.0
 def command(
     sensor: Annotated[str, typer.Option(help="The simulated sensor inside: sim:// with its parameters.")] = "sim://",
     serial: Annotated[str, typer.Option(help="Serial number, up to 16 hexadecimal digits.")] = "E6605838833A5D2F",
-    port: Annotated[int | None, typer.Option(help="Virtual USB port to plug it in. [default: the first free]")] = None,
-    size: Annotated[str | None, typer.Option(help="Pixels of the picture, as 640x480. [default: as set]")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Virtual USB port to plug it in.", show_default="the first free")
+    ] = None,
+    size: Annotated[str | None, typer.Option(help="Pixels of the picture, as 640x480.", show_default="as set")] = None,
     fault: Annotated[list[str] | None, typer.Option(help="What is wrong with it, as drop=0.1; repeatable.")] = None,
     listen: Annotated[str | None, typer.Option(help="Offer it to `usbip attach` at HOST:PORT instead.")] = None,
-    seconds: Annotated[float, typer.Option(help="End after so long; 0: at Ctrl-C.", min=0)] = 0,
+    seconds: Annotated[float, typer.Option(help="End after so many seconds; 0: at Ctrl-C.", min=0)] = 0,
 ) -> None:
     """Plug a simulated sensor into this Linux: camera and light ring in one USB device (needs root and vhci-hcd)."""
     import contextlib

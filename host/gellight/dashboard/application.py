@@ -286,9 +286,8 @@ async def only_this_machine(request: web.Request, handler: Handler) -> web.Strea
         raise web.HTTPForbidden(text=f"Origin {origin!r} is another site: open the dashboard's own page")
     response = await handler(request)
     if not response.prepared:
-        response.headers["Content-Security-Policy"] = (
-            f"default-src 'self'; img-src 'self' blob:; connect-src 'self' ws://{host}"
-        )
+        policy = f"default-src 'self'; img-src 'self' blob:; connect-src 'self' ws://{host}"
+        response.headers.setdefault("Content-Security-Policy", policy)
         response.headers["X-Content-Type-Options"] = "nosniff"
         response.headers["Cache-Control"] = "no-cache"
     return response

@@ -1,6 +1,7 @@
 """The wizard's part of the dashboard: what `calibrate.html` asks for and what it may do.
 
 GET  /calibration                  the state of the desk, JSON
+GET  /calibration/report/IDENTITY  the report of a stored bundle
 GET  /calibration/picture/NAME     a picture as JPEG: live, press, uniformity, coverage, verify
 POST /calibration                  a command: begin, act, restore, zero; answers {} or {"message": why not}
 """
@@ -23,6 +24,8 @@ from gellight.errors import GellightError
 
 logger = logging.getLogger(__name__)
 
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox allow-popups"
+"""a report holds its style and pictures, and no script; a bundle may come from anywhere"""
 NO_DESK = "this dashboard has no calibration: start it with `gellight run` or `gellight demo`"
 
 
@@ -82,6 +85,9 @@ class CalibrationDesk(Protocol):
     def rezero(self) -> None:
         """Set the zero of the depth."""
 
+    def report(self, identity: str) -> bytes:
+        """Return the report of a stored bundle, HTML."""
+
     def picture(self, name: str) -> NDArray[np.uint8]:
         """Return a picture, (H, W, 3) RGB."""
 
@@ -99,6 +105,7 @@ class Wizard:
         app.router.add_get("/calibration", self._show)
         app.router.add_post("/calibration", self._obey)
         app.router.add_get("/calibration/picture/{name}", self._picture)
+        app.router.add_get("/calibration/report/{identity:[0-9a-f]{16}}", self._report)
         app.on_cleanup.append(self._stop)
 
     async def _stop(self, app: web.Application) -> None:
@@ -119,6 +126,18 @@ class Wizard:
         except (GellightError, TimeoutError) as error:
             return web.json_response({"message": str(error)}, status=404)
         return web.Response(body=content, content_type="image/jpeg")
+
+    async def _report(self, request: web.Request) -> web.Response:
+        if self._desk is None:
+            return web.json_response({"message": NO_DESK}, status=404)
+        try:
+            find = partial(self._desk.report, request.match_info["identity"])
+            content = await asyncio.get_running_loop().run_in_executor(self._worker, find)
+        except GellightError as error:
+            return web.json_response({"message": str(error)}, status=404)
+        return web.Response(
+            body=content, content_type="text/html", charset="utf-8", headers={"Content-Security-Policy": REPORT_POLICY}
+        )
 
     @staticmethod
     def _encoded(desk: CalibrationDesk, name: str) -> bytes:

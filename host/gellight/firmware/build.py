@@ -1,5 +1,6 @@
 """Compile the firmware: one command, the same bytes from the same compiler, no SDK."""
 
+import contextlib
 import hashlib
 import importlib.util
 import shutil
@@ -33,6 +34,14 @@ def committed_image() -> bytes:
     if actual != expected:
         raise InputError(f"{IMAGE} is damaged (SHA-256 {actual}, not {expected}): install gellight again")
     return uf2.unpack(file)
+
+
+def read_image(path: Path) -> bytes:
+    """Return the flash image of a UF2 file; InputError where it cannot be read or is none."""
+    try:
+        return uf2.unpack(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {path} ({error.strerror}): give a UF2 file") from error
 
 
 def compiler(name: str) -> list[str]:
@@ -79,11 +88,16 @@ def build(checkout: Path = CHECKOUT, *, compiler_name: str = "zig") -> bytes:
 
 
 def write_image(image: bytes, path: Path = IMAGE) -> str:
-    """Write a UF2 file and its checksum next to it; return the checksum."""
+    """Write a UF2 file and its checksum next to it; return the checksum. InputError where that is not possible."""
     file = uf2.pack(image)
     digest = hashlib.sha256(file).hexdigest()
     for target, content in ((path, file), (path.with_suffix(".sha256"), f"{digest}  {path.name}\n".encode())):
         temporary = target.with_name(f".{target.name}.part")
-        temporary.write_bytes(content)
-        temporary.replace(target)
+        try:
+            temporary.write_bytes(content)
+            temporary.replace(target)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+            raise InputError(f"cannot write {target} ({error.strerror}): choose another place") from error
     return digest

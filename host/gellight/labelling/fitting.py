@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, optimize
+from scipy.linalg import lapack
 
 from gellight.errors import InputError
 from gellight.labelling.pattern import STEEPEST, PressShape, background, response
@@ -23,6 +24,8 @@ _ROBUST_GREY = 4.0
 _STARTS = (0.35, 0.65, 1.0)
 """of the radius first guessed: a wide flat skirt looks like contact, so smaller circles are tried too"""
 DARK_GREY = 8.0
+_BLOCK = 64
+"""columns that LAPACK works on at a time"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +65,16 @@ def window(difference: Array, center: tuple[float, float], contact_radius: float
 
 
 def without(columns: Array, values: Array) -> Array:
-    """Return what is left of (N, K) values when their best combination of (N, M) columns is taken off."""
-    orthogonal, _ = np.linalg.qr(columns)
-    rest: Array = values - orthogonal @ (orthogonal.T @ values)
-    return rest
+    """Return what is left of (N, K) values when their best combination of (N, M) columns, M < N, is taken off.
+
+    By Householder's reflections, which are applied and never multiplied out: half the time of a fit goes in here.
+    """
+    reflections, scales, *_ = lapack.dgeqrf(columns)
+    room = _BLOCK * values.shape[1]
+    turned, *_ = lapack.dormqr("L", "T", reflections, scales, values, room)
+    turned[: columns.shape[1]] = 0
+    rest, *_ = lapack.dormqr("L", "N", reflections, scales, turned, room, overwrite_c=True)
+    return np.asarray(rest)
 
 
 def left_over(pixels: Window, shape: PressShape, ball_radius: float) -> Array:

@@ -63,14 +63,33 @@ class _Fit:
     shape: PressShape
 
 
-def refine(presses: Sequence[Press], reference: NDArray[np.number], ball: Ball) -> Refined:
+class FirstFits:
+    """Each press fitted by itself, from its label: what refinement begins with, the same in every fold."""
+
+    def __init__(self, reference: NDArray[np.number], ball: Ball) -> None:
+        """Compare with the (H, W, 3) reference, grey levels."""
+        self._reference, self._ball = reference, ball
+        self._known: dict[Press, _Fit] = {}
+
+    def of(self, press: Press) -> _Fit:
+        """Return the fit; InputError where the image is none of this sensor."""
+        if press not in self._known:
+            self._known[press] = _begun(press, self._reference, self._ball)
+        return self._known[press]
+
+
+def refine(
+    presses: Sequence[Press], reference: NDArray[np.number], ball: Ball, *, first: FirstFits | None = None
+) -> Refined:
     """Refit the circles of all presses together with the response of the light; reference is (H, W, 3), grey levels.
 
+    first: keeps what it costs to begin with a press, for whoever refines the same ones again.
     Raises InputError for fewer than 5 presses, which cannot vouch for each other.
     """
     if len(presses) < _LEAST_PRESSES:
         raise InputError(f"{len(presses)} presses cannot be refined: give at least {_LEAST_PRESSES}")
-    fits = [_begun(press, reference, ball) for press in presses]
+    first = first or FirstFits(reference, ball)
+    fits = [first.of(press) for press in presses]
     extent = _extent(reference)
     for _ in range(_ROUNDS):
         sums = [_normal_equations(fit, ball, extent) for fit in fits]
@@ -92,12 +111,19 @@ def refine(presses: Sequence[Press], reference: NDArray[np.number], ball: Ball) 
     )
 
 
-def refine_others(refined: Refined, presses: Sequence[Press], reference: NDArray[np.number], ball: Ball) -> list[Press]:
+def refine_others(
+    refined: Refined,
+    presses: Sequence[Press],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    first: FirstFits | None = None,
+) -> list[Press]:
     """Refit circles that had no part in `refined`, by its response and its offset; nothing is learnt from them."""
     result = []
+    first = first or FirstFits(reference, ball)
     for press in presses:
-        begun = _begun(press, reference, ball)
-        move = _move(_fitted_to(begun, refined.coefficients, ball, _extent(reference))) - refined.offset
+        move = _move(_fitted_to(first.of(press), refined.coefficients, ball, _extent(reference))) - refined.offset
         result.append(_moved(press, move, ball, bool(np.hypot(*move[:2]) < _FARTHEST * ball.radius_px)))
     return result
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import fft
 
 from gellight.labelling.pattern import PressShape, response
 
@@ -68,8 +68,15 @@ def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
     pattern *= (np.hypot(x, y) < _SUPPORT * contact_radius)[:, None]
     orthogonal, _ = np.linalg.qr(pattern)
     kernels = orthogonal.T.reshape(-1, 2 * reach + 1, 2 * reach + 1)
-    gain = np.zeros(image.shape[:2])
-    for kernel in kernels:
-        for channel in range(3):
-            gain += signal.fftconvolve(image[..., channel], kernel[::-1, ::-1], mode="same") ** 2
-    return gain
+    return np.asarray((_correlated(image, kernels) ** 2).sum(axis=0))
+
+
+def _correlated(image: Array, kernels: Array) -> Array:
+    """(K * C, H, W) sums of products of each channel of (H, W, C) with each of (K, n, n) kernels, centred, by FFT."""
+    height, width = image.shape[:2]
+    size = kernels.shape[1]
+    shape = [fft.next_fast_len(length + size - 1, real=True) for length in (height, width)]
+    seen = [fft.rfft2(image[..., channel], shape) for channel in range(image.shape[2])]
+    wanted = [fft.rfft2(kernel[::-1, ::-1], shape) for kernel in kernels]
+    found = [fft.irfft2(channel * kernel, shape) for kernel in wanted for channel in seen]
+    return np.stack(found)[:, size // 2 : size // 2 + height, size // 2 : size // 2 + width]

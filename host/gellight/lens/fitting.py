@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from gellight.errors import InputError
 from gellight.lens.lattice import Lattice, find_lattice
 from gellight.lens.model import Lens, distorted, half_diagonal_px, middle_px, undistorted
-from gellight.lens.pins import contrasts, find_pins
+from gellight.lens.pins import find_pins
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -56,7 +56,7 @@ def fit_lens(lattices: Sequence[Lattice], image_shape: tuple[int, int], pitch_mm
 
     Raises InputError for too few pins, for pins that leave parts of the view empty, and for residuals above 0.5 px.
     """
-    _check_pins(lattices, image_shape)
+    check_pins(lattices, image_shape)
     grids = [lattice.places.astype(np.float64) * pitch_mm for lattice in lattices]
     middle, radius = middle_px(image_shape), half_diagonal_px(image_shape)
     straight = [_affine(grid, lattice.points) for grid, lattice in zip(grids, lattices, strict=True)]
@@ -87,33 +87,38 @@ def fit_lens(lattices: Sequence[Lattice], image_shape: tuple[int, int], pitch_mm
     return fit
 
 
+def spacing_px(pixel_size_mm: tuple[float, float], pitch_mm: float) -> float:
+    """Return how far apart pins look in a picture whose pixels have this size."""
+    return pitch_mm / float(np.sqrt(pixel_size_mm[0] * pixel_size_mm[1]))
+
+
 def read_pins(
-    picture: Floats, reference: Floats | None, *, pixel_size_mm: tuple[float, float], pitch_mm: float, source: Path
+    contrasts: Sequence[Floats], *, pixel_size_mm: tuple[float, float], pitch_mm: float, source: str | Path
 ) -> Lattice:
-    """Find the grid in a (H, W, 3) picture; with a reference image of the untouched gel, in their difference.
+    """Find the grid in the best of some (H, W) pictures of bright spots; see `pins.spots` and its siblings.
 
     Raises InputError, naming `source`, where there is no regular grid of about this pitch.
     """
-    expected = pitch_mm / float(np.sqrt(pixel_size_mm[0] * pixel_size_mm[1]))
-    found = [find_pins(contrast, expected) for contrast in contrasts(picture, reference, expected)]
+    expected = spacing_px(pixel_size_mm, pitch_mm)
+    found = [find_pins(contrast, expected) for contrast in contrasts]
     seen = [find_lattice(points) for points in found if len(points) >= LEAST_IN_PICTURE]
     best = max(seen, key=lambda lattice: len(lattice.points), default=None)
     if best is None or len(best.points) < LEAST_IN_PICTURE:
         most = max(len(points) for points in found)
         raise InputError(
             f"{source}: {most} spots some {expected:.0f} px apart, no grid of pins: press the grid over the whole "
-            "view, check --pitch-mm, and give the untouched gel by --reference"
+            "view, and check its pitch"
         )
     _check_lattice(best, expected, pitch_mm, source)
     return best
 
 
-def _check_lattice(lattice: Lattice, expected_px: float, pitch_mm: float, source: Path) -> None:
+def _check_lattice(lattice: Lattice, expected_px: float, pitch_mm: float, source: str | Path) -> None:
     off = lattice.spacing_px / expected_px - 1
     if abs(off) > PITCH_TOLERANCE:
         raise InputError(
             f"{source}: the pins are {lattice.spacing_px:.1f} px apart, a pitch of {pitch_mm:g} mm would be "
-            f"{expected_px:.1f} px in this bundle: give the pitch of the grid by --pitch-mm, or this sensor's bundle"
+            f"{expected_px:.1f} px at the pixel size of this sensor: give the right pitch, or this sensor's bundle"
         )
     spots = len(lattice.points) + lattice.strays
     if lattice.strays > MOST_STRAYS * spots:
@@ -123,7 +128,8 @@ def _check_lattice(lattice: Lattice, expected_px: float, pitch_mm: float, source
         )
 
 
-def _check_pins(lattices: Sequence[Lattice], image_shape: tuple[int, int]) -> None:
+def check_pins(lattices: Sequence[Lattice], image_shape: tuple[int, int]) -> None:
+    """Raise InputError unless there are enough pins, and some in every part of the (H, W) view."""
     points = np.concatenate([lattice.points for lattice in lattices])
     if len(points) < LEAST_PINS:
         raise InputError(f"{len(points)} pins in all, {LEAST_PINS} are needed: use a finer grid or more pictures")

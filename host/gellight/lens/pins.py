@@ -16,20 +16,31 @@ _CLEAR = 6.0
 """noise of the blurred picture, times which a picture has to vary to show anything"""
 
 
-def contrasts(picture: Floats, reference: Floats | None, spacing_px: float) -> list[Floats]:
-    """Return (H, W) pictures in which pins may be bright spots on black.
+def spots(picture: Floats, spacing_px: float) -> list[Floats]:
+    """Return (H, W) pictures in which the pins of a (H, W, 3) picture may be bright spots on black.
 
-    With a reference, (H, W, 3), that is how far the picture is from it, in any colour; without, how much brighter, and
-    how much darker, a pixel is than its surroundings.
+    How much brighter, and how much darker, a pixel is than its surroundings: the mean over some spacings follows the
+    light, not the pins.
     """
-    blur = max(_BLUR * spacing_px, 0.6)
-    if reference is not None:
-        difference = cv2.GaussianBlur(picture - reference, (0, 0), blur / 2)
-        return [_blurred(np.linalg.norm(difference, axis=2), blur)]
-    grey = _blurred(picture.mean(axis=2), blur)
-    # Around a grid of pins the mean over some spacings follows the light, not the pins.
-    signed = grey - _blurred(picture.mean(axis=2), 1.5 * spacing_px)
+    grey = picture.mean(axis=2)
+    signed = _blurred(grey, max(_BLUR * spacing_px, 0.6)) - _blurred(grey, 1.5 * spacing_px)
     return [signed, -signed]
+
+
+def dimples(depth_mm: Floats, spacing_px: float) -> list[Floats]:
+    """Return the same of pins that press into the gel, from the (H, W) depth that is felt.
+
+    Only depth is highest where the pin is. The picture of a dimple is a ring that is bright where it faces the light,
+    which comes from another side at every place: its middle lies up to 5 px off the pin.
+    """
+    return [depth_mm.astype(np.float32) - _blurred(depth_mm, 1.5 * spacing_px)]
+
+
+def imprints(difference: Floats, spacing_px: float) -> list[Floats]:
+    """Return the same from a (H, W, 3) difference image, for a sensor that cannot feel yet; see `dimples`."""
+    blur = max(_BLUR * spacing_px, 0.6)
+    smooth = cv2.GaussianBlur(difference, (0, 0), blur / 2)
+    return [_blurred(np.linalg.norm(smooth, axis=2), blur)]
 
 
 def find_pins(contrast: Floats, spacing_px: float) -> Array:

@@ -1,6 +1,6 @@
 """Measure a lens from pictures and add it to a bundle; draw what was found."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +9,13 @@ import numpy as np
 from gellight.calibration import Calibration, extend_calibration
 from gellight.camera import read_image
 from gellight.errors import InputError
-from gellight.lens.fitting import Floats, LensFit, fit_lens, read_pins
+from gellight.frames import CameraFrame
+from gellight.lens.fitting import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.lens.lens_file import FILE_NAME, lens_json
-from gellight.lens.pins import marked
+from gellight.lens.pins import dimples, marked, spots
 from gellight.lens.undistortion import Undistortion
 from gellight.pictures import Picture, write_png
+from gellight.pipeline import Reconstructor
 from gellight.training import read_reference
 
 
@@ -22,27 +24,41 @@ def measure_lens(
 ) -> LensFit:
     """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
 
-    reference: the untouched gel, for pins that press into it; without it they are spots in the picture itself. Raises
-    InputError with the reason where the pictures do not tell the lens.
+    reference: the untouched gel, for pins that press into it: they are felt by the network of the bundle. Without it
+    they are spots in the picture itself. Raises InputError with the reason where the pictures do not tell the lens.
     """
     if not (np.isfinite(pitch_mm) and pitch_mm > 0):
         raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
     if not images:
         raise InputError("there is no picture: give at least one of the pin grid")
-    untouched = None if reference is None else read_reference(reference).image
-    if untouched is not None:
-        calibration.check_fits(str(reference), (untouched.shape[0], untouched.shape[1]))
-    lattices = [
-        read_pins(
-            _picture(path, calibration),
-            untouched,
-            pixel_size_mm=calibration.pixel_size_mm,
-            pitch_mm=pitch_mm,
-            source=path,
-        )
-        for path in images
-    ]
+    spacing = spacing_px(calibration.pixel_size_mm, pitch_mm)
+    feel = None if reference is None else _touching(calibration, reference)
+
+    def contrasts(path: Path) -> list[Floats]:
+        picture = _picture(path, calibration)
+        return spots(picture.astype(np.float32), spacing) if feel is None else dimples(feel(picture), spacing)
+
+    size = calibration.pixel_size_mm
+    lattices = [read_pins(contrasts(path), pixel_size_mm=size, pitch_mm=pitch_mm, source=path) for path in images]
     return fit_lens(lattices, calibration.image_shape, pitch_mm)
+
+
+def _touching(calibration: Calibration, reference: str) -> Callable[[Picture], Floats]:
+    """Return what feels the (H, W) depth in a picture, mm, over the picture as it was taken."""
+    untouched = read_reference(reference)
+    calibration.check_fits(reference, untouched.image_shape)
+    bundle = calibration.with_reference(untouched.image, frames=untouched.frames)
+    return depth_feeler(Reconstructor(bundle, undistorted=False))
+
+
+def depth_feeler(reconstructor: Reconstructor) -> Callable[[Picture], Floats]:
+    """Return what feels the (H, W) depth in a picture, mm."""
+
+    def feel(picture: Picture) -> Floats:
+        frame = CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")
+        return reconstructor.reconstruct(frame).depth_mm
+
+    return feel
 
 
 def add_lens(
@@ -83,7 +99,7 @@ def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
         raise InputError(f"{path} cannot be written ({error.strerror}): choose another place") from error
 
 
-def _picture(path: Path, calibration: Calibration) -> Floats:
+def _picture(path: Path, calibration: Calibration) -> Picture:
     picture: Picture = read_image(path)
     calibration.check_fits(str(path), (picture.shape[0], picture.shape[1]))
-    return picture.astype(np.float32)
+    return picture

@@ -153,11 +153,19 @@ class SequencedCamera(Camera):
             timed = self.watch.label(frame.time_s, self.image_shape[0])
             seen = self._check.label(frame.image) if self._check else None
             frame = replace(frame, label=self._agree(timed, seen))
-            if self.mode is LightMode.FREE:
+            if self.watch.silenced():
+                self._start_again()
+            elif self.mode is LightMode.FREE:
                 self._steer(frame)
         assert frame.label is not None
         setattr(self.counters, frame.label.state, getattr(self.counters, frame.label.state) + 1)
         return frame
+
+    def _start_again(self) -> None:
+        """Go on after this program was held up for so long that the board ended the sequence."""
+        logger.warning("the board heard nothing from here and ended its sequence (machine busy?); it is started again")
+        self._ring.start()
+        self._trim = Trim(0, 0.0)  # a start forgets the trim
 
     def _agree(self, timed: LightLabel, seen: LightLabel | None) -> LightLabel:
         """Let the picture doubt what the times say; it never makes an uncertain frame clean."""

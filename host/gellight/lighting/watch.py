@@ -7,6 +7,7 @@ from collections import deque
 from typing import NamedTuple
 
 from gellight import protocol
+from gellight.enumerations import Dark
 from gellight.frames import LightLabel
 from gellight.lighting.clock import ClockMap, Interval
 from gellight.lighting.label import label_frame
@@ -42,6 +43,7 @@ class LightWatch:
         self.clock = ClockMap()
         self.light = KnownLight(pulse_period_us=timing.pulse_period_s * 1e6, plan=plan)
         self._events: deque[protocol.LightEvent] = deque(maxlen=KEPT_EVENTS)
+        self._silenced = False
         ring.event_listeners.append(self._note_event)
         ring.ping_listeners.append(self._note_ping)
         for _ in range(FIRST_PINGS):
@@ -60,6 +62,13 @@ class LightWatch:
             with self._lock:
                 self.light.note_event(event)
                 self._events.append(event)
+        if isinstance(event, protocol.DarkEvent) and event.dark == Dark.HOST_SILENT:
+            self._silenced = True
+
+    def silenced(self) -> bool:
+        """Whether the board has ended the light, since this was asked last, because it heard nothing from here."""
+        silenced, self._silenced = self._silenced, False
+        return silenced
 
     def _note_ping(self, ping: Ping) -> None:
         with self._lock:

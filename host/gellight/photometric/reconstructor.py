@@ -113,12 +113,10 @@ class PhotometricReconstructor:
         watch.lap("normals")
         contact = find_contact(depth, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
         watch.lap("contact")
-        share = self._share_of_exposure(series)
-        image = self.model.grey(signals.light * np.float32(share))
-        light = np.rint(self.model.colours * share).astype(np.uint8)
+        picture = self._picture(series, signals)
         return TactileFrame(
-            camera_frame=replace(series.opening, image=image, light=light),
-            difference=np.subtract(image, self.calibration.reference, dtype=np.float32),
+            camera_frame=picture,
+            difference=np.subtract(picture.image, self.calibration.reference, dtype=np.float32),
             gradient_map=gradient_map,
             normal_map=normal_map,
             depth_mm=depth,
@@ -126,6 +124,12 @@ class PhotometricReconstructor:
             exposures=report,
             stage_seconds=watch.seconds,
         )
+
+    def _picture(self, series: ExposureSeries, signals: Signals) -> CameraFrame:
+        """Return the sum of the exposures as one picture, under the whole ring at the level of the reference image."""
+        share = self._share_of_exposure(series)
+        light = np.rint(self.model.colours * share).astype(np.uint8)
+        return replace(series.opening, image=self.model.grey(signals.light * np.float32(share)), light=light)
 
     def _solved(self, signals: Signals, watch: Watch) -> tuple[Floats, Floats, Bools, Floats]:
         """Return gradient map, depth map, the lights used and what they should have shown, (K, P) each."""

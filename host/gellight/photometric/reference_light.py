@@ -67,14 +67,12 @@ def light_model(
         for kind, images in ((LightGroups.SINGLES, singles), (LightGroups.TRIPLES, triples))
     }
     crosstalk = find_crosstalk(taken[LightGroups.SINGLES], ring)
-    lit = {LightGroups.SINGLES: single_leds(colours), LightGroups.TRIPLES: colour_triples(colours)}
-    fits = {kind: fit_pattern(_levels(images, lit[kind], ring, crosstalk)) for kind, images in taken.items()}
-    residual = max(missed for _, missed in fits.values())
+    patterns, residual = _patterns(taken, colours, ring, crosstalk)
     model = LightModel(
         ring=ring,
         colours=colours,
         image_shape=(whole.shape[1], whole.shape[2]),
-        patterns={kind: pattern for kind, (pattern, _) in fits.items()},
+        patterns=patterns,
         crosstalk=crosstalk,
         black_grey=black,
         gamma=gamma,
@@ -82,13 +80,23 @@ def light_model(
         brightest_grey=max(float(singles[k][..., channel].max()) for k, channel in enumerate(ring.channels)),
         pattern_residual=residual,
     )
+    check_places(model, pixel_size_mm)
+    return model
+
+
+def _patterns(
+    taken: dict[LightGroups, Array], colours: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array
+) -> tuple[dict[LightGroups, Array], float]:
+    """Fit the light of the LEDs from linear pictures of both kinds of groups; CalibrationError where it is rough."""
+    lit = {LightGroups.SINGLES: single_leds(colours), LightGroups.TRIPLES: colour_triples(colours)}
+    fits = {kind: fit_pattern(_levels(images, lit[kind], ring, crosstalk)) for kind, images in taken.items()}
+    residual = max(missed for _, missed in fits.values())
     if residual > LARGEST_RESIDUAL:
         raise CalibrationError(
             f"the light of single LEDs does not fall off smoothly over the gel ({residual:.1%} beside a smooth "
             "pattern): is something touching it? Lift it off, clean the gel, and take the lights again"
         )
-    check_places(model, pixel_size_mm)
-    return model
+    return {kind: pattern for kind, (pattern, _) in fits.items()}, residual
 
 
 def find_gamma(singles: Array, whole: Array) -> float:

@@ -10,8 +10,9 @@ from gellight.calibration import Calibration, load_calibration
 from gellight.camera import open_camera
 from gellight.config import Settings
 from gellight.errors import CalibrationError
+from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import write_lights
-from gellight.photometric.ring_fit import fit_ring
+from gellight.photometric.ring_fit import RingFit, fit_ring
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.taking import Progress, take_lights
 
@@ -45,9 +46,13 @@ def add_lights(
     if ring_from_light:
         model = replace(model, ring=fit.ring)
     write_lights(bundle, model, out, overwrite=overwrite)
+    return {"calibration": str(out), "ring_used": "light" if ring_from_light else "settings"} | _facts(model, fit)
+
+
+def _facts(model: LightModel, fit: RingFit) -> dict[str, object]:
+    """What was found, ready for JSON."""
     return {
-        "calibration": str(out),
-        "leds": len(colours),
+        "leds": len(model.colours),
         "gamma": model.gamma,
         "black_grey": model.black_grey.round(2).tolist(),
         "crosstalk": model.crosstalk.round(3).tolist(),
@@ -55,7 +60,6 @@ def add_lights(
         "exposure_us": model.exposure_us,
         "pattern_residual": round(model.pattern_residual, 5),
         "ring_from_light": fit.as_json(),
-        "ring_used": "light" if ring_from_light else "settings",
     }
 
 

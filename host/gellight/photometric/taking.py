@@ -1,6 +1,7 @@
 """Take the pictures of the untouched gel that the light model is made of."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,28 +35,41 @@ def take_lights(
     """
     if camera.ring is None:
         raise CameraError(f"{camera.url} has no light ring whose LEDs could be lit one by one: connect its board")
-    singles, triples = single_leds(colours), colour_triples(colours)
-    groups = [np.zeros_like(colours), *singles, *triples, colours]
+    with _untouched(camera):
+        pictures = _take_pictures(camera, colours, frames, progress)
+    controls = camera.controls
+    exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
+    return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
+
+
+@contextmanager
+def _untouched(camera: Camera) -> Iterator[None]:
+    """Lift off what a stage presses, and press it again."""
     stage = camera.stage
     pressed = stage.status() if stage else {}
     if stage:
         stage.release()
-    taken = []
     try:
-        with Hold(camera) as hold:
-            for index, group in enumerate(groups):
-                images = [frame.image for frame in frames_under(hold, camera, group, index, frames)]
-                taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
-                progress(index + 1, len(groups))
+        yield
     finally:
         if stage and pressed["object"]:
             stage.press(*(pressed[name] for name in ("object", "depth_mm", "x_mm", "y_mm")))  # type: ignore[arg-type]
-    controls = camera.controls
-    exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
-    pictures = ReferencePictures(
+
+
+def _take_pictures(camera: Camera, colours: NDArray[np.uint8], frames: int, progress: Progress) -> ReferencePictures:
+    """Average `frames` frames in the dark, under each LED, under each triple and under all."""
+    singles, triples = single_leds(colours), colour_triples(colours)
+    groups = [np.zeros_like(colours), *singles, *triples, colours]
+    taken = []
+    with Hold(camera) as hold:
+        for index, group in enumerate(groups):
+            images = [frame.image for frame in frames_under(hold, camera, group, index, frames)]
+            # The dark by its median: noise that is cut off at 0 would lift the mean.
+            taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
+            progress(index + 1, len(groups))
+    return ReferencePictures(
         dark=taken[0],
         singles=tuple(taken[1 : 1 + len(singles)]),
         triples=tuple(taken[1 + len(singles) : -1]),
         whole=taken[-1],
     )
-    return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)

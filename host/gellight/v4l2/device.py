@@ -1,5 +1,7 @@
 """One open V4L2 device: what it is, what it offers, its controls and its stream."""
 
+import errno
+import os
 from ctypes import Structure
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -8,8 +10,8 @@ from typing import Self
 from gellight.errors import CameraError
 from gellight.v4l2 import structures as v
 from gellight.v4l2.controls import V4l2Controls
-from gellight.v4l2.errors import told
-from gellight.v4l2.formats import Mode, Offer, Wanted, choose, not_offered, offers
+from gellight.v4l2.errors import no_camera, told
+from gellight.v4l2.formats import RATE_TOLERANCE, Mode, Offer, Wanted, choose, not_offered, offers
 from gellight.v4l2.kernel import Kernel, LinuxKernel
 from gellight.v4l2.stream import BUFFERS, Stream
 
@@ -47,13 +49,20 @@ class Device:
         self.controls = V4l2Controls(self.ask, path)
 
     def ask(self, request: int, argument: Structure) -> None:
-        """Do one ioctl; OSError as the kernel raises it."""
+        """Do one ioctl; OSError as the kernel raises it, or of a descriptor that was closed."""
+        if self._descriptor < 0:  # another thread may still hold the controls of a camera that was let go of
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         self.kernel.ioctl(self._descriptor, request, argument)
 
     def _identify(self) -> Identity:
         found = v.Capability()
-        with told(self.path, "to say what it is (it is no V4L2 device)"):
-            self.ask(v.QUERYCAP, found)
+        with told(self.path, "to say what it is"):
+            try:
+                self.ask(v.QUERYCAP, found)
+            except OSError as error:
+                if error.errno == errno.ENOTTY:
+                    raise CameraError(no_camera(self.path)) from error
+                raise
         able = found.device_caps if found.capabilities & v.CAP_DEVICE_CAPS else found.capabilities
         needed = v.CAP_VIDEO_CAPTURE | v.CAP_STREAMING
         return Identity(
@@ -81,7 +90,7 @@ class Device:
         if (v.fourcc(pix.pixelformat), pix.width, pix.height) != (mode.letters, mode.width, mode.height):
             raise CameraError(not_offered(offered, wanted, path=self.path))
         fps = self._set_rate(mode.fps)
-        if wanted.fps and abs(fps - wanted.fps) > 0.01 * wanted.fps:
+        if wanted.fps and abs(fps - wanted.fps) > RATE_TOLERANCE * wanted.fps:
             raise CameraError(not_offered(offered, wanted, path=self.path))
         mode = replace(mode, fps=fps, line_bytes=0 if mode.letters == "MJPG" else pix.bytesperline)
         self.controls.period_us = 1e6 / mode.fps
@@ -115,8 +124,8 @@ class Device:
         try:
             self.stop()
         finally:
-            self.kernel.close(self._descriptor)
-            self._descriptor = -1
+            descriptor, self._descriptor = self._descriptor, -1
+            self.kernel.close(descriptor)
 
     def __enter__(self) -> Self:
         """Return the device."""

@@ -29,6 +29,10 @@ class DeniedError(CameraError):
     """The user may not open the camera."""
 
 
+class CorruptPictureError(ValueError):
+    """A picture is not whole; the text says how. It is counted, and the next one taken."""
+
+
 @contextmanager
 def told(path: str, doing: str) -> Iterator[None]:
     """Turn an OSError of the kernel into the error of this module that says what to do."""
@@ -38,12 +42,21 @@ def told(path: str, doing: str) -> Iterator[None]:
         raise explained(path, doing, error) from error
 
 
+def no_camera(path: str) -> str:
+    """Return the message for a file that is something else."""
+    return f"{path} is no V4L2 camera: `gellight find` lists those that are there"
+
+
 def explained(path: str, doing: str, error: OSError) -> CameraError:
     """Return the error that belongs to an errno."""
     if error.errno == errno.ENOENT:
         return UnpluggedError(f"no camera at {path}: plug it in, or let `gellight find` list what is there")
     if error.errno in GONE:
         return UnpluggedError(f"the camera at {path} was unplugged: plug it in again")
+    if error.errno == errno.EISDIR:
+        return CameraError(no_camera(path))
+    if error.errno == errno.EBADF:
+        return CameraError(f"the camera at {path} is closed: open it again")
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeniedError(
             f"you may not use {path} ({os.strerror(error.errno)}): run `sudo gellight install-udev` once, then unplug "

@@ -3,7 +3,7 @@
 import errno
 from collections.abc import Callable, Iterator, Sequence
 from ctypes import Structure
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gellight.errors import CameraError
 from gellight.v4l2 import structures as v
@@ -14,6 +14,8 @@ Ask = Callable[[int, Structure], None]
 DECODABLE = ("MJPG", "YUYV", "RGB3", "GREY")
 """in order of preference: MJPG lets several sensors share one bus, and grey cannot tell the lights apart"""
 USUAL_FPS = 30.0
+RATE_TOLERANCE = 0.01
+"""share by which a rate may differ from the one that is asked for"""
 _TOO_MANY = 4096
 
 
@@ -30,6 +32,8 @@ class Offer:
     smallest: tuple[int, int] | None = None
     """(width, height) of the smallest, where a range is offered"""
     step: tuple[int, int] = (1, 1)
+    any_rate: bool = False
+    """every rate between the highest and the lowest is offered, not these two alone"""
 
     def has(self, width: int, height: int) -> bool:
         """Whether it comes in this size."""
@@ -40,10 +44,18 @@ class Offer:
             inside and not (width - self.smallest[0]) % self.step[0] and not (height - self.smallest[1]) % self.step[1]
         )
 
+    def rate_near(self, fps: float) -> float:
+        """Return the offered rate nearest to `fps`; `fps` itself where the camera does not tell its rates."""
+        if not self.rates:
+            return fps
+        if self.any_rate:
+            return min(max(fps, self.rates[-1]), self.rates[0])
+        return min(self.rates, key=lambda rate: abs(rate - fps))
+
     def __str__(self) -> str:
         """In words: MJPG 640x480 at 30, 15 fps."""
         first = f"{self.smallest[0]}x{self.smallest[1]} to " if self.smallest else ""
-        rates = ", ".join(f"{rate:g}" for rate in self.rates) or "?"
+        rates = (" to " if self.any_rate else ", ").join(f"{rate:g}" for rate in self.rates) or "?"
         return f"{self.letters} {first}{self.width}x{self.height} at {rates} fps"
 
 
@@ -127,10 +139,9 @@ def _mode_of(offer: Offer, wanted: Wanted) -> Mode | None:
     width, height = wanted.width or offer.width, wanted.height or offer.height
     if not offer.has(width, height):
         return None
-    rates = [rate for rate in offer.rates if wanted.fps is None or abs(rate - wanted.fps) <= 0.01 * wanted.fps]
-    if wanted.fps and offer.rates and not rates:
+    fps = offer.rate_near(wanted.fps or USUAL_FPS) if wanted.fps or offer.rates else 0.0
+    if wanted.fps and abs(fps - wanted.fps) > RATE_TOLERANCE * wanted.fps:
         return None
-    fps = min(rates, key=lambda rate: abs(rate - (wanted.fps or USUAL_FPS))) if rates else wanted.fps or 0.0
     return Mode(letters=offer.letters, width=width, height=height, fps=fps)
 
 
@@ -168,15 +179,15 @@ def _sizes(ask: Ask, letters: str) -> list[Offer]:
 
 
 def _with_rates(ask: Ask, letters: str, size: Offer) -> Offer:
-    code, rates = v.code_of(letters), []
+    code, rates, any_rate = v.code_of(letters), set(), False
     for entry in _entries(
         ask, v.ENUM_FRAMEINTERVALS,
         lambda index: v.FrameInterval(index=index, pixel_format=code, width=size.width, height=size.height),
     ):  # fmt: skip
         values = list(entry.values)
-        intervals = [values[:2]] if entry.type == v.FRAME_DISCRETE else [values[:2], values[2:4]]
-        rates += [round(below / above, 3) for above, below in intervals if above and below]
-        if entry.type != v.FRAME_DISCRETE:
-            break
-    return Offer(letters=letters, width=size.width, height=size.height, rates=tuple(sorted(set(rates), reverse=True)),
-                 smallest=size.smallest, step=size.step)  # fmt: skip
+        any_rate = entry.type != v.FRAME_DISCRETE
+        intervals = [values[:2], values[2:4]] if any_rate else [values[:2]]
+        rates |= {round(below / above, 3) for above, below in intervals if above and below}
+        if any_rate:
+            break  # a range is the only entry, whatever is asked for further
+    return replace(size, rates=tuple(sorted(rates, reverse=True)), any_rate=any_rate)

@@ -8,12 +8,13 @@ is waited for. A reader as slow as it may be never gets an old one.
 import errno
 from dataclasses import asdict, dataclass
 
+from gellight.errors import CameraError
 from gellight.v4l2 import structures as v
 from gellight.v4l2.errors import GONE, StalledError, UnpluggedError, told
 from gellight.v4l2.formats import Ask
 from gellight.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel, Memory
 
-BUFFERS = 4
+BUFFERS, FEWEST_BUFFERS = 4, 2
 BAD_LIMIT = 60
 """so many unusable pictures in a row are a fault"""
 OLDEST_STAMP_S = 2.0
@@ -66,24 +67,41 @@ class Stream:
     """A running stream; a device has one at most."""
 
     def __init__(self, kernel: Kernel, descriptor: int, ask: Ask, path: str, *, buffers: int = BUFFERS) -> None:
-        """Map `buffers` buffers and start; raises BusyError where another programme streams."""
+        """Map `buffers` buffers and start; raises BusyError where another programme streams.
+
+        The driver may give more or fewer buffers. Nothing stays mapped where it fails.
+        """
         self._kernel, self._descriptor, self._ask, self._path = kernel, descriptor, ask, path
         self._memory: list[Memory] = []
         self._last: tuple[int, float] | None = None
         self._last_data = b""
         self.counts = Counts()
-        with told(path, "to start its stream"):
-            request = v.RequestBuffers(count=buffers, type=v.CAPTURE, memory=v.MMAP)
-            ask(v.REQBUFS, request)
-            for index in range(request.count):
-                self._map(index)
-            ask(v.STREAMON, v.Int(v.CAPTURE))
+        try:
+            with told(path, "to start its stream"):
+                self._start(buffers)
+        except BaseException:
+            self._unmap()
+            raise
+
+    def _start(self, buffers: int) -> None:
+        request = v.RequestBuffers(count=buffers, type=v.CAPTURE, memory=v.MMAP)
+        self._ask(v.REQBUFS, request)
+        if request.count < FEWEST_BUFFERS:  # with one the driver would have none to fill while it is read
+            raise CameraError(f"{self._path} has memory for {request.count} pictures only: ask for a smaller size")
+        for index in range(request.count):
+            self._map(index)
+        self._ask(v.STREAMON, v.Int(v.CAPTURE))
 
     def _map(self, index: int) -> None:
         buffer = v.Buffer(index=index, type=v.CAPTURE, memory=v.MMAP)
         self._ask(v.QUERYBUF, buffer)
         self._memory.append(self._kernel.mmap(self._descriptor, buffer.length, buffer.m.offset))
         self._ask(v.QBUF, buffer)
+
+    def _unmap(self) -> None:
+        for memory in self._memory:
+            memory.close()
+        self._memory = []
 
     def newest(self, timeout_s: float) -> Picture:
         """Wait for the newest picture, at most `timeout_s` for each one that may still come.
@@ -196,9 +214,7 @@ class Stream:
             (v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP)),
         ):
             if request == v.REQBUFS:
-                for memory in self._memory:
-                    memory.close()
-                self._memory = []
+                self._unmap()  # the driver does not free what is mapped
             try:
                 self._ask(request, argument)
             except OSError as error:

@@ -11,17 +11,21 @@ What a stamp means differs:
 - `arrival`: no stamp that can be true; the time at which the picture was taken from the driver stands in for `end`.
 
 `delay_us` and `readout_us` are not known to the driver: they are measured against the light ring. Without them the
-delay is taken as 0, and the readout as a whole frame period where it is needed.
+delay is taken as 0, and the readout as a whole frame period where it is needed. How far a stamp may be off is
+`stamp_error_us`; `cadence` shows what stamps really do.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from gellight.lighting.timing import CameraTiming
 from gellight.v4l2.stream import Picture
 
 STAMP_ERROR_S = 0.002
-"""of a stamp whose meaning is known: scheduling of the USB and of the interrupt"""
+"""of a stamp whose meaning is known, where nothing else is said: scheduling of the USB and of the interrupt"""
 START, FIRST_PACKET, END, ARRIVAL = "start", "first packet", "end", "arrival"
 
 
@@ -38,6 +42,8 @@ class Timing:
     """None where it was not measured: then 0 is taken, the shortest it can be"""
     readout_s: float | None = None
     """None where it was not measured: then a whole period is taken, the longest it can be"""
+    stamp_error_s: float = STAMP_ERROR_S
+    """that a stamp may be off by, either way"""
 
     def meaning(self, picture: Picture) -> str:
         """Return what the stamp of a picture means."""
@@ -70,8 +76,34 @@ class Timing:
             exposure_s=self.period_s if self.exposure_s is None else self.exposure_s,
             readout_s=self.period_s if self.readout_s is None else self.readout_s,
             period_s=self.period_s,
-            stamp_error_s=STAMP_ERROR_S + unknown * self.period_s,
+            stamp_error_s=self.stamp_error_s + unknown * self.period_s,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cadence:
+    """How regularly the stamps of a camera come."""
+
+    period_s: float
+    """the usual one"""
+    wander_s: float
+    """95 % of the stamps are at most so far from a steady rate"""
+    farthest_s: float
+    """all of them are"""
+    left_out: int
+    """pictures that are missing between stamps although the driver numbered the others without a gap"""
+
+
+def cadence(pictures: Sequence[Picture]) -> Cadence:
+    """Compare the stamps of at least two pictures with the steady rate that fits them best (least squares)."""
+    stamps_s = np.array([picture.stamp_s for picture in pictures])
+    steps = np.maximum(np.diff([picture.sequence for picture in pictures]), 1)
+    period_s = max(float(np.median(np.diff(stamps_s) / steps)), 1e-6)
+    periods = np.maximum(np.rint(np.diff(stamps_s) / period_s), steps)
+    places = np.concatenate([[0.0], np.cumsum(periods)])
+    off_s = np.abs(stamps_s - np.polyval(np.polyfit(places, stamps_s, 1), places))
+    return Cadence(period_s=period_s, wander_s=float(np.percentile(off_s, 95)), farthest_s=float(off_s.max()),
+                   left_out=int((periods - steps).sum()))  # fmt: skip
 
 
 def hardware_stamps(driver: str, *, sysfs: Path = Path("/sys")) -> bool:

@@ -7,14 +7,14 @@ from gellight.errors import CameraError
 from gellight.frames import CameraFrame
 from gellight.lighting.timing import CameraTiming
 from gellight.v4l2.controls import V4l2Controls
-from gellight.v4l2.decoding import CorruptPictureError, decode
+from gellight.v4l2.decoding import decode
 from gellight.v4l2.device import Device
-from gellight.v4l2.errors import StalledError
+from gellight.v4l2.errors import CorruptPictureError, StalledError
 from gellight.v4l2.formats import Offer
 from gellight.v4l2.kernel import Kernel
 from gellight.v4l2.options import CaptureOptions, parse_url
 from gellight.v4l2.stream import BAD_LIMIT, Picture
-from gellight.v4l2.timing import Timing, hardware_stamps
+from gellight.v4l2.timing import STAMP_ERROR_S, Timing, hardware_stamps
 
 FIRST_FRAME_S = 5.0
 STALL_S = 2.0
@@ -67,12 +67,14 @@ class V4l2Camera(Camera):
     @property
     def dating(self) -> Timing:
         """How the start of an exposure follows from a time stamp, as the camera is set now."""
+        error_s = _seconds(self._options.stamp_error_us)
         return Timing(
             hardware_stamps=self._hardware_stamps,
             period_s=1 / self.mode.fps,
             exposure_s=_seconds(self.controls.exposure_us),
             delay_s=_seconds(self._options.delay_us),
             readout_s=_seconds(self._options.readout_us),
+            stamp_error_s=STAMP_ERROR_S if error_s is None else error_s,
         )
 
     @property

@@ -80,6 +80,7 @@ class VirtualSensor:
             self._body.power_on()
             connection.sendall(greeting)
         except BaseException:
+            self._body.power_off()
             self.unplugged.set()
             raise
         self._start_functions()

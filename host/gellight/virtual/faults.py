@@ -1,5 +1,6 @@
 """What can be wrong with a sensor, on purpose: for programs that have to notice it."""
 
+import math
 from dataclasses import dataclass, fields, replace
 
 from gellight.errors import InputError
@@ -27,13 +28,13 @@ class Faults:
     """name of a control (exposure_us, gain, white_balance_k, ...) that takes a new value and does not keep it"""
 
     def __post_init__(self) -> None:
-        """Refuse shares outside 0..1 and negative times and counts."""
+        """Refuse shares outside 0..1 and times and counts below 0 or without end."""
         for name in ("drop", "error", "torn", "duplicate"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"fault {name}={getattr(self, name)}: give the share of the frames, 0 to 1")
         for name in ("late_ms", "stall_after", "unplug_after"):
-            if getattr(self, name) < 0:
-                raise InputError(f"fault {name}={getattr(self, name)}: it cannot be negative")
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"fault {name}={getattr(self, name)}: give a number from 0 up")
 
 
 def parse_faults(texts: list[str]) -> Faults:
@@ -47,5 +48,6 @@ def parse_faults(texts: list[str]) -> Faults:
         try:
             faults = replace(faults, **{name: known[name](value)})
         except ValueError:
-            raise InputError(f"fault {text!r}: give a number, for example {name}=0.1") from None
+            example = "a whole number, for example {}=10" if known[name] is int else "a number, for example {}=0.1"
+            raise InputError(f"fault {text!r}: give {example.format(name)}") from None
     return faults

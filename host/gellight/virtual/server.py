@@ -25,7 +25,7 @@ class UsbipServer:
         self._sensors = dict(sensors)
         try:
             self._listener = socket.create_server((host, port))
-        except OSError as error:
+        except (OSError, OverflowError) as error:  # OverflowError: a port above 65535
             raise InputError(f"cannot listen on {host}:{port} ({error}): choose another host or port") from None
         self.port = int(self._listener.getsockname()[1])
         self._thread = threading.Thread(target=self._accept, daemon=True)

@@ -62,6 +62,8 @@ class Baseline:
         """what a gain of each channel of the camera adds, and of each colour of the light where LEDs are known"""
         self.shifts: list[Cells] = [-np.asarray(np.gradient(self.reference, CELL_PX, axis=axis)) for axis in (1, 0)]
         """change of the picture when its content moves right, down by one pixel"""
+        self.pressed: list[Cells] = [] if self.ring is None else _pressed(self.ring.nearer)
+        """change of the picture when a plate presses the whole gel 1 mm deep, and 1 mm deeper right, at the bottom"""
         columns = [*self.gains, *self.shifts, *self._light_columns(bundle)]
         if self.ring is not None:
             colours = np.array([led.rgb for led in bundle.manifest.led]).argmax(axis=1)
@@ -100,3 +102,9 @@ class Baseline:
         normal = rows.T @ rows + _RIDGE * len(rows) * np.eye(count, dtype=np.float32)
         weights = np.linalg.solve(normal.astype(np.float64), (rows.T @ values).astype(np.float64))
         return np.asarray(self._columns @ weights.astype(np.float32))
+
+
+def _pressed(nearer: Cells) -> list[Cells]:
+    height, width = nearer.shape[:2]
+    down, right = np.linspace(-1, 1, height, dtype=np.float32), np.linspace(-1, 1, width, dtype=np.float32)
+    return [nearer, nearer * right[None, :, None], nearer * down[:, None, None]]

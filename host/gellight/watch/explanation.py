@@ -1,8 +1,9 @@
-"""Which cause explains the change of the untouched picture: all light alike, single LEDs, or a camera that moved.
+"""Which cause explains the change of the untouched picture: all light alike, single LEDs, a camera that moved, a plate.
 
-The three are compared by what they leave of the change (rms over the cells that nothing touches, beyond the noise of
-the mean): a gain for each channel of the camera and each colour of the light alone; gains and a shift; gains and the
-light of one, two or three single LEDs. A shift, and each further LED, is believed when it halves what was left.
+They are compared by what they leave of the change (rms over the cells that nothing touches, beyond the noise of the
+mean): a gain for each channel of the camera and each colour of the light alone; gains and a shift; gains and the light
+of one, two or three single LEDs; gains and a gel that came nearer to the ring all over, perhaps on one side more: a
+flat plate on it. A shift, a plate, and each further LED, is believed when it halves what was left.
 """
 
 import itertools
@@ -37,6 +38,8 @@ class Explanation:
     """by which the picture's content moved right and down; only where that is the cause"""
     leds: dict[int, float] = field(default_factory=dict)
     """light of single LEDs as a share of what it was, by number; only where that is the cause"""
+    pressed_mm: float = 0.0
+    """by which the gel came nearer to the ring, at most over the view; only where that is the cause"""
 
 
 def explain(baseline: Baseline, change: Cells, kept: Mask, *, noise_grey: float) -> Explanation:
@@ -50,8 +53,12 @@ def explain(baseline: Baseline, change: Cells, kept: Mask, *, noise_grey: float)
         return fit.explanation(gain_left)
     weights, moved_left = fit.left(fit.gains + fit.shifts)
     leds, led_left = fit.leds(gain_left)
-    if min(moved_left, led_left) > BELIEVED * gain_left:
+    plate, pressed_left = fit.left(fit.gains + fit.pressed)
+    least = min(moved_left, led_left, pressed_left)
+    if least > BELIEVED * gain_left:
         return fit.explanation(gain_left)
+    if fit.pressed and pressed_left == least:
+        return fit.explanation(pressed_left, pressed_mm=float(plate[-3] + abs(plate[-2]) + abs(plate[-1])))
     if leds and led_left < moved_left:
         common, strengths = fit.strengths(leds)
         return fit.explanation(led_left, gain=common, leds=strengths)
@@ -64,9 +71,9 @@ class _Fit:
     def __init__(self, baseline: Baseline, change: Cells, kept: Mask, noise_grey: float) -> None:
         self._noise = noise_grey
         fields = list(baseline.ring.fields) if baseline.ring else []
-        parts = [[baseline.reference], baseline.gains, baseline.shifts, fields]
+        parts = [[baseline.reference], baseline.gains, baseline.shifts, baseline.pressed, fields]
         at = np.cumsum([0, *map(len, parts)])
-        self._all, self.gains, self.shifts, self._leds = (
+        self._all, self.gains, self.shifts, self.pressed, self._leds = (
             list(range(start, end)) for start, end in itertools.pairwise(at.tolist())
         )
         columns = np.stack([one[kept].astype(np.float64).ravel() for part in parts for one in part])
@@ -113,9 +120,15 @@ class _Fit:
         gain: float | None = None,
         shift_px: tuple[float, float] = (0.0, 0.0),
         leds: dict[int, float] | None = None,
+        pressed_mm: float = 0.0,
     ) -> Explanation:
         red, green, blue = (gain if gain is not None else float(mean) for mean in self._means)
         size = float(np.sqrt(self._square / self._count))
         return Explanation(
-            size_grey=size, left_grey=left_grey, gains=(red, green, blue), shift_px=shift_px, leds=leds or {}
+            size_grey=size,
+            left_grey=left_grey,
+            gains=(red, green, blue),
+            shift_px=shift_px,
+            leds=leds or {},
+            pressed_mm=pressed_mm,
         )

@@ -39,6 +39,8 @@ class RingLight:
 
     fields: NDArray[np.float32]
     """(12, h, w, 3) grey levels that each LED adds to each cell"""
+    nearer: NDArray[np.float32]
+    """(h, w, 3) grey levels that each cell gains per mm that the gel comes nearer to the ring"""
     left_share: float
     """rms of what the fit leaves, as a share of the rms of the picture"""
 
@@ -60,8 +62,11 @@ def fit_ring(bundle: Calibration) -> RingLight | None:
             for start in _STARTS]  # fmt: skip
     best = min(fits, key=lambda fit: fit.cost)
     fields = _fields(best.x, x_mm, y_mm, colours, reference)
+    nearer = sum(_gain_per_mm(best.x, x_mm, y_mm, led)[..., None] * fields[led] for led in range(len(fields)))
     share = float(np.sqrt(((fields.sum(axis=0) - reference) ** 2).mean() / (reference**2).mean()))
-    return RingLight(fields=fields.astype(np.float32), left_share=share) if share < NAMEABLE_SHARE else None
+    if share >= NAMEABLE_SHARE:
+        return None
+    return RingLight(fields=fields.astype(np.float32), nearer=np.asarray(nearer, np.float32), left_share=share)
 
 
 def _fields(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: Cells) -> Array:
@@ -73,7 +78,18 @@ def _fields(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: C
 
 
 def _irradiance(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
-    radius, height, exponent = shape
-    azimuth = np.radians(30.0 * led)
-    square = (x_mm - radius * np.cos(azimuth)) ** 2 + (y_mm + radius * np.sin(azimuth)) ** 2 + height**2
+    _, height, exponent = shape
+    square = _distance2(shape, x_mm, y_mm, led)
     return np.asarray(height**2 * (height / np.sqrt(square)) ** exponent / square)
+
+
+def _gain_per_mm(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
+    """Share by which h^n / d^(n + 2) grows per mm that h shrinks: its logarithm by -h is h (n + 2) / d^2 - n / h."""
+    _, height, exponent = shape
+    return np.asarray(height * (exponent + 2) / _distance2(shape, x_mm, y_mm, led) - exponent / height)
+
+
+def _distance2(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
+    radius, height, _ = shape
+    azimuth = np.radians(30.0 * led)
+    return np.asarray((x_mm - radius * np.cos(azimuth)) ** 2 + (y_mm + radius * np.sin(azimuth)) ** 2 + height**2)

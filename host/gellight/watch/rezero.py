@@ -53,6 +53,11 @@ def refusal(situation: Situation, *, asked: bool) -> str:
     worst = max(abs(gain - 1) for gain in explanation.gains)
     if worst > MOST_GAIN:
         return f"the light has changed by {worst:.0%}, more than {MOST_GAIN:.0%}: calibrate the sensor again"
+    if explanation.pressed_mm:
+        return (
+            f"the picture changed as if something flat pressed the whole gel, up to {explanation.pressed_mm:.2f} mm: "
+            "lift everything off it; if nothing is on it, the gel or the camera has moved: calibrate the sensor again"
+        )
     if explanation.left_grey > MOST_LEFT_GREY:
         return (
             f"{explanation.left_grey:.1f} grey levels of the change are not understood: clean the sensor, see that its "

@@ -5,9 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gellight.calibration import Calibration, load_calibration
 from gellight.errors import InputError
-from gellight.lens.fitting import LensFit, fit_lens, read_pins
+from gellight.frames import CameraFrame
+from gellight.lens.fitting import LensFit, fit_lens, read_pins, spacing_px
 from gellight.lens.lattice import find_lattice
+from gellight.lens.pins import dimples, spots
+from gellight.pipeline import Reconstructor
+from gellight.scene import Press as Pressed
+from gellight.scene import Scene
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
 from tests.host.lens.distorted import (
     PIXEL_MM,
     SHAPE,
@@ -18,29 +26,35 @@ from tests.host.lens.distorted import (
     pin_picture,
     untouched,
 )
+from tests.host.linear_sensor import linear_calibration
 
 BARREL = TrueLens(k1=-0.05, centre_px=(331.0, 230.0))
 DIVISION = DivisionLens(k1=-0.05, centre_px=(325.0, 247.0))
 
 
-def measured(
-    *pictures: np.ndarray,
-    reference: np.ndarray | None = None,
-    pitch_mm: float = 2.0,
-    shape: tuple[int, int] = SHAPE,
-) -> LensFit:
-    untouched_gel = None if reference is None else reference.astype(np.float32)
+SIZE_MM = (PIXEL_MM, PIXEL_MM)
+SPACING_PX = spacing_px(SIZE_MM, 2.0)
+
+
+def measured(*pictures: np.ndarray, pitch_mm: float = 2.0) -> LensFit:
     lattices = [
         read_pins(
-            picture.astype(np.float32),
-            untouched_gel,
-            pixel_size_mm=(PIXEL_MM, PIXEL_MM),
+            spots(picture.astype(np.float32), spacing_px(SIZE_MM, pitch_mm)),
+            pixel_size_mm=SIZE_MM,
             pitch_mm=pitch_mm,
-            source=Path("grid.png"),
+            source="grid.png",
         )
         for picture in pictures
     ]
-    return fit_lens(lattices, shape, pitch_mm)
+    return fit_lens(lattices, SHAPE, pitch_mm)
+
+
+def felt(bundle: Calibration, reference: np.ndarray, picture: np.ndarray) -> LensFit:
+    """The lens by pins that press into the gel of a sensor."""
+    reconstructor = Reconstructor(bundle.with_reference(reference, frames=20))
+    depth = reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="")).depth_mm
+    lattice = read_pins(dimples(depth, SPACING_PX), pixel_size_mm=SIZE_MM, pitch_mm=2.0, source="grid.png")
+    return fit_lens([lattice], SHAPE, 2.0)
 
 
 def error_px(fit: LensFit, lens: TrueLens) -> float:
@@ -69,10 +83,21 @@ def test_the_map_is_right_to_a_tenth_of_a_pixel_over_the_whole_picture(lens: Tru
     assert fit.rms_before_px > (10 if lens.k1 else 0.99) * fit.rms_after_px
 
 
-def test_pins_that_press_into_the_gel_are_seen_in_the_difference_image() -> None:
-    fit = measured(dimple_picture(BARREL, noise=2.0, seed=3), reference=untouched(SHAPE))
+def test_pins_that_press_into_the_gel_are_felt_by_the_network(tmp_path: Path) -> None:
+    linear = linear_calibration(tmp_path / "linear", SHAPE, pixel_size_mm=SIZE_MM)
+    fit = felt(linear, untouched(SHAPE), dimple_picture(BARREL, noise=2.0, seed=3))
     assert fit.pins > 200
     assert error_px(fit, BARREL) < 0.1
+
+
+def test_pins_are_found_to_a_tenth_of_a_pixel_though_light_comes_from_another_side_at_every_place() -> None:
+    scene = Scene(SensorGeometry(image_width_px=640, image_height_px=480, pixel_size_mm=PIXEL_MM), CameraResponse())
+    random = np.random.default_rng(0)
+    picture = digitise(scene.show(Pressed("PINS", 0.2, 0.3, -0.2))[0], 1.0, random)
+    fit = felt(load_calibration("synthetic"), scene.show(None)[0], picture)
+    assert fit.pins > 200
+    assert fit.rms_after_px < 0.1
+    assert error_px(fit, TrueLens()) < 0.1
 
 
 def test_pixels_in_the_middle_have_the_size_that_the_pitch_gives_them() -> None:
@@ -117,7 +142,7 @@ def test_a_picture_without_a_grid_is_refused() -> None:
 
 
 def test_a_grid_of_another_pitch_is_refused() -> None:
-    with pytest.raises(InputError, match=r"a pitch of 2.4 mm would be 40.8 px in this bundle"):
+    with pytest.raises(InputError, match=r"a pitch of 2.4 mm would be 40.8 px at the pixel size"):
         measured(pin_picture(BARREL, noise=2.0), pitch_mm=2.4)
 
 

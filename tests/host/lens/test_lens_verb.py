@@ -67,7 +67,7 @@ def test_pins_in_the_gel_are_read_with_a_reference_and_told_in_words(folder: Pat
         ("text.png", "2", InputError, "is not an image"),
         ("nowhere.png", "2", None, "nowhere.png"),
         ("small.png", "2", CalibrationError, "delivers 320x240 pixels"),
-        ("grid.png", "2.5", InputError, "--pitch-mm"),
+        ("grid.png", "2.5", InputError, "give the right pitch"),
         ("grid.png", "-1", InputError, "pitch -1.0 mm"),
     ],
 )

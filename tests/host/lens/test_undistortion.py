@@ -12,7 +12,7 @@ from gellight.errors import CalibrationError
 from gellight.frames import TactileFrame
 from gellight.lens.lens_file import FILE_NAME, LensRecord, has_lens
 from gellight.lens.model import Lens
-from gellight.lens.undistortion import Undistortion
+from gellight.lens.undistortion import Undistortion, circle_on_gel
 from gellight.photometric.modes import frame_path
 from gellight.pipeline import Reconstructor
 from tests.host.lens.distorted import TrueLens
@@ -58,6 +58,19 @@ def cap_slopes(offset: np.ndarray, ball: float, contact: float) -> np.ndarray:
     """Slopes (..., 2) of a ball's cap in a rigid plane, at offsets from its centre in any unit."""
     r2 = (offset**2).sum(axis=-1, keepdims=True)
     return np.where(r2 < contact**2, -offset / np.sqrt(np.maximum(ball**2 - r2, 1e-9)), 0).astype(np.float32)
+
+
+def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_gel() -> None:
+    distance = np.linalg.norm(BARREL.gel_of_pixels() - PLACE, axis=-1)
+    rows, columns = np.nonzero(distance < CONTACT_MM)
+    seen = float(columns.mean()), float(rows.mean()), float(np.sqrt(len(rows) / np.pi))
+    lens = Lens(
+        image_shape=SHAPE, centre_px=MIDDLE, k1=BARREL.k1, k2=0.0, px_per_mm=(10.0, 0.0, 10.0), origin_mm=(0.0, 0.0)
+    )
+    x, y, radius = circle_on_gel(lens, (PIXEL_MM, PIXEL_MM), seen)
+    assert np.hypot(seen[0] - MIDDLE[0] - 90, seen[1] - MIDDLE[1] + 60) > 3
+    assert (x, y) == pytest.approx((MIDDLE[0] + 90, MIDDLE[1] - 60), abs=0.3)
+    assert radius * PIXEL_MM == pytest.approx(CONTACT_MM, rel=0.01)
 
 
 def felt(calibration: Calibration, slopes: np.ndarray) -> TactileFrame:

@@ -80,6 +80,21 @@ def test_a_strobe_that_falls_silent_leaves_the_ring_dark_and_no_frame_clean(monk
     assert counts == {("dark", "unknown"): 3}
 
 
+@pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT])
+def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
+    monkeypatch: pytest.MonkeyPatch, mode: LightMode
+) -> None:
+    camera = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT)
+    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING, check=reference_check(camera)) as sequenced:
+        follow(sequenced, camera, 5)
+        camera.board.run(1_500_000)
+        assert not camera.board.timeline.at(camera.board.now_us).any()
+        meanwhile = follow(sequenced, camera, 25)
+        after = follow(sequenced, camera, 15)
+    assert meanwhile["mixed", "clean"] == meanwhile["clean", "clean"] == meanwhile["dark", "clean"] == 0
+    assert after["clean", "right"] >= 13
+
+
 def test_hold_gives_the_groups_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = virtual_sensor(monkeypatch)
     with SequencedCamera(camera, TRIPLES, mode=LightMode.HOLD, timing=TIMING) as sequenced:

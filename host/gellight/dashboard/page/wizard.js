@@ -5,9 +5,9 @@ import { CirclePicture } from "./circle.js";
 import { figureRows } from "./wizard_figures.js";
 
 const POLL_MS = 300;
-const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", presses: "Ball presses", fit: "Fit", verify: "Verify" };
+const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", lens: "Lens", presses: "Ball presses", fit: "Fit", verify: "Verify" };
 const ACTION_NAMES = { start: "Start", next: "Next", correct: "Correct", drop: "Drop this press", accept: "Accept", abort: "Stop" };
-const PICTURE_NAMES = { live: "Live", press: "Last press", cylinder: "Cylinder", uniformity: "Evenness of the light", coverage: "Coverage", verify: "Depth of the check", untouched: "Untouched gel" };
+const PICTURE_NAMES = { live: "Live", press: "Last press", cylinder: "Cylinder", pins: "Pin grid", uniformity: "Evenness of the light", coverage: "Coverage", verify: "Depth of the check", untouched: "Untouched gel" };
 const ENDS = ["finished", "aborted", "failed"];
 
 const element = (id) => document.getElementById(id);
@@ -71,7 +71,8 @@ function takeIn(state) {
 }
 
 function showSteps(routine) {
-  const steps = routine?.steps ?? Object.keys(STEP_NAMES).map((name) => ({ name, state: "to do" }));
+  const usual = Object.keys(STEP_NAMES).filter((name) => name !== "lens");
+  const steps = routine?.steps ?? usual.map((name) => ({ name, state: "to do" }));
   element("steps").replaceChildren(...steps.map(({ name, state }) => {
     const item = node("li", STEP_NAMES[name] ?? name, state.replace(" ", "-"));
     if (state === "now") item.setAttribute("aria-current", "step");
@@ -107,6 +108,7 @@ function showWishes(state, running) {
   const { defaults } = state;
   element("ball").value = defaults.ball_radius_mm;
   element("cylinder").value = defaults.cylinder_diameter_mm;
+  element("pins").value = defaults.pin_pitch_mm ?? "";
   element("presses").value = defaults.presses;
   element("hand").checked = defaults.hand;
 }
@@ -115,6 +117,7 @@ function wishes() {
   return {
     ball_radius_mm: element("ball").valueAsNumber,
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
+    pin_pitch_mm: element("pins").value ? element("pins").valueAsNumber : null,
     presses: element("presses").valueAsNumber,
     hand: element("hand").checked,
     anew: element("anew").checked,
@@ -131,10 +134,11 @@ let offered = "";
 
 function showActions(routine, running, state) {
   const actions = running ? routine.actions.filter((name) => name !== "correct") : ["begin"];
-  const key = [...actions, state.interrupted, Boolean(routine)].join();
+  const key = [...actions, state.interrupted, Boolean(routine), routine?.step === "lens"].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
-  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
+  const next = routine?.step === "lens" ? "Go on without" : ACTION_NAMES.next;
+  const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
     button.dataset.testid = `action-${name}`;
@@ -196,9 +200,16 @@ function showBundles(state, running) {
 function bundleRow(bundle, running) {
   const made = bundle.created ? new Date(bundle.created).toLocaleString() : bundle.problem;
   const last = node("td", "");
+  if (bundle.report && !bundle.problem) last.append(reportLink(bundle.identity));
   if (bundle.in_service) last.append(node("span", "in service", "passed"));
   else if (!bundle.problem) last.append(restoreButton(bundle.identity, running));
   return row(node("td", bundle.identity, "mono"), node("td", made, bundle.problem ? "problem" : "dim"), last);
+}
+
+function reportLink(identity) {
+  const link = Object.assign(node("a", "Report", "report"), { href: `calibration/report/${identity}`, target: "_blank" });
+  link.dataset.testid = `report-${identity}`;
+  return link;
 }
 
 function restoreButton(identity, running) {

@@ -1,0 +1,193 @@
+/*
+ * Endpoint 0: the requests of USB 2.0 (9.4) that a device with one configuration has to know, those of a CDC-ACM serial
+ * port (PSTN 1.2, 6.3), and the two of picotool's reset interface. What is not known is refused by a stall.
+ */
+#include "usb_wire.h"
+
+#define EP0_BUFFER (USB_DPRAM + 0x100u)
+
+/* bmRequestType */
+#define TO_HOST 0x80u
+#define CLASS_OR_VENDOR 0x60u
+#define TO_DEVICE 0x00u
+#define TO_INTERFACE 0x21u   /* a request of its class */
+#define FROM_INTERFACE 0xa1u
+
+/* bRequest */
+#define GET_STATUS 0u
+#define SET_ADDRESS 5u
+#define GET_DESCRIPTOR 6u
+#define GET_CONFIGURATION 8u
+#define SET_CONFIGURATION 9u
+#define SET_LINE_CODING 0x20u
+#define GET_LINE_CODING 0x21u
+#define SET_CONTROL_LINE_STATE 0x22u
+#define RESET_TO_BOOTLOADER 1u
+#define RESET_TO_FLASH 2u
+
+#define SERIAL_INTERFACE 0u
+#define RESET_INTERFACE 2u
+
+struct setup {
+    uint8_t type, request;
+    uint16_t value, index, count;
+};
+
+static struct setup setup;
+static const uint8_t *control_bytes; /* still to be sent */
+static uint16_t control_count;
+static bool control_zero; /* and then an empty packet */
+static bool control_data1;
+static bool expect_line_coding;
+static uint8_t new_address, configuration;
+static uint8_t line_coding[7] = {0x00, 0xc2, 0x01, 0x00, 0, 0, 8}; /* 115200 8N1 */
+
+static void control_in(uint16_t count)
+{
+    hand_over(BUFFER_CONTROL(0, false), count | FULL | LAST | (control_data1 ? DATA1 : 0));
+    control_data1 = !control_data1;
+}
+
+static void control_out(uint16_t count)
+{
+    hand_over(BUFFER_CONTROL(0, true), count | LAST | DATA1);
+}
+
+static void control_continue(void)
+{
+    uint16_t count = control_count < PACKET ? control_count : (uint16_t)PACKET;
+    for (uint16_t i = 0; i < count; i++)
+        dpram(EP0_BUFFER)[i] = *control_bytes++;
+    control_count = (uint16_t)(control_count - count);
+    if (count < PACKET)
+        control_zero = false;
+    control_in(count);
+}
+
+static void control_reply(const uint8_t *bytes, uint16_t count)
+{
+    control_bytes = bytes;
+    control_count = count < setup.count ? count : setup.count;
+    control_zero = control_count < setup.count && control_count % PACKET == 0;
+    control_continue();
+}
+
+static void control_accept(void)
+{
+    control_in(0);
+}
+
+static void control_refuse(void)
+{
+    REGISTER(USB_EP_STALL_ARM) = 3; /* endpoint 0, IN and OUT */
+    REGISTER(BUFFER_CONTROL(0, false)) = STALL;
+    REGISTER(BUFFER_CONTROL(0, true)) = STALL;
+}
+
+static void get_descriptor(void)
+{
+    uint16_t count;
+    const uint8_t *bytes = usb_descriptor((uint8_t)(setup.value >> 8), (uint8_t)setup.value, &count);
+    if (bytes)
+        control_reply(bytes, count);
+    else
+        control_refuse();
+}
+
+static void standard_request(void)
+{
+    static const uint8_t nothing[2];
+    if (setup.type == TO_HOST && setup.request == GET_DESCRIPTOR) {
+        get_descriptor();
+    } else if (setup.type == TO_DEVICE && setup.request == SET_ADDRESS) {
+        new_address = (uint8_t)setup.value; /* takes effect after the status stage */
+        control_accept();
+    } else if (setup.type == TO_DEVICE && setup.request == SET_CONFIGURATION && setup.value <= 1) {
+        configuration = (uint8_t)setup.value;
+        control_accept();
+        data_configure(configuration);
+    } else if (setup.type == TO_HOST && setup.request == GET_CONFIGURATION) {
+        control_reply(&configuration, 1);
+    } else if (setup.request == GET_STATUS && setup.type >= 0x80 && setup.type <= 0x82) {
+        control_reply(nothing, 2); /* of device, interface or endpoint: bus powered, nothing halted */
+    } else {
+        control_refuse();
+    }
+}
+
+static void set_control_lines(void)
+{
+    uint32_t baud = (uint32_t)line_coding[0] | (uint32_t)line_coding[1] << 8 | (uint32_t)line_coding[2] << 16;
+    control_accept();
+    data_lines(setup.value & 1u, baud);
+}
+
+static void interface_request(void)
+{
+    if (setup.type == TO_INTERFACE && setup.request == SET_LINE_CODING && setup.index == SERIAL_INTERFACE) {
+        expect_line_coding = true;
+        control_out(sizeof line_coding);
+    } else if (setup.type == TO_INTERFACE && setup.request == SET_CONTROL_LINE_STATE &&
+               setup.index == SERIAL_INTERFACE) {
+        set_control_lines();
+    } else if (setup.type == FROM_INTERFACE && setup.request == GET_LINE_CODING && setup.index == SERIAL_INTERFACE) {
+        control_reply(line_coding, sizeof line_coding);
+    } else if (setup.type == TO_INTERFACE && setup.index == RESET_INTERFACE &&
+               (setup.request == RESET_TO_BOOTLOADER || setup.request == RESET_TO_FLASH)) {
+        usb_note(setup.request == RESET_TO_BOOTLOADER ? USB_BOOTLOADER : USB_RESTART);
+        control_accept();
+    } else {
+        control_refuse();
+    }
+}
+
+void control_setup(void)
+{
+    const volatile uint8_t *bytes = dpram(USB_DPRAM);
+    setup.type = bytes[0];
+    setup.request = bytes[1];
+    setup.value = (uint16_t)(bytes[2] | bytes[3] << 8);
+    setup.index = (uint16_t)(bytes[4] | bytes[5] << 8);
+    setup.count = (uint16_t)(bytes[6] | bytes[7] << 8);
+    control_data1 = true;
+    control_count = 0;
+    control_zero = false;
+    expect_line_coding = false;
+    if (setup.type & CLASS_OR_VENDOR)
+        interface_request();
+    else
+        standard_request();
+}
+
+void control_sent(void)
+{
+    if (new_address) {
+        REGISTER(USB_ADDR_ENDP) = new_address;
+        new_address = 0;
+    }
+    if (control_count || control_zero) {
+        if (!control_count)
+            control_zero = false;
+        control_continue();
+    } else if (setup.type & TO_HOST) {
+        control_out(0); /* status stage */
+    }
+}
+
+void control_received(void)
+{
+    if (!expect_line_coding)
+        return;
+    expect_line_coding = false;
+    for (uint32_t i = 0; i < sizeof line_coding; i++)
+        line_coding[i] = dpram(EP0_BUFFER)[i];
+    control_data1 = true;
+    control_accept();
+}
+
+void control_reset(void)
+{
+    REGISTER(USB_ADDR_ENDP) = 0;
+    configuration = 0;
+    new_address = 0;
+}

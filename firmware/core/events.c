@@ -1,0 +1,54 @@
+#include "events.h"
+
+#include "bytes.h"
+
+static void send_event(struct controller *controller, enum event type, const void *record, uint8_t count)
+{
+    struct packet packet = {.type = (uint8_t)type, .sequence = controller->event_sequence++, .count = count};
+    uint8_t wire[PACKET_WIRE_BYTES];
+    if (!controller->open)
+        return;
+    bytes_copy(packet.payload, record, count);
+    if (!controller->port->send(controller->port->context, wire, packet_encode(&packet, wire)))
+        controller->counters.events_dropped++;
+}
+
+void event_light(struct controller *controller, const struct latched *latched)
+{
+    const struct port *port = controller->port;
+    struct light_event event = {
+        .first_bit_us = latched->first_bit_us,
+        .latched_us = latched->latched_us,
+        .light_id = controller->shown_id,
+        .repetition = controller->shown.repetition,
+        .loop = controller->shown.loop,
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .step = controller->shown.step,
+        .group = controller->shown.group,
+    };
+    uint64_t sof_us;
+    event.sof_number = port->start_of_frame(port->context, &sof_us);
+    event.sof_us = sof_us;
+    send_event(controller, EVENT_LIGHT, &event, sizeof event);
+}
+
+void event_dark(struct controller *controller)
+{
+    struct dark_event event = {
+        .time_us = controller_now_us(controller),
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .dark = controller->dark,
+    };
+    send_event(controller, EVENT_DARK, &event, sizeof event);
+}
+
+void event_telemetry(struct controller *controller)
+{
+    struct status_reply status;
+    uint64_t now = controller_now_us(controller);
+    if (!controller->telemetry_ms || now - controller->reported_us < controller->telemetry_ms * 1000u)
+        return;
+    controller->reported_us = now;
+    controller_status(controller, &status);
+    send_event(controller, EVENT_TELEMETRY, &status, sizeof status);
+}

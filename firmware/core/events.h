@@ -1,0 +1,16 @@
+/* What the board tells by itself: each light that was latched, darkness that nobody asked for, its status. */
+#ifndef GELLIGHT_EVENTS_H
+#define GELLIGHT_EVENTS_H
+
+#include "controller.h"
+
+/* When the transfer of a light began, and when the LEDs took it. */
+struct latched {
+    uint64_t first_bit_us, latched_us;
+};
+
+void event_light(struct controller *controller, const struct latched *latched);
+void event_dark(struct controller *controller);
+void event_telemetry(struct controller *controller); /* where its period is over */
+
+#endif

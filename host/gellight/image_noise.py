@@ -1,0 +1,51 @@
+"""The noise of a camera's pictures, such that limits on means over pixels hold.
+
+Whatever looks for a touch compares means over n x n pixels with a multiple of their noise, and takes the noise to be
+white: sigma / n. A camera that compresses (MJPG) leaves noise that its neighbours share: it blurs single pixels, whose
+spread falls, and moves whole blocks of 8 x 8 together. Half a picture at rest would look touched.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.light_drift import light_drift
+
+SIDES_PX = (1, 4, 12)
+"""of the squares over which limits are set on means"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageNoise:
+    """How much pictures of a scene at rest differ from each other; grey levels."""
+
+    pixel_grey: float
+    """standard deviation of one pixel"""
+    white_grey: float
+    """standard deviation of white noise whose means over 4 x 4 or 12 x 12 pixels spread as much, where that is more"""
+
+
+def measure_noise(images: Sequence[NDArray[np.uint8]], mean: NDArray[np.float32]) -> ImageNoise:
+    """Measure the noise of at least two (H, W, 3) uint8 pictures of a scene at rest, given their mean.
+
+    A change of all the light from picture to picture is drift and not noise: it is taken off before.
+    """
+    if len(images) < 2:
+        raise ValueError(f"{len(images)} pictures: at least 2 are needed")
+    squares = dict.fromkeys((side for side in SIDES_PX if side <= min(mean.shape[:2])), 0.0)
+    for image in images:
+        difference = image - mean
+        difference -= light_drift(difference)
+        for side in squares:
+            squares[side] += float(np.mean(square_means(difference, side) ** 2)) * side**2
+    spread = {side: float(np.sqrt(total / (len(images) - 1))) for side, total in squares.items()}
+    return ImageNoise(pixel_grey=spread[1], white_grey=max(spread.values()))
+
+
+def square_means(image: NDArray[np.generic], side: int) -> NDArray[np.float32]:
+    """(H, W, 3) -> (H/side, W/side, 3) means; rows and columns that are left over are left out."""
+    height, width = (size // side for size in image.shape[:2])
+    cut = image[: height * side, : width * side]
+    return np.asarray(cut.reshape(height, side, width, side, -1).mean(axis=(1, 3), dtype=np.float32))

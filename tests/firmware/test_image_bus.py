@@ -1,0 +1,208 @@
+"""The committed image on an emulated RP2040: its bus, itself, its flash."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gellight import protocol as p
+from gellight.board.chip import EmulatedBoard
+from gellight.enumerations import SyncMode
+from gellight.errors import BoardError
+from gellight.firmware.image import image_crc
+from gellight.ring import LightRing, Step
+from gellight.transport import UsbTransport, VirtualTransport
+from gellight.wire import Packet, encode
+
+RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
+
+
+def lit(board: EmulatedBoard) -> np.ndarray:
+    return board.timeline.at(board.now_us)
+
+
+# ---- the bus ----
+
+
+def test_unplug_and_replug_in_mid_sequence(board: EmulatedBoard) -> None:
+    ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.02, attempts=2)
+    ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
+    ring.set_sync(SyncMode.FREE)
+    ring.start()
+    board.run(20_000)
+    assert lit(board).any()
+    board.power_off()
+    assert not lit(board).any()
+    with pytest.raises(BoardError, match="did not answer"):
+        ring.status()
+    ring.close()
+    board.power_on()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.status().state == 0
+        again.set_leds(GREEN)
+        board.run(2_000)
+        np.testing.assert_array_equal(lit(board), GREEN)
+
+
+def test_a_flood_of_rubbish_is_counted_and_survived(board: EmulatedBoard, ring: LightRing) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        board.host.send(rng.integers(0, 256, 900, dtype=np.uint8).tobytes())
+    assert board.run_until(lambda: not board.host.unsent, 3_000_000)
+    ring.transport.write(b"\0")
+    counted = ring.counters()
+    assert counted.bad_framing + counted.bad_crc + counted.oversize > 50
+    assert board.resets == 0
+
+
+def test_damaged_and_doubled_packets_do_no_harm(board: EmulatedBoard, ring: LightRing) -> None:
+    packet = encode(Packet(p.COMMANDS["SET_LEDS"].code, 77, RED.tobytes()))
+    damaged = bytes([packet[0]]) + bytes([packet[1] ^ 4]) + packet[2:]
+    before = ring.counters()
+    for data in (damaged, packet[:-20] + b"\0", packet, packet, packet):
+        board.host.send(data)
+    board.run(10_000)
+    after = ring.counters()
+    assert after.repeated - before.repeated == 2
+    assert after.lights - before.lights == 1
+    assert after.bad_crc + after.bad_framing - before.bad_crc - before.bad_framing == 2
+
+
+def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: EmulatedBoard) -> None:
+    class Lossy(VirtualTransport):
+        losses = 0
+
+        def read(self, timeout_s: float) -> bytes:
+            data = super().read(timeout_s)
+            if self.losses and data:
+                self.losses -= 1
+                return b""
+            return data
+
+    transport = Lossy(board)
+    with LightRing(transport, keep_alive_s=None, timeout_s=0.02) as ring:
+        ring.load_sequence([RED, GREEN, BLUE], [Step(group=k, dwell_us=0) for k in range(3)])
+        ring.start()
+        transport.losses = 1
+        reply = ring.step()
+        assert ring.retries == 1
+        ring.wait_for_light(reply.light_id)
+        np.testing.assert_array_equal(lit(board), RED)
+        ring.wait_for_light(ring.step().light_id)
+        np.testing.assert_array_equal(lit(board), GREEN)
+
+
+def test_the_descriptors_are_those_of_a_serial_port(board: EmulatedBoard, ring: LightRing) -> None:
+    host = board.host
+    assert host.text("product") == "GelLight light ring"
+    assert host.text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
+    assert len(host.descriptors["configuration"]) == int.from_bytes(host.descriptors["head"][2:4], "little")
+
+
+def test_pyusb_reaches_the_board(board: EmulatedBoard) -> None:
+    from gellight.board.usb_backend import EmulatedBackend
+
+    backend = EmulatedBackend(board)
+    number = board.unique_id.hex().upper()
+    with LightRing(UsbTransport(number, url=f"usb://{number}", backend=backend), keep_alive_s=None) as ring:
+        ring.set_leds(GREEN)
+        board.run(2_000)
+        np.testing.assert_array_equal(lit(board), GREEN)
+    board.run(2_000)
+    assert not lit(board).any()
+
+
+# ---- itself ----
+
+
+def test_the_clock_knows_when_a_usb_frame_began(board: EmulatedBoard, ring: LightRing) -> None:
+    """The emulated bus begins a frame each millisecond of the chip's time; the number belongs to the time."""
+    ring.clock()
+    for _ in range(3):
+        board.run(150_400)
+        noted = ring.clock()
+        frame_us = round(noted.sof_us, -3)
+        assert noted.sof_number == frame_us // 1000 & 0x7FF
+        assert 0 <= noted.sof_us - frame_us < 20
+        assert noted.sent_us - noted.sof_us < 320_000
+
+
+def test_the_temperature_is_that_of_the_chip(board: EmulatedBoard, ring: LightRing) -> None:
+    """12 bits of 3.3 V are 0.47 degrees each (data sheet 4.9.5)."""
+    for celsius in (-10.0, 27.0, 65.0):
+        board.set_temperature(celsius)
+        volts = ring.status().temperature * 3.3 / 4096
+        assert abs(27 - (volts - 0.706) / 0.001721 - celsius) < 0.25
+
+
+def test_the_self_test_passes_and_the_stack_is_bounded(board: EmulatedBoard, ring: LightRing, image: bytes) -> None:
+    board.run(2_000)
+    result = ring.self_test()
+    assert result.failed == 0
+    assert result.tested == p.Check.IMAGE | p.Check.LIGHT_PATH | p.Check.STACK
+    assert result.image_crc == ring.hello.image_crc == image_crc(image)
+    assert result.stack_free > 2048
+
+
+def test_a_damaged_image_fails_its_self_test(image: bytes) -> None:
+    damaged = bytearray(image)
+    damaged[5000] ^= 1
+    board = EmulatedBoard(bytes(damaged))
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        board.run(2_000)
+        assert ring.self_test().failed == p.Check.IMAGE
+
+
+def test_a_boot2_with_a_wrong_checksum_stays_in_the_boot_loader(image: bytes) -> None:
+    damaged = bytearray(image)
+    damaged[10] ^= 1
+    board = EmulatedBoard(bytes(damaged))
+    board.run(100_000)
+    assert board.in_bootloader
+    assert not board.host.configured
+
+
+def test_the_boot_loader_is_entered_by_command_and_by_1200_baud(image: bytes) -> None:
+    board = EmulatedBoard(image)
+    ring = LightRing(VirtualTransport(board), keep_alive_s=None)
+    ring.enter_bootloader()
+    assert board.run_until(lambda: board.in_bootloader, 100_000)
+    board = EmulatedBoard(image)
+    board.run_until(lambda: board.host.configured, 200_000)
+    board.host.open(1200)
+    board.run(5_000)
+    board.host.close()
+    assert board.run_until(lambda: board.in_bootloader, 100_000)
+    assert board.faults == []
+
+
+def test_the_configuration_survives_without_power(board: EmulatedBoard, ring: LightRing) -> None:
+    board.run(2_000)
+    named = dataclasses.replace(ring.configuration(), name=b"left thumb".ljust(16, b"\0"), host_timeout_ms=2000)
+    ring.configure(named, save=True)
+    board.power_off()
+    board.power_on()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.configuration() == named
+        assert again.status().config_saves == 1
+
+
+def test_a_power_cut_while_saving_keeps_the_configuration_before(board: EmulatedBoard, ring: LightRing) -> None:
+    board.run(2_000)
+    ring.timeout_s, ring.attempts = 0.02, 1
+    first = dataclasses.replace(ring.configuration(), name=b"first".ljust(16, b"\0"))
+    ring.configure(first, save=True)
+    for cut in (0, 1, 40, 200, 255):
+        transport = VirtualTransport(board)
+        now = LightRing(transport, keep_alive_s=None, timeout_s=0.02, attempts=1)
+        board.run(2_000)
+        assert now.configuration() == first
+        board.cut_after = cut
+        with pytest.raises(BoardError, match="did not answer"):
+            now.configure(dataclasses.replace(first, name=b"second".ljust(16, b"\0")), save=True)
+        assert not board.powered
+        board.power_on()
+
+
+def test_the_image_is_small(image: bytes) -> None:
+    assert len(image) < 16 * 1024

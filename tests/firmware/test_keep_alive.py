@@ -1,0 +1,84 @@
+"""What keeps the LEDs lit while a program holds the ring open, and what happens when the program is held up."""
+
+import logging
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.board.chip import EmulatedBoard
+from gellight.enumerations import SyncMode
+from gellight.errors import BoardError
+from gellight.ring import LightRing, Step
+from gellight.transport import VirtualTransport
+
+RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
+
+
+def lit(board: EmulatedBoard) -> np.ndarray:
+    return board.timeline.at(board.now_us)
+
+
+def hold_up(board: EmulatedBoard, ring: LightRing) -> None:
+    """Let the board hear nothing for more than a second of its time."""
+    with ring._lock:
+        board.run(1_200_000)
+        assert not lit(board).any()
+
+
+def comes(board: EmulatedBoard, ring: LightRing, reached: Callable[[], bool]) -> bool:
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        with ring._lock:
+            board.run(1_000)
+            if reached():
+                return True
+        time.sleep(0.002)
+    return False
+
+
+def test_a_light_comes_back_after_the_program_was_held_up(
+    board: EmulatedBoard, caplog: pytest.LogCaptureFixture
+) -> None:
+    with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
+        ring.set_leds(RED)
+        hold_up(board, ring)
+        assert comes(board, ring, lambda: bool((lit(board) == RED).all()))
+    assert "they are lit again" in caplog.text
+
+
+def test_darkness_that_was_asked_for_stays(board: EmulatedBoard, caplog: pytest.LogCaptureFixture) -> None:
+    with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
+        ring.set_sync(SyncMode.FREE)
+        ring.start()
+        board_lit = lambda: bool(lit(board).any())  # noqa: E731
+        assert comes(board, ring, board_lit)
+        hold_up(board, ring)
+        assert comes(board, ring, lambda: "a sequence that ran has ended" in caplog.text)
+        assert not board_lit()
+
+
+def test_a_board_that_does_not_answer_for_a_while_is_asked_on(
+    board: EmulatedBoard, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+
+    class Busy(VirtualTransport):
+        busy = False
+
+        def write(self, data: bytes) -> None:
+            if self.busy:
+                raise BoardError("no answer")
+            super().write(data)
+
+    transport = Busy(board)
+    with LightRing(transport, keep_alive_s=0.005) as ring:
+        ring.set_leds(RED)
+        transport.busy = True
+        assert comes(board, ring, lambda: "does not answer" in caplog.text)
+        hold_up(board, ring)
+        transport.busy = False
+        assert comes(board, ring, lambda: bool(lit(board).any()))
+    assert caplog.text.count("does not answer") == 1
