@@ -157,6 +157,15 @@ def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
     assert len(list(Path(answer["store"]).iterdir())) == 2
 
 
+def test_the_report_takes_shards_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Shard] = []
+    monkeypatch.setattr(findings, "find", lambda subject, way, timed: seen.append(way.shard))
+    answer = invoke("report", "--shard", "2/5", "--out", str(tmp_path / "out"), "--json")
+    assert answer["complete"] is False
+    assert seen == [Shard(2, 5)]
+    assert not list((tmp_path / "out").iterdir())
+
+
 def test_fine_answers_in_json() -> None:
     answer = invoke("fine", "--size", "48", "--step", "12", "--workers", "1", "--json")
     assert answer["height_mm"] == [0, 12, 24, 36]
