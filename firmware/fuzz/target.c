@@ -38,14 +38,16 @@ static void check_state(const struct board *board)
     const struct controller *controller = &board->controller;
     const struct sequencer *sequencer = &controller->sequencer;
     uint32_t value;
-    /* darkness may still be on its way when the limit has just become lower than what is lit */
-    bool darkening = controller->still_wanted || (controller->slot.busy && !controller->slot.shines);
-    require(board_current_ua(board) <= controller->limits.limit_ma * 1000u || darkening);
-    require(controller->limits.limit_ma <= (controller->config.current.external_supply ? 2000u : 450u));
+    const struct controller_slot *slot = &controller->slot;
+    uint32_t limit_ma = controller->limits.limit_ma;
+    /* where the limit has just become lower, what is above it is lit or on its way until the next light, which is not */
+    require(!slot->busy || slot->current_ma <= limit_ma || controller->still_wanted);
+    require(board_current_ua(board) <= limit_ma * 1000u || slot->busy || controller->still_wanted);
+    require(limit_ma <= (controller->config.current.external_supply ? 2000u : 450u));
     require(sequencer->next.step < STEP_COUNT && sequencer->active.step_count <= STEP_COUNT);
     require(controller->reply_count <= PACKET_WIRE_BYTES);
     require(config_valid(&controller->config.current, &value));
-    require(controller_healthy(controller) || controller->slot.disturbed);
+    require(controller_healthy(controller) || slot->disturbed);
     require(controller->open || !controller->sequencer.running);
 }
 

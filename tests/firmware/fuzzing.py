@@ -55,11 +55,12 @@ def fuzz(fuzzer: Fuzzer, seconds: int, seed: int, folder: str = "-") -> subproce
     """Run it, starting from the corpus; what reaches new code goes to the folder."""
     files = [str(file) for file in sorted(CORPUS.glob("*.bin"))]
     command = [str(fuzzer.program), str(seconds), str(seed), folder, *files]
-    with tempfile.TemporaryDirectory() as scratch:
-        if fuzzer.engine == "libFuzzer":
-            command = [str(fuzzer.program), f"-max_total_time={seconds}", f"-seed={seed}", f"-max_len={INPUT_BYTES}",
-                       f"-artifact_prefix={scratch}/", scratch if folder == "-" else folder, str(CORPUS)]  # fmt: skip
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+    if fuzzer.engine == "libFuzzer":
+        NEW.mkdir(parents=True, exist_ok=True)
+        command = [str(fuzzer.program), f"-max_total_time={seconds}", f"-seed={seed}", f"-max_len={INPUT_BYTES}",
+                   f"-artifact_prefix={NEW.parent}/"]  # fmt: skip
+        command += [str(NEW), str(CORPUS)] if folder == "-" else [folder, str(CORPUS)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def keep(fuzzer: Fuzzer) -> int:
