@@ -75,6 +75,7 @@ def stream(before: dict[str, int], during: dict[str, int], count: int) -> dict[s
                     "gain": camera.controls.read("gain"),
                     "mode": str(camera.mode),
                     "sound": [picture.stamp_is_sound for picture in pictures],
+                    "ahead": [picture.stamp_s > picture.arrived_s for picture in pictures],
                     "steps": [later.sequence - first.sequence for first, later in itertools.pairwise(pictures)],
                 }
         finally:
