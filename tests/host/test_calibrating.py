@@ -296,12 +296,15 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         assert resumed["figures"]["lens"] == {"pictures": 1, "pitch_mm": 2.0}
         again.stop()
         again.join(20)
-        without = Routine(sensor, wishes, forgetful(tmp_path / "state"))
-        without.act("start")
-        Person(without, sensor).go_on("lens")
-        assert wait_for(without, lambda s: s["step"] == "presses")["figures"]["lens"] == {"pictures": 0}
-        without.stop()
-        without.join(20)
+        goes_on_without_a_grid(Routine(sensor, wishes, forgetful(tmp_path / "state")), sensor)
+
+
+def goes_on_without_a_grid(routine: Routine, sensor: Camera) -> None:
+    routine.act("start")
+    Person(routine, sensor).go_on("lens")
+    assert wait_for(routine, lambda s: s["step"] == "presses")["figures"]["lens"] == {"pictures": 0}
+    routine.stop()
+    routine.join(20)
 
 
 def forgetful(state: Path) -> Path:
