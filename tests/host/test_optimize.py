@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from gellight.cli.main import app
 from gellight.errors import ConfigError, GellightError, InputError
-from gellight.optimize import answers, comparison_coarse, findings, report, solids, studies
+from gellight.optimize import answers, comparison, comparison_coarse, findings, report, solids, studies
 from gellight.optimize.geometry import read_geometry
 from gellight.optimize.store import ResultStore
 from gellight.optimize.sweep import Shard, Task, Way, parse_shard, run
@@ -340,6 +340,11 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     assert "314.863 degrees" in text
     assert (tmp_path / "out/chosen/strip.dxf").exists()
     assert (tmp_path / "out/given/gellight.toml").exists()
+
+
+def test_the_heights_stay_above_the_gel_of_a_low_camera() -> None:
+    rows = comparison.saturation_table(SensorGeometry(camera_height_mm=10.0, mounting_height_mm=1.0))
+    assert all(0 < at_20 < 1 for _, _, at_20 in rows)
 
 
 def test_objects_that_are_level_are_among_the_first_alike() -> None:

@@ -161,9 +161,10 @@ def saturation_table(geometry: SensorGeometry) -> list[tuple[str, float, float]]
         "gamma of 2.2": fine.View(camera=replace(ideal, gamma=2.2)),
         "bent by the window": fine.View(medium=window_of(geometry)),
     }
-    heights = np.arange(0.0, 31.0, 2.0)
     rows = []
     for label, view in views.items():
+        highest = min(30.1, 0.9 * geometry.camera_height_mm, geometry.camera_height_mm - view.medium.thickness_mm)
+        heights = np.arange(0.0, highest, 2.0)
         sat = np.array([fine.illumination(fine.at_height(geometry, h), view).saturation for h in heights.tolist()])
         rows.append((label, fine.height_of_saturation(heights, sat), float(np.interp(20.0, heights, sat))))
     return rows
