@@ -4,6 +4,7 @@ Each source is checked by itself before it is merged, so a mistake is reported w
 where a stronger source would have hidden it. Nothing unknown is ignored.
 """
 
+import inspect
 import os
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -47,7 +48,11 @@ class SensorSettings(Section):
 
 
 class GeometrySettings(Section):
-    """How the simulated sensor is built; what is not given is as in the paper. Angles are degrees here, rad inside."""
+    """How the sensor is built; what is not given is as in the paper. Angles are degrees here, rad inside.
+
+    A simulated sensor is all of it. Of a real one the calibration takes the colours of the ring, and photometric stereo
+    the ring.
+    """
 
     gel_diameter_mm: float | None = Field(default=None, gt=0, description="diameter of the gel")
     gel_thickness_mm: float | None = Field(default=None, gt=0, description="thickness of the gel")
@@ -221,7 +226,7 @@ def reference_markdown() -> str:
         lines += [
             f"### `[{section}]`",
             "",
-            model.__doc__ or "",
+            inspect.cleandoc(model.__doc__ or ""),
             "",
             "| key | allowed | default | meaning |",
             "|---|---|---|---|",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gellight.bundle_store import BundleStore
-from gellight.calibrating.choices import RoutineOptions
+from gellight.calibrating.choices import RING_COLOURS, RoutineOptions
 from gellight.calibrating.folder import begun_with, has_state
 from gellight.calibrating.routine import Routine
 from gellight.calibrating.virtual_hand import hand_of
@@ -82,16 +82,19 @@ class Desk:
         *,
         store: BundleStore | None = None,
         folder: Path | None = None,
+        led_colours: str | None = None,
         begin: Begin | None = None,
     ) -> None:
         """Calibrate the sensor of `daemon`; an interrupted calibration is kept in `folder`, by default the user's.
 
+        led_colours: of the ring, anticlockwise from the right; by default those of the paper's.
         `begin` stands in for the routine in tests.
         """
         self._daemon = daemon
         self._store = store or BundleStore()
         self.sensor = sensor_name(daemon.camera)
         self._folder = folder or platformdirs.user_state_path("gellight") / "calibration" / _plain(self.sensor)
+        self._led_colours = led_colours or RING_COLOURS
         self._begin = begin or self._routine
         self._guide: Guide | None = None
         self._waiter: threading.Thread | None = None
@@ -202,6 +205,7 @@ class Desk:
             pin_pitch_mm=wishes.pin_pitch_mm,
             presses=wishes.presses,
             overwrite=True,
+            led_colours=self._led_colours,
         )
         hand = hand_of(camera) if wishes.hand else None
         return Routine(camera, options, self._folder, hand=hand, install=install)

@@ -9,10 +9,11 @@ import pytest
 
 from gellight.calibrating.ball_radius import likely_radius_mm
 from gellight.calibrating.bulletin import Bulletin
-from gellight.calibrating.choices import Limits
+from gellight.calibrating.choices import Limits, RoutineOptions
 from gellight.calibrating.coverage import advice, coverage
 from gellight.calibrating.folder import Folder, has_state
 from gellight.calibrating.live_error import LiveError
+from gellight.calibrating.preparing import full_colours, led_settings
 from gellight.calibrating.sensing import Watcher, check_light, wait_free, wait_press
 from gellight.calibrating.uniformity import contour_picture, of_image, uniformity
 from gellight.calibrating.untouched import foreign_share
@@ -280,3 +281,16 @@ def test_a_full_disk_is_told_and_what_was_measured_before_is_kept(
 def test_a_limit_that_no_calibration_could_reach_is_refused(limit: float) -> None:
     with pytest.raises(InputError, match="give a limit greater than 0"):
         Limits(depth_mm=limit)
+
+
+@pytest.mark.parametrize("colours", ["RGBRGBRGBRGB", "BBBBGGGGRRRR"])
+def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
+    lit = full_colours(RoutineOptions(out=Path("b"), led_colours=colours).led_colours, (1.0, 0.5, 0.2))
+    assert [led.colour for led in led_settings(lit.tolist())] == list(colours)
+    assert {tuple(rgb) for rgb in lit.tolist()} == {(255, 0, 0), (0, 128, 0), (0, 0, 51)}
+
+
+@pytest.mark.parametrize("colours", ["RGB", "RRRRRRRRRRRR", "RRRRGGGGBBBW"])
+def test_a_ring_that_cannot_be_is_refused(colours: str) -> None:
+    with pytest.raises(InputError, match="the ring has 12 LEDs, give a letter for each"):
+        RoutineOptions(out=Path("b"), led_colours=colours)

@@ -10,6 +10,8 @@ from rich.text import Text
 from typer.testing import CliRunner
 
 from gellight.cli import main
+from gellight.cli.run import warn_of_foreign_bundle
+from gellight.config import load_settings
 from gellight.errors import InputError
 
 
@@ -43,3 +45,24 @@ def test_an_error_of_ours_is_one_line_and_status_2(
         main.run()
     assert end.value.code == 2
     assert capsys.readouterr().err == "gellight: the gel is 5 mm: give 4 mm\n"
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"sensor.url": "sim://"}, ""),
+        (
+            {"sensor.url": "sim://", "geometry.gel_thickness_mm": 3.0},
+            "paper's sensor, the settings change its gel_thick",
+        ),
+        ({"sensor.url": "sim://", "geometry.gel_thickness_mm": 3.0, "sensor.calibration": "mine"}, ""),
+        ({"sensor.url": "auto"}, "of the simulated sensor: calibrate yours"),
+    ],
+)
+def test_the_bundle_of_another_sensor_is_told(
+    settings: dict[str, object], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    warn_of_foreign_bundle(load_settings(settings))
+    told = capsys.readouterr().err
+    assert words in told
+    assert bool(told) == bool(words)

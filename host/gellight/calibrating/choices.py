@@ -1,12 +1,15 @@
 """What a calibration is asked for: the tools at hand, how much of everything, and what counts as good."""
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gellight.errors import InputError
 from gellight.training import TrainingOptions
 
+RING_COLOURS = "RRRRGGGGBBBB"
+"""of the paper's ring, anticlockwise from the right"""
 LEAST_PRESSES = 8
 """fewer ball presses than that are not fitted"""
 
@@ -51,6 +54,8 @@ class RoutineOptions:
     """fresh ball presses, never trained on"""
     limits: Limits = field(default_factory=Limits)
     training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
+    led_colours: str = RING_COLOURS
+    """of the ring, anticlockwise from the right"""
     overwrite: bool = False
     """replace an existing bundle of the same sensor"""
 
@@ -60,6 +65,10 @@ class RoutineOptions:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} = {value}: give the size of the tool in mm, greater than 0")
+        if not re.fullmatch("[RGB]{12}", self.led_colours) or len(set(self.led_colours)) < 3:
+            raise InputError(
+                f"led_colours = {self.led_colours!r}: the ring has 12 LEDs, give a letter for each: R, G and B"
+            )
         least = {"presses": LEAST_PRESSES, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
         for name, count in least.items():
             if getattr(self, name) < count:

@@ -20,8 +20,6 @@ from gellight.errors import CameraError, InputError
 from gellight.ring import LightRing
 from gellight.v4l2.options import CaptureOptions
 
-LED_COLOURS = "RRRRGGGGBBBB"
-"""of the ring, anticlockwise from the right"""
 LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
 """of the 99th percentile of the brightest colour of the untouched gel"""
 PULSES_US = 1000.0
@@ -40,7 +38,7 @@ def prepare(session: Session) -> None:
     session.bulletin.post(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
     figures: dict[str, Any] = {"camera": _locked(camera), "led": None}
     if camera.ring is not None:
-        colours = full_colours()
+        colours = full_colours(options.led_colours)
         figures["lights"] = lights.check_lights(session, camera.ring, colours)
         levels = _balanced(session, camera.ring)
         figures["led"] = levels.tolist()
@@ -90,15 +88,12 @@ def settings_of(camera: Camera) -> dict[str, float]:
 
 def led_settings(levels: list[list[int]] | None) -> tuple[LedSetting, ...]:
     """Return LED levels as they are written into a bundle."""
-    return tuple(
-        LedSetting.model_validate({"colour": colour, "rgb": rgb})
-        for colour, rgb in zip(LED_COLOURS, levels or [], strict=bool(levels))
-    )
+    return tuple(LedSetting.model_validate({"colour": "RGB"[rgb.index(max(rgb))], "rgb": rgb}) for rgb in levels or [])
 
 
-def full_colours(levels: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
-    """(12, 3) the ring with each colour at a share of full brightness."""
-    lit = np.array([[float(colour == channel) for channel in "RGB"] for colour in LED_COLOURS])
+def full_colours(ring: str, levels: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
+    """(12, 3) a ring of LEDs of these colours, such as "RRRRGGGGBBBB", each at its colour's share of brightness."""
+    lit = np.array([[float(colour == channel) for channel in "RGB"] for colour in ring])
     return np.asarray(np.rint(255 * lit * np.array(levels)).astype(np.uint8))
 
 
@@ -129,13 +124,13 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
     """
-    share = np.ones(3)
+    share, colours = np.ones(3), session.options.led_colours
     for _ in range(_ROUNDS):
         level = (float(share[0]), float(share[1]), float(share[2]))
-        image = lights.light(session, ring, full_colours(level))
+        image = lights.light(session, ring, full_colours(colours, level))
         if session.camera.controls is not None:
             _expose(session, session.camera.controls, lambda: _brightest(_picture(session)))
-            image = lights.light(session, ring, full_colours(level))
+            image = lights.light(session, ring, full_colours(colours, level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
             raise InputError(
@@ -145,7 +140,7 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
             break
         share = np.clip(share * means.min() / means, _DIMMEST_SHARE, 1.0)
         share /= share.max()
-    return full_colours(level)
+    return full_colours(colours, level)
 
 
 def _expose(session: Session, controls: CameraControls, brightest: Any) -> None:

@@ -141,14 +141,16 @@ class _Work:
     """of the virtual hand; None where a user presses"""
     install: bool
 
-    def routine(self, camera: "Camera") -> "Routine":
-        """Make the routine for the sensor behind a camera."""
+    def routine(self, camera: "Camera", led_colours: str | None) -> "Routine":
+        """Make the routine for the sensor behind a camera, and the colours of its ring where the settings tell them."""
         from gellight.bundle_store import BundleStore
         from gellight.calibrating.routine import Routine
         from gellight.calibrating.virtual_hand import hand_of
         from gellight.installing import install, sensor_name
 
         options = replace(self.options, sensor=self.name or sensor_name(camera))
+        if led_colours:
+            options = replace(options, led_colours=led_colours)
 
         def serve(bundle: "Calibration") -> None:
             if self.install:
@@ -167,7 +169,7 @@ def _calibrate(work: _Work, *, quiet: bool) -> dict[str, Any]:
     settings = load_settings({"sensor.url": work.sensor})
     begun_s = time.monotonic()
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
-        routine = work.routine(camera)
+        routine = work.routine(camera, settings.geometry.led_colours)
         routine.act("start")
         try:
             follow(routine, work.place, interactive=work.seed is None, quiet=quiet)

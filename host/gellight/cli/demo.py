@@ -32,6 +32,7 @@ def command(
     ] = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
+    from gellight.cli.run import warn_of_foreign_bundle
     from gellight.config import load_settings
     from gellight.dashboard.server import DashboardServer
     from gellight.desk import Desk
@@ -43,10 +44,11 @@ def command(
     settings = load_settings({**flags, "dashboard.port": 0} if frames and port is None else flags)
     with (
         open_session(settings) as daemon,
-        Desk(daemon) as desk,
+        Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
         DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
     ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
+        warn_of_foreign_bundle(settings)
         if browser and not frames:
             open_browser(server.url)
         try:

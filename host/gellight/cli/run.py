@@ -65,12 +65,18 @@ def settings_of(sensor: str | None, calibration: str | None, port: int | None, m
 
 
 def warn_of_foreign_bundle(settings: "Settings") -> None:
-    """Say so where a real sensor is used with the bundle of the simulated one."""
+    """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
     from gellight.calibration import SYNTHETIC
 
-    if settings.sensor.calibration == SYNTHETIC and settings.sensor.url.startswith(("auto", "sensor://", "v4l2://")):
+    changed = ", ".join(settings.geometry.overrides())
+    if settings.sensor.calibration != SYNTHETIC:
+        return
+    if settings.sensor.url.startswith(("auto", "sensor://", "v4l2://")):
         print("gellight: the bundle `synthetic` is of the simulated sensor: calibrate yours before you trust its depth",
               file=sys.stderr)  # fmt: skip
+    elif settings.sensor.url.startswith("sim://") and changed:
+        print(f"gellight: the bundle `synthetic` is of the paper's sensor, the settings change its {changed}: make one "
+              "with `gellight calibrate --auto` before you trust the depth", file=sys.stderr)  # fmt: skip
 
 
 @contextmanager
@@ -82,7 +88,10 @@ def served(daemon: "Daemon", settings: "Settings", wanted: bool) -> "Iterator[No
     from gellight.dashboard.server import DashboardServer
     from gellight.desk import Desk
 
-    with Desk(daemon) as desk, DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server:
+    with (
+        Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
+        DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
+    ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         yield
 
