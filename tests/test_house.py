@@ -34,6 +34,8 @@ HOST_DOORS = {
         "opencv_camera.py",
         "pins.py",
         "undistortion.py",
+        "reconstruction.py",
+        "smoothing.py",
     },
     "onnxruntime": {"gelnet.py", "bench.py"},
 }

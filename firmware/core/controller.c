@@ -89,14 +89,14 @@ bool controller_above_limit(const struct controller *controller)
            (controller->still_wanted && !ring_within(&controller->limits, controller->still));
 }
 
-/* The LEDs may have taken a part: they forget it while the line rests, then they get the whole again. */
+/* The line has rested for the latch time since it broke off: the LEDs show the part they took, and get the whole. */
 static void send_again(struct controller *controller)
 {
     struct controller_slot *slot = &controller->slot;
     controller->counters.lights_disturbed++;
     if (slot->disturbed < DISTURBED_MOST)
         slot->disturbed++;
-    slot->start_us = controller_now_us(controller) + controller->config.current.latch_us;
+    slot->start_us = 0;
     hand_over(controller);
 }
 

@@ -13,11 +13,11 @@ from gellight.camera import read_image
 from gellight.contact import find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame
-from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.light_drift import light_drift
 from gellight.pipeline import Reconstructor
 from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.reconstruction import integrate, normals
+from gellight.reconstruction import integrate, normals, surface_gradient
+from gellight.smoothing import Smoother
 
 Floats = NDArray[np.float32]
 
@@ -84,13 +84,15 @@ def felt_by(
     baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
 ) -> list[Felt]:
     """Reconstruct each press with the slopes of a baseline: drift, smoothing, depth, contact as in the frame path."""
-    felt = []
+    felt, smoother = [], Smoother()
     for press in presses:
         difference = read_image(press.image).astype(np.float32) - reference
         if follow_light:
             difference -= light_drift(difference)
-        gradient_map = smoothed(baseline.gradient_map(difference), SMOOTHING_PX)
-        depth_mm = integrate(gradient_map, ball.pixel_size_mm)
+        slopes, noise = smoother.narrow(baseline.gradient_map(difference))
+        depth_mm = integrate(slopes, ball.pixel_size_mm)
+        gradient_map = surface_gradient(depth_mm, ball.pixel_size_mm)
+        smoother.widen(gradient_map, noise)
         contact = find_contact(depth_mm, ball.pixel_size_mm)
         felt.append(Felt(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact.mask))
     return felt

@@ -24,10 +24,6 @@ from gellight.errors import CalibrationError
 Floats = NDArray[np.float32]
 
 BLOCK_ROWS = 4096
-SMOOTHING_PX = 2
-"""Default half width of the smoothing of the gradient map: halves its noise (x 0.49), and a Gaussian contact of sigma
-3 px keeps 99.4 % of its height. 3 would leave a third of the noise and 97.5 % of that height."""
-
 _CELL = 4
 _COARSE = 8
 """pixels a side over which the difference is averaged where it is not significant"""
@@ -57,23 +53,17 @@ class GradientNetwork:
         *,
         noise_grey: float,
         threads: int = 1,
-        smoothing_px: int = SMOOTHING_PX,
         source: str = "network",
     ) -> None:
         """Load an ONNX file or its content for images of `image_shape` (H, W).
 
         noise_grey: standard deviation of one pixel of the difference, grey levels. threads: of ONNX Runtime.
-        smoothing_px: half width w of the smoothing of the gradient map; 0 switches it off. A quadratic is fitted
-        through 2 w + 1 pixels in each direction (Savitzky and Golay 1964), so slopes that vary like a quadratic
-        across that width are kept as they are, where a mean or a Gaussian would flatten every small contact.
-        The slopes are smoothed and not the image: blurring colours across the rim of a contact before a non-linear
-        map costs depth. source: the name of the bundle, for messages.
+        source: the name of the bundle, for messages.
         Raises CalibrationError for a network that does not keep the contract, ValueError for the rest.
         """
-        if threads < 1 or smoothing_px < 0 or not noise_grey >= 0:
-            raise ValueError(f"threads {threads}, smoothing_px {smoothing_px}, noise_grey {noise_grey} out of range")
+        if threads < 1 or not noise_grey >= 0:
+            raise ValueError(f"threads {threads}, noise_grey {noise_grey} out of range")
         self.image_shape = image_shape
-        self.smoothing_px = smoothing_px
         self._source = source
         self._session = _session(network, threads, source)
         # Rounding to whole grey levels adds 1/12 to the variance of a camera that is otherwise quiet.
@@ -96,7 +86,7 @@ class GradientNetwork:
         return np.repeat(np.repeat(cells, _CELL, axis=0), _CELL, axis=1)[:height, :width]
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
-        """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, smoothed.
+        """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.
 
         Outside `mask` the slopes come from averages of 8 x 8 pixels; with an empty mask they are 0. Without a mask
         every pixel goes through.
@@ -104,17 +94,14 @@ class GradientNetwork:
         self._check(difference)
         pixels = difference.reshape(-1, 3)
         if mask is None or mask.all():
-            slopes = (self._infer(pixels, self._position) - self._zero).reshape(*self.image_shape, 2)
-            return smoothed(slopes, self.smoothing_px)
-        window = _window(mask, margin=2 * self.smoothing_px)
-        if window is None:
+            return (self._infer(pixels, self._position) - self._zero).reshape(*self.image_shape, 2)
+        if not mask.any():
             return np.zeros((*self.image_shape, 2), np.float32)
         slopes = self._gentle_slopes(difference)
         inside = np.flatnonzero(mask)
         slopes.reshape(-1, 2)[inside] = self._infer(pixels, self._position, inside) - np.take(
             self._zero, inside, axis=0
         )
-        slopes[window] = smoothed(slopes[window], self.smoothing_px)
         return slopes
 
     def _gentle_slopes(self, difference: Floats) -> Floats:
@@ -213,50 +200,3 @@ def _cell_means(difference: Floats, size: int) -> Floats:
     cells = functools.reduce(np.add, [rows[:, i::size] for i in range(size)])
     cells /= np.float32(size**2)
     return cells
-
-
-def _window(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice] | None:
-    """Bounding box of the mask, widened by a margin; None for an empty mask."""
-    spans = []
-    for axis in (1, 0):
-        inside = np.flatnonzero(mask.any(axis=axis))
-        if not len(inside):
-            return None
-        spans.append(slice(max(0, int(inside[0]) - margin), int(inside[-1]) + 1 + margin))
-    return spans[0], spans[1]
-
-
-def _smoothing_weights(half_width: int) -> NDArray[np.float64]:
-    """(2 w + 1,) value at the middle of the parabola fitted through 2 w + 1 samples (Savitzky and Golay 1964)."""
-    n, j = half_width, np.arange(-half_width, half_width + 1)
-    weights = 3 * (3 * n * n + 3 * n - 1 - 5 * j * j) / ((2 * n + 3) * (2 * n + 1) * (2 * n - 1))
-    return weights.astype(np.float64)
-
-
-def smoothed(slopes: Floats, half_width: int) -> Floats:
-    """Smooth (H, W, 2) slopes along both axes; beyond the border the last value continues."""
-    if half_width < 2:  # a parabola through three samples passes through them
-        return slopes
-    weights = _smoothing_weights(half_width).astype(np.float32)
-    for axis in (0, 1):
-        pads = [(half_width, half_width) if a == axis else (0, 0) for a in range(3)]
-        slopes = _correlated(np.pad(slopes, pads, mode="edge"), weights, axis)
-    return slopes
-
-
-def _correlated(padded: Floats, weights: Floats, axis: int) -> Floats:
-    """Correlate along an axis with symmetric weights, on the inside of a padded array."""
-    half = len(weights) // 2
-    n = padded.shape[axis] - 2 * half
-
-    def shifted(offset: int) -> Floats:
-        start = half + offset
-        return padded[start : start + n] if axis == 0 else padded[:, start : start + n]
-
-    result: Floats = shifted(0) * weights[half]
-    pair = np.empty_like(result)
-    for offset in range(1, half + 1):
-        np.add(shifted(-offset), shifted(offset), out=pair)
-        pair *= weights[half + offset]
-        result += pair
-    return result

@@ -11,10 +11,11 @@ from gellight.calibration import Calibration
 from gellight.contact import THRESHOLD_MM, find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame, TactileFrame
-from gellight.gelnet import SMOOTHING_PX, GradientNetwork
+from gellight.gelnet import GradientNetwork
 from gellight.lens.lens_file import has_lens, read_undistortion
 from gellight.light_drift import light_drift
-from gellight.reconstruction import integrate, normals
+from gellight.reconstruction import integrate, normals, surface_gradient
+from gellight.smoothing import NARROWEST_PX, Smoother
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
@@ -46,20 +47,22 @@ class Reconstructor:
         calibration: Calibration,
         *,
         threads: int = 1,
-        smoothing_px: int = SMOOTHING_PX,
+        smoothing_px: int = NARROWEST_PX,
         masked: bool = True,
         contact_threshold_mm: float = THRESHOLD_MM,
         undistorted: bool = True,
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
-        threads: of the network. smoothing_px: half width of the smoothing of the gradient map. masked: run the
+        threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient
+        map. masked: run the
         network only where the image differs from the reference; without, everywhere. undistorted: take the lens of the
         bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
         CalibrationError.
         """
         self.calibration = calibration
         self.masked = masked
+        self._smoother = Smoother(smoothing_px)
         self.contact_threshold_mm = contact_threshold_mm
         self._reference = calibration.reference
         self._undistortion = read_undistortion(calibration) if undistorted and has_lens(calibration) else None
@@ -68,7 +71,6 @@ class Reconstructor:
             calibration.image_shape,
             noise_grey=calibration.manifest.noise_grey,
             threads=threads,
-            smoothing_px=smoothing_px,
             source=calibration.source,
         )
 
@@ -86,20 +88,25 @@ class Reconstructor:
         watch.lap("difference")
         touched = self._network.touched(difference)
         watch.lap("mask")
-        gradient_map = self._network.gradient_map(difference, touched if self.masked else None)
+        slopes = self._network.gradient_map(difference, touched if self.masked else None)
+        # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
+        slopes, noise = self._smoother.narrow(slopes)
         watch.lap("gradient")
         if self._undistortion is not None:
-            gradient_map, touched = self._undistortion.apply(gradient_map, touched)
+            slopes, touched = self._undistortion.apply(slopes, touched)
             watch.lap("lens")
         depth_mm = integrate(
-            gradient_map,
+            slopes,
             self.calibration.pixel_size_mm,
             at_rest=far_from_touch(touched),
             bulge=self.calibration.manifest.bulge,
         )
-        if self._undistortion is not None:
-            depth_mm[~self._undistortion.seen] = 0
         watch.lap("depth")
+        # The slopes of a surface have no curl, those of a noisy network do: what fits no surface is left out.
+        gradient_map = surface_gradient(depth_mm, self.calibration.pixel_size_mm)
+        self._smoother.widen(gradient_map, noise, where=touched if self.masked else None)
+        if self._undistortion is not None:
+            depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
         normal_map = normals(gradient_map)
         watch.lap("normals")
         contact = find_contact(depth_mm, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)

@@ -11,6 +11,7 @@ rule, which scales a wave of k rad/px by (k/2) / tan(k/2), about 1 - k^2/12. Her
 
 from functools import cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -23,6 +24,8 @@ _EDGE_SECOND = (13 / 24, -1 / 24)
 """The second edge from a border, where only four samples are centred on it. Exact to degree 3."""
 _EDGE_FIRST = (9 / 24, 19 / 24, -5 / 24, 1 / 24)
 """The edge at a border, one-sided from the border inwards (Adams-Moulton). Exact to degree 3."""
+_DIFFERENCE = (3 / 4, -3 / 20, 1 / 60)
+"""Central difference: weights of the samples 1, 2 and 3 steps ahead, less those behind. Exact to degree 6."""
 _ZERO_SAMPLES = 40_000
 _LEAST_AT_REST = 0.05
 BULGE = 1.71
@@ -63,6 +66,33 @@ def integrate(
     depth = _poisson(_divergence(slopes, size_x, size_y))
     depth -= _rest_level(depth, at_rest, bulge)
     return depth
+
+
+def surface_gradient(depth_mm: Floats, pixel_size_mm: float | tuple[float, float]) -> NDArray[np.float32]:
+    """Differentiate a (H, W) depth map, mm, to its (H, W, 2) gradient map, float32.
+
+    Central differences over seven pixels, exact for polynomials up to degree 6; towards the border the surface goes on
+    as a quadratic. After `integrate` this is the gradient map without what fits no surface: of white noise in slopes
+    half the energy has a curl, while the slopes of a surface have none. Raises ValueError as `integrate` does.
+    """
+    if depth_mm.ndim != 2 or min(depth_mm.shape) < 3:
+        raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W) with at least 3 x 3 pixels")
+    size_x, size_y = _pixel_size(pixel_size_mm)
+    depth = depth_mm.astype(np.float32, copy=False)
+    taps, one = np.array([-w for w in _DIFFERENCE[::-1]] + [0.0, *_DIFFERENCE]), np.ones(1)
+    reach, (height, width) = len(_DIFFERENCE), depth.shape
+    across = cv2.sepFilter2D(_continued(depth), -1, taps / size_x, one)[:, reach : reach + width]
+    down = cv2.sepFilter2D(_continued(depth.T).T, -1, one, taps / size_y)[reach : reach + height]
+    return np.asarray(cv2.merge((across, down)), np.float32)
+
+
+def _continued(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Continue the rows of (m, n) as quadratics beyond both ends, by as much as the central difference needs."""
+    steps = np.arange(1, len(_DIFFERENCE) + 1, dtype=np.float32)
+    ends = []
+    for a, b, c in (depth[:, :3].T, depth[:, : -4 if depth.shape[1] > 3 else None : -1].T):
+        ends.append(a[:, None] + steps * ((a - b)[:, None] + (a - 2 * b + c)[:, None] * ((steps + 1) / 2)))
+    return np.concatenate([ends[0][:, ::-1], depth, ends[1]], axis=1)
 
 
 def normals(gradient_map: Floats) -> NDArray[np.float32]:

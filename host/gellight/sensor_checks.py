@@ -20,7 +20,7 @@ from gellight.v4l2.video_camera import V4l2Camera
 
 FRAMES = 60
 SETTLE_FRAMES = 6
-"""frames that a camera may take to show a new light"""
+"""frames that a camera may take to come regularly after its start, or to show a new light"""
 RATE_TOLERANCE = 0.05
 SEEN_GREY = 2.0
 """mean grey levels by which the LEDs have to brighten the picture"""
@@ -33,7 +33,7 @@ def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding
     try:
         with closing(_camera(sensor, surroundings)) as camera:
             yield from check_formats(camera)
-            pictures = [camera.picture() for _ in range(FRAMES)]
+            pictures = [camera.picture() for _ in range(SETTLE_FRAMES + FRAMES)][SETTLE_FRAMES:]
             yield from check_settings(camera)
             yield check_rate(camera, pictures)
             yield check_stamps(camera, pictures)

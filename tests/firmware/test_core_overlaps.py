@@ -12,7 +12,6 @@ GREEN = bytes([0, 200, 0] + [0] * 33)
 BLUE = bytes([0, 0, 200] + [0] * 33)
 BRIGHT = bytes([100] * 36)
 BLACK = bytes(36)
-WIRE_US, LATCH_US = 360, 300
 
 
 def colours(core: VirtualBoard) -> list[bytes]:
@@ -180,14 +179,6 @@ def test_only_a_port_that_closes_in_the_light_counts_as_a_fault(core: VirtualBoa
 
 
 # ---- transfers that break off ----
-
-
-def test_a_disturbed_transfer_is_sent_again_after_the_line_has_rested(core: VirtualBoard) -> None:
-    core.faults(disturb=1)
-    core.ok("SET_LEDS", p.SetLeds(RED))
-    asked = core.now_us
-    core.advance(10_000)
-    assert core.lights()[-1] == (asked + WIRE_US + 2 * LATCH_US, asked + 2 * WIRE_US + 3 * LATCH_US, RED)
 
 
 def test_a_light_that_never_gets_through_leaves_the_watchdog_unfed(core: VirtualBoard) -> None:

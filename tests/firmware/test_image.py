@@ -67,7 +67,7 @@ def test_an_led_frame_is_never_torn(board: EmulatedBoard, ring: LightRing) -> No
 
 
 def test_a_transfer_that_breaks_off_is_sent_again(image: bytes) -> None:
-    """The DMA is stopped in the middle: the LEDs take the part, rest, and get the whole."""
+    """The DMA is stopped in the middle: the LEDs take the part, then they get the whole."""
     board = EmulatedBoard(image)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         begun = len(board.waveform.frame_starts_us)

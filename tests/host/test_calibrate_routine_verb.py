@@ -1,15 +1,17 @@
 """`gellight calibrate` without a verb: what it refuses before it does anything, and what its screen says."""
 
+import io
 import json
 import subprocess
 import sys
 from pathlib import Path
+from queue import SimpleQueue
 
 import pytest
 from typer.testing import CliRunner
 
 from gellight.cli.calibrate_routine import _tools
-from gellight.cli.calibrate_screen import obey, screen
+from gellight.cli.calibrate_screen import _read_lines, obey, screen
 from gellight.cli.main import app
 from gellight.errors import CameraError, InputError
 
@@ -90,6 +92,14 @@ def test_typed_keys_become_actions_and_refusals_are_shown() -> None:
     assert obey(routine, "a") == "accept is not possible now"  # type: ignore[arg-type]
     assert obey(routine, "c 10 20") != ""  # type: ignore[arg-type]
     assert obey(routine, "c ten") != ""  # type: ignore[arg-type]
+
+
+def test_a_keyboard_that_is_closed_stops_the_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    typed: SimpleQueue[str] = SimpleQueue()
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    _read_lines(typed)
+    assert [typed.get(), typed.get()] == ["n\n", "q"]
+    assert typed.empty()
 
 
 def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:

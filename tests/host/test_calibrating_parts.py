@@ -1,5 +1,6 @@
 """The parts of the calibration routine, each by itself: light, gel, coverage, live error, ball, state."""
 
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from gellight.calibrating.ball_radius import likely_radius_mm
 from gellight.calibrating.bulletin import Bulletin
+from gellight.calibrating.choices import Limits
 from gellight.calibrating.coverage import advice, coverage
 from gellight.calibrating.folder import Folder, has_state
 from gellight.calibrating.live_error import LiveError
@@ -249,3 +251,32 @@ def test_leds_that_go_dark_during_a_press_are_lit_again_and_the_dark_is_no_press
     assert capture is not None
     assert capture.image.min() == 60
     assert session.relit == 2
+
+
+def test_a_full_disk_is_told_and_what_was_measured_before_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    folder = Folder.open(tmp_path, identity("a"))
+    folder.finish("prepare", {"led": None})
+    for name in ("write_file", "write_png"):
+        monkeypatch.setattr(f"gellight.calibrating.folder.{name}", refuse)
+    for keep in (
+        lambda: folder.finish("reference", {}),
+        lambda: folder.keep_reference(np.zeros((4, 4, 3), np.float32)),
+        lambda: folder.add("presses", np.zeros((4, 4, 3), np.uint8), CIRCLE),
+    ):
+        with pytest.raises(CalibrationError, match=r"No space left on device.: free some space and go on"):
+            keep()
+    monkeypatch.undo()
+    again = Folder.open(tmp_path, identity("a"))
+    assert (again.steps, again.presses) == ({"prepare": {"led": None}}, [])
+    assert not (tmp_path / "reference.npy").exists()
+
+
+@pytest.mark.parametrize("limit", [float("nan"), -0.01, 0.0])
+def test_a_limit_that_no_calibration_could_reach_is_refused(limit: float) -> None:
+    with pytest.raises(InputError, match="give a limit greater than 0"):
+        Limits(depth_mm=limit)

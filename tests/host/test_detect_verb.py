@@ -93,3 +93,11 @@ def test_an_existing_csv_is_kept_and_no_image_counts_twice(folder: Path, tmp_pat
     twice = run(folder, folder / "a.png", folder / "a.png", out=tmp_path / "other.csv")
     assert isinstance(twice.exception, InputError)
     assert "is given twice" in str(twice.exception)
+
+
+def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    for out in (tmp_path / "file/presses.csv", folder):
+        assert "cannot be written" in str(run(folder, folder / "a.png", "--overwrite", out=out).exception)
+    refused = run(folder, folder / "a.png", "--overlay", tmp_path / "file", out=tmp_path / "presses.csv")
+    assert "overlays cannot be written" in str(refused.exception)

@@ -139,6 +139,11 @@ def test_the_remedy_for_stamps_that_wander_is_one_that_helps(clinic: Clinic, tmp
         assert camera.timing.stamp_error_s >= 0.0042, "5 ms, less what the steady rate takes of it"
 
 
+def test_a_camera_that_stumbles_at_its_start_is_no_finding(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", stamp=lambda number, time_s: time_s + 0.009 * (number == 1))
+    assert wrong(clinic.examine(tmp_path)) == {}
+
+
 def test_jpegs_that_are_not_whole_are_found(clinic: Clinic, tmp_path: Path) -> None:
     whole = jpeg(scene(shape=(24, 32)))
     camera = clinic.plug("1-2", "GL0001", formats={"MJPG": {(32, 24): [30]}})

@@ -8,8 +8,9 @@ import pytest
 
 from gellight.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from gellight.errors import CalibrationError
-from gellight.gelnet import BLOCK_ROWS, SMOOTHING_PX, GradientNetwork, _smoothing_weights, smoothed
+from gellight.gelnet import BLOCK_ROWS, GradientNetwork
 from gellight.reconstruction import integrate, normals
+from gellight.smoothing import NARROWEST_PX, fixed
 from tests.host.linear_sensor import (
     GREY_PER_SLOPE,
     gemm_network,
@@ -41,13 +42,13 @@ def test_every_pixel_goes_through_whatever_the_number_of_blocks(shape: tuple[int
     assert (shape[0] * shape[1]) % BLOCK_ROWS or shape == (64, 64)
     slopes = np.random.default_rng(0).uniform(-1, 1, (*shape, 2))
     difference = (slopes @ GREY_PER_SLOPE.T).astype(np.float32)
-    np.testing.assert_allclose(network(shape, smoothing_px=0).gradient_map(difference), slopes, atol=1e-5)
+    np.testing.assert_allclose(network(shape).gradient_map(difference), slopes, atol=1e-5)
 
 
 def test_blocks_give_what_one_batch_gives() -> None:
     shape = (97, 128)
     difference = np.random.default_rng(1).normal(0, 30, (*shape, 3)).astype(np.float32)
-    found = GradientNetwork(tanh_network(16), shape, noise_grey=1.0, smoothing_px=0).gradient_map(difference)
+    found = GradientNetwork(tanh_network(16), shape, noise_grey=1.0).gradient_map(difference)
     rows_y, rows_x = np.indices(shape, dtype=np.float32)
     rows = np.concatenate([difference.reshape(-1, 3), rows_x.reshape(-1, 1), rows_y.reshape(-1, 1)], axis=1)
     session = onnxruntime.InferenceSession(tanh_network(16), providers=["CPUExecutionProvider"])
@@ -69,7 +70,7 @@ def test_no_difference_is_exactly_flat_although_the_network_does_not_say_so() ->
 
 def test_inside_the_mask_the_answer_is_the_dense_one_and_outside_it_is_an_average() -> None:
     difference = difference_of(gaussian(SHAPE, 15, (20, 10), height=10))
-    net = network(smoothing_px=0)
+    net = network()
     mask = net.touched(difference)
     assert 0.1 < mask.mean() < 0.5
     masked, dense = net.gradient_map(difference, mask), net.gradient_map(difference)
@@ -87,7 +88,7 @@ def test_gentle_slopes_are_placed_where_they_are(shape: tuple[int, int]) -> None
     """A slope that grows linearly over the view comes back through the averages, also where cells are cut."""
     x, y = centred_grid(shape)
     slopes = np.stack([0.001 * x, 0.002 * y - 0.0005 * x], axis=2)
-    net = network(shape, smoothing_px=0)
+    net = network(shape)
     mask = np.zeros(shape, np.bool_)
     mask[0, 0] = True
     found = net.gradient_map((slopes @ GREY_PER_SLOPE.T).astype(np.float32), mask)
@@ -153,7 +154,7 @@ def test_what_the_mask_loses(
     difference = difference_of(surface, noise_grey=0.0)
     net = network()
     mask = net.touched(difference)
-    masked, dense = net.gradient_map(difference, mask), net.gradient_map(difference)
+    masked, dense = (fixed(net.gradient_map(difference, m), NARROWEST_PX) for m in (mask, None))
     lost_um = (integrate(dense, 1.0, at_rest=~mask) - integrate(masked, 1.0, at_rest=~mask)) * PIXEL_UM
     contact = surface.depth > surface.depth.max() / 2
     rotated = np.degrees(np.arccos(np.clip((normals(masked) * normals(dense)).sum(axis=2), -1, 1)))
@@ -181,29 +182,6 @@ def test_the_mask_quietens_the_normals_of_untouched_gel() -> None:
 
     assert tilt_deg(net.gradient_map(difference)) > 0.2
     assert tilt_deg(net.gradient_map(difference, net.touched(difference))) < 0.1
-
-
-def test_smoothing_keeps_parabolas_and_takes_noise() -> None:
-    x, y = centred_grid((60, 80))
-    parabola = np.stack([0.001 * x * x - 0.02 * y, 0.001 * y * y + 0.0005 * x], axis=2).astype(np.float32)
-    inside = (slice(3, -3), slice(3, -3))
-    assert np.abs(smoothed(parabola, 3) - parabola)[inside].max() < 1e-5
-    noise = np.random.default_rng(0).normal(size=(200, 200, 2)).astype(np.float32)
-    assert smoothed(noise, 3).std() == pytest.approx(1 / 3, rel=0.03)
-    np.testing.assert_array_equal(smoothed(noise, 0), noise)
-    np.testing.assert_array_equal(smoothed(noise, 1), noise)
-
-
-def test_smoothing_weights_are_those_of_savitzky_and_golay() -> None:
-    np.testing.assert_allclose(_smoothing_weights(2) * 35, [-3, 12, 17, 12, -3])
-    np.testing.assert_allclose(_smoothing_weights(3) * 21, [-2, 3, 6, 7, 6, 3, -2])
-
-
-@pytest.mark.parametrize(("sigma", "kept"), [(3, 0.993), (5, 0.999), (10, 0.9998)])
-def test_smoothing_does_not_flatten_small_contacts(sigma: float, kept: float) -> None:
-    bump = gaussian(SHAPE, sigma, (0.3, 0.2))
-    result = smoothed(bump.gradient_map.astype(np.float32), SMOOTHING_PX)
-    assert kept < integrate(result, 1.0).max() / bump.depth.max() < 1.001
 
 
 def good(**changes: object) -> bytes:
@@ -245,7 +223,7 @@ def test_a_difference_image_of_another_shape_or_type_is_refused(difference: np.n
             use(difference)
 
 
-@pytest.mark.parametrize("options", [{"threads": 0}, {"smoothing_px": -1}])
+@pytest.mark.parametrize("options", [{"threads": 0}, {"threads": -1}])
 def test_options_out_of_range_are_refused(options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="out of range"):
         network((12, 16), **options)

@@ -23,6 +23,7 @@ from gellight.optimize.timing import time_sweep
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import sensitivity
+from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
@@ -156,6 +157,15 @@ def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
     assert len(list(Path(answer["store"]).iterdir())) == 2
 
 
+def test_the_report_takes_shards_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Shard] = []
+    monkeypatch.setattr(findings, "find", lambda subject, way, timed: seen.append(way.shard))
+    answer = invoke("report", "--shard", "2/5", "--out", str(tmp_path / "out"), "--json")
+    assert answer["complete"] is False
+    assert seen == [Shard(2, 5)]
+    assert not list((tmp_path / "out").iterdir())
+
+
 def test_fine_answers_in_json() -> None:
     answer = invoke("fine", "--size", "48", "--step", "12", "--workers", "1", "--json")
     assert answer["height_mm"] == [0, 12, 24, 36]
@@ -171,7 +181,8 @@ def test_the_ball_answers_in_json() -> None:
     assert answer["elevation_by_press_deg"]["3"][0] is None
 
 
-def test_a_design_comes_with_its_parts(tmp_path: Path) -> None:
+def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=48))
     out = tmp_path / "out"
     answer = invoke("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
     assert answer["chosen"]["leds"] == 6
@@ -329,6 +340,14 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     assert "314.863 degrees" in text
     assert (tmp_path / "out/chosen/strip.dxf").exists()
     assert (tmp_path / "out/given/gellight.toml").exists()
+
+
+def test_objects_that_are_level_are_among_the_first_alike() -> None:
+    errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
+    level = CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
+    verdicts = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(level)}
+    assert verdicts["SCROWN and SINWAVE have a large blue region"]
+    assert not verdicts["a simple form with a sharp step, TSTEP, has a large error"]
 
 
 def test_a_statement_that_does_not_hold_is_not_reproduced(way: Way) -> None:

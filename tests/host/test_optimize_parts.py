@@ -109,6 +109,11 @@ def test_a_strip_that_cannot_be_made_is_refused(change: dict[str, float | str], 
         parts.strip(replace(GEOMETRY, **change), width)  # type: ignore[arg-type]
 
 
+def test_fifteen_leds_need_a_ring_of_13_mm() -> None:
+    assert not parts.fits(15, replace(GEOMETRY, ring_radius_mm=13.1))
+    assert parts.fits(15, replace(GEOMETRY, ring_radius_mm=13.2))
+
+
 def test_the_design_is_the_sensor_that_is_simulated(tmp_path: Path) -> None:
     wanted = replace(
         GEOMETRY,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from gellight.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
-from gellight.reconstruction import BULGE, _edge_integrals, integrate, normals
+from gellight.reconstruction import BULGE, _edge_integrals, integrate, normals, surface_gradient
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.gel import press
 from sim_reference.geometry import SensorGeometry
@@ -227,3 +227,25 @@ def test_the_bulge_of_the_gel_sets_the_height_of_a_view_that_is_touched_all_over
     assert stiff.mean() == pytest.approx(0, abs=1e-6), "no bulge: what is pressed down comes up inside the view"
     border = np.concatenate([soft[0], soft[-1], soft[:, 0], soft[:, -1]])
     assert soft.mean() == pytest.approx(-1.71 * np.median(border), rel=1e-4)
+
+
+def test_a_depth_map_has_the_gradient_of_its_polynomial() -> None:
+    y, x = np.indices((24, 31)).astype(np.float64)
+    quadratic = 0.02 * x * x - 0.03 * x * y + 0.01 * y * y
+    slopes = np.stack([(0.04 * x - 0.03 * y) / 0.5, (-0.03 * x + 0.02 * y) / 0.25], axis=2)
+    np.testing.assert_allclose(surface_gradient(quadratic, (0.5, 0.25)), slopes, atol=2e-4)
+    inside = (slice(3, -3), slice(3, -3))
+    sextic = 1e-7 * (x - 15) ** 6
+    np.testing.assert_allclose(surface_gradient(sextic, 1.0)[inside][..., 0], 6e-7 * (x - 15)[inside] ** 5, atol=2e-4)
+
+
+def test_integration_and_differentiation_give_the_slopes_of_a_surface_back() -> None:
+    bump = gaussian((240, 320), 8.0, (40.3, -20.2))
+    back = surface_gradient(integrate(bump.gradient_map.astype(np.float32), 0.06), 0.06)
+    np.testing.assert_allclose(back, bump.gradient_map, atol=1e-5)
+
+
+@pytest.mark.parametrize("depth", [np.zeros((2, 9)), np.zeros((9, 2)), np.zeros((4, 4, 2))])
+def test_what_is_no_depth_map_has_no_gradient(depth: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="depth map has shape"):
+        surface_gradient(depth, 1.0)

@@ -73,6 +73,13 @@ def test_a_jpeg_with_tables_of_its_own_is_decoded_too(capfd: pytest.CaptureFixtu
     assert not accepted(data[: len(data) // 2] + data[-2:])
 
 
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_a_whole_jpeg_of_any_width_is_decoded(sampling: str) -> None:
+    """Where a width is no multiple of an MCU, the last of each row is cut off."""
+    for width in (2, 7, 9, 17, 24, 30, 132, 136, 140, 264, 270):
+        assert (decode_jpeg(coded(scene(shape=(24, width)), sampling), (24, width))).shape == (24, width, 3)
+
+
 def test_filling_behind_the_end_and_zeros_before_it_do_not_matter() -> None:
     data = coded(scene(shape=SHAPE))
     whole = decode_jpeg(data, SHAPE)
@@ -160,6 +167,8 @@ def test_a_restart_marker_that_is_lost_or_out_of_order_is_noticed() -> None:
         lambda data: data[:300] + b"\xff\xd9",
         lambda data: b"\xff\xd8\xff\xc0\xff\xd9",
         lambda data: b"\xff\xd8\xff\xd9",
+        lambda data: b"\xff\xd8\xff\xc0\x00\x02\xff\xda\x00\x02\xff\xd9",
+        lambda data: b"\xff\xd8\xff\xc0\x00\x0b\x08\x00\xf0\x01\x40\x03\xff\xda\x00\x02\xff\xd9",
         lambda data: b"",
     ],
 )

@@ -6,6 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gellight.errors import CameraError
 from gellight.v4l2 import structures as v
 from gellight.v4l2.device import Device
@@ -35,6 +37,15 @@ def unload() -> None:
 def _node() -> str:
     names = sorted(Path("/sys/class/video4linux").glob("video*/name"))
     return next((f"/dev/{name.parent.name}" for name in names if name.read_text().startswith("vivid")), "")
+
+
+def bars(letters: str) -> list[list[float]]:
+    """Return the mean colour of each of the eight bars that vivid shows, below the text that it writes over them."""
+    options = CaptureOptions.model_validate({**OPTIONS, "format": letters})
+    with V4l2Camera(_node(), options) as camera:
+        image = camera.read().image
+    columns = image[image.shape[0] * 3 // 4 :].mean(axis=0)
+    return [bar[len(bar) // 4 : -len(bar) // 4].mean(axis=0).tolist() for bar in np.array_split(columns, 8)]
 
 
 def set_fault(device: Device, name: str, value: int) -> None:

@@ -27,7 +27,7 @@ def run_through(arguments: list[str]) -> dict[str, Any]:
 def _follow() -> None:
     report("streaming", status=_await(lambda status: status["frames"] >= 1))
     noticed = _await(lambda status: status["camera"]["connection"] == "reconnecting")
-    time.sleep(1.0)
+    time.sleep(0.5)
     report("away", first=noticed, later=_await(lambda status: "reconnecting" in str(status["error"])))
     report("back", status=_await(lambda status: status["camera"]["connection"] == "connected"), at_s=time.monotonic())
 

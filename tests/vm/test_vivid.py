@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from tests.vm.machine import Guest
@@ -25,6 +26,15 @@ def test_an_honest_camera_shows_no_fault(vivid: Guest) -> None:
     assert found["gain"] == 77, "its automatic was switched off first"
     assert all(found["sound"])
     assert found["counts"]["damaged"] == found["counts"]["duplicated"] == 0
+
+
+def test_every_raw_format_shows_the_same_colours(vivid: Guest) -> None:
+    yuyv, rgb, grey = (np.array(vivid.run("faking:bars", letters=letters)) for letters in ("YUYV", "RGB3", "GREY"))
+    print("colour bars, RGB3 and grey:", rgb.round().tolist(), grey[:, 0].round().tolist())
+    assert np.ptp(rgb, axis=0).min() > 150, "bars of many colours"
+    assert np.abs(yuyv - rgb).max() < 6
+    assert (grey == grey[:, :1]).all()
+    assert np.corrcoef(rgb @ (0.299, 0.587, 0.114), grey[:, 0])[0, 1] > 0.98, "the brightness of the same bars"
 
 
 def test_dropped_buffers_are_counted_as_lost(vivid: Guest) -> None:

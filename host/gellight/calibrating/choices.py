@@ -24,6 +24,12 @@ class Limits:
     normal_deg: float = 7.0
     """mean angle between the normals there"""
 
+    def __post_init__(self) -> None:
+        """Refuse what no calibration could reach."""
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"the largest {name} allowed is {value}: give a limit greater than 0")
+
 
 @dataclass(frozen=True, kw_only=True)
 class RoutineOptions:

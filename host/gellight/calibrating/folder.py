@@ -7,7 +7,10 @@ checks/*.png      fresh presses, never trained on
 grids/*.png       the pin grid
 """
 
+import io
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -113,10 +116,8 @@ class Folder:
             "extra_presses": self.extra_presses,
             "finished": self.finished,
         }
-        try:
+        with _writing(self.path):
             write_file(self.path / STATE, (json.dumps(state, indent=1) + "\n").encode())
-        except OSError as error:
-            raise CalibrationError(f"{self.path} cannot be written ({error.strerror}): free some space") from error
 
     def finish(self, step: str, figures: dict[str, Any]) -> None:
         """Keep the figures of a step that is done."""
@@ -144,10 +145,10 @@ class Folder:
 
     def keep_reference(self, image: NDArray[np.float32]) -> None:
         """Keep the mean of the untouched gel."""
-        partial = self.path / f".{_REFERENCE}"
-        with partial.open("wb") as stream:
-            np.save(stream, image)
-        partial.replace(self.path / _REFERENCE)
+        content = io.BytesIO()
+        np.save(content, image)
+        with _writing(self.path):
+            write_file(self.path / _REFERENCE, content.getvalue())
 
     def reference(self) -> NDArray[np.float32]:
         """Return the mean of the untouched gel."""
@@ -162,7 +163,8 @@ class Folder:
         records = self._records(kind)
         number = 1 + max((record["number"] for record in records), default=0)
         record = {"number": number, "file": f"{kind}/press-{number:03d}.png", **circle, **more}
-        write_png(self.path / str(record["file"]), picture)
+        with _writing(self.path):
+            write_png(self.path / str(record["file"]), picture)
         records.append(record)
         self.save()
         return record
@@ -192,6 +194,18 @@ class Folder:
 
     def _records(self, kind: str) -> list[dict[str, Any]]:
         return {"presses": self.presses, "checks": self.checks, "grids": self.grids}[kind]
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Say in words that the disk refuses something."""
+    try:
+        yield
+    except OSError as error:
+        raise CalibrationError(
+            f"{path} cannot be written ({error.strerror or error}): free some space and go on; what was measured "
+            "before is kept"
+        ) from error
 
 
 def _made(path: Path) -> None:

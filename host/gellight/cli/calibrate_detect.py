@@ -38,7 +38,6 @@ def command(
     refused = [detection for detection in found if detection.circle is None]
     if len(refused) == len(found):
         raise InputError(f"no circle in any of {len(found)} images; {refused[0].image}: {refused[0].refused}")
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_presses(out, found)
     if overlay is not None:
         write_overlays(overlay, found)

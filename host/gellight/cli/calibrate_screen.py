@@ -2,6 +2,7 @@
 
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
@@ -73,7 +74,8 @@ def _show_pictures(routine: "Routine", place: Path, shown: dict[str, object]) ->
     for name in ("press", "cylinder", "pins"):
         if pictures.get(name) is not shown.get(name):
             shown[name] = pictures[name]
-            write_png(place / f"{name}.png", pictures[name])
+            with suppress(OSError):  # of a full disk the routine tells, which cannot go on
+                write_png(place / f"{name}.png", pictures[name])
 
 
 def screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> "RenderableType":

@@ -71,7 +71,7 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     """Write the csv that `presses.read_presses` reads, whole or not at all.
 
     Refused images have a row too, with their reason and no circle; `read_presses` passes over them. Names are relative
-    to the folder of the csv.
+    to the folder of the csv, which is made. Raises InputError where it cannot be written.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, [*COLUMNS, "quality", REFUSED], lineterminator="\n")
@@ -79,12 +79,25 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     for detection in detections:
         name = os.path.relpath(detection.image, path.parent)
         writer.writerow({**detection.record(), "image": name})
-    write_file(path, text.getvalue().encode())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, text.getvalue().encode())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}): choose another place") from error
 
 
 def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
-    """Write NAME.png of each image that was found, with its circle and centre drawn in."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write NAME.png of each image that was found, with its circle and centre drawn in; InputError where it cannot."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_overlays(folder, detections)
+    except OSError as error:
+        raise InputError(
+            f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"
+        ) from error
+
+
+def _write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
     stems = [detection.image.stem for detection in detections]
     for detection in detections:
         if detection.circle is None:

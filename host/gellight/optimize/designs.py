@@ -103,8 +103,7 @@ def gains(beyond: dict[str, Array], given: Candidate, best: Candidate) -> list[G
         ),
         Gain(
             "angle, height and exposure searched together",
-            f"the given sensor with {given.number} LEDs, the design with {best.number}; both drop shadows or both "
-            "take one exposure",
+            f"the given sensor with {given.number} LEDs and the design with {best.number}, read in the same way",
             degrees(given.top1_rad),
             degrees(best.top1_rad),
         ),

@@ -16,6 +16,7 @@ WIDTH, HEIGHT = 372.0, 262.0
 LEFT, RIGHT, TOP, BOTTOM = 50.0, 12.0, 26.0, 40.0
 LEGEND_ROW, LEGEND_LETTER, LEGEND_LINE = 16.0, 5.9, 24.0
 """height of a row, width of a letter, and of the line before it with its gaps"""
+TITLE_LETTER = 7.2
 
 
 @dataclass(frozen=True)
@@ -85,28 +86,32 @@ def heat_map(
     `mark` frames the smallest of each row.
     """
     table = np.asarray(values, dtype=float)
-    width = CELLS_LEFT + CELL_X * len(columns) + 4
+    cell_x = max(CELL_X, *(LEGEND_LETTER * len(column) + 4 for column in columns))
+    right = CELLS_LEFT + cell_x * len(columns)
+    width = max(right + 4, TITLE_LETTER * len(axes.title) + 8)
     bottom = CELLS_TOP + CELL_Y * len(rows)
     body = [_title(axes.title)]
     for r, row in enumerate(rows):
         y = CELLS_TOP + (r + 0.68) * CELL_Y
         body.append(f'<text class="tick" x="{CELLS_LEFT - 5}" y="{y:.1f}" text-anchor="end">{row}</text>')
-        body += [_cell(r, c, table[r, c], largest, mark and table[r, c] == table[r].min()) for c in range(len(columns))]
+        for c, value in enumerate(table[r].tolist()):
+            at = CELLS_LEFT + c * cell_x, CELLS_TOP + r * CELL_Y
+            body.append(_cell(at, cell_x, value, largest, mark and value == table[r].min()))
     for c, column in enumerate(columns):
-        x = CELLS_LEFT + (c + 0.5) * CELL_X
+        x = CELLS_LEFT + (c + 0.5) * cell_x
         body.append(f'<text class="tick" x="{x}" y="{bottom + 12}" text-anchor="middle">{column}</text>')
-    middle = (CELLS_LEFT + width) / 2, (CELLS_TOP + bottom) / 2
+    middle = (CELLS_LEFT + right) / 2, (CELLS_TOP + bottom) / 2
     return _figure([*body, *_axis_labels(axes, middle, bottom + CELLS_BOTTOM - 6)], width, bottom + CELLS_BOTTOM)
 
 
-def _cell(row: int, column: int, value: float, largest: float, best: bool) -> str:
-    x, y = CELLS_LEFT + column * CELL_X, CELLS_TOP + row * CELL_Y
+def _cell(at: tuple[float, float], width: float, value: float, largest: float, best: bool) -> str:
+    x, y = at
     ink = "#fff" if not 0.12 < value / largest < 0.85 else "#111"
     frame = ' stroke="#111" stroke-width="1.6"' if best else ""
     return (
-        f'<rect x="{x}" y="{y}" width="{CELL_X - 1}" height="{CELL_Y - 1}" rx="2" '
+        f'<rect x="{x:.4g}" y="{y}" width="{width - 1:.4g}" height="{CELL_Y - 1}" rx="2" '
         f'fill="{heat_colour(value / largest)}"{frame}/>'
-        f'<text class="cell" fill="{ink}" x="{x + CELL_X / 2}" y="{y + 13.5}">{_short(value)}</text>'
+        f'<text class="cell" fill="{ink}" x="{x + width / 2:.4g}" y="{y + 13.5}">{_short(value)}</text>'
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.optimize import answers, comparison, comparison_coarse, designs, studies
+from gellight.optimize import answers, comparison, comparison_coarse, designs, parts, studies
 from gellight.optimize.comparison import Statement
 from gellight.optimize.designs import Gain
 from gellight.optimize.studies import FineResult, Subject
@@ -21,7 +21,7 @@ from sim_reference.optimizer.sensitivity import Variant
 
 Array = NDArray[np.float64]
 NUMBERS = (6, 9, 12, 15)
-"""of LEDs that are designed for, besides those of the given sensor"""
+"""of LEDs that are designed for where they fit, besides those of the given sensor"""
 BALL_PRESS_MM = 2.0
 BALL_PRESS_SHARE = 0.4
 """of the gel's thickness, where that is less"""
@@ -77,7 +77,7 @@ def find(subject: Subject, way: Way, *, timed: bool, numbers: tuple[int, ...] = 
     """
     geometry, groups = subject.geometry, subject.seen_by(LightGroups())
     own = len(geometry.led_colours) // 3 * 3
-    several = tuple(sorted({*numbers, own}))
+    several = tuple(sorted({own, *(number for number in numbers if parts.fits(number, geometry))}))
     alike = designs.wishes(several, geometry, noise_grey=subject.noise_grey)
     at_once = designs.wishes((own,), geometry, one_shot=True, noise_grey=subject.noise_grey)
     bright = designs.wishes((own,), geometry, noise_grey=subject.noise_grey, exposure_limit=float("inf"))

@@ -58,6 +58,11 @@ class Strip:
         ]
 
 
+def fits(count: int, geometry: SensorGeometry) -> bool:
+    """Return whether so many LEDs have room side by side on the ring."""
+    return 2 * pi * geometry.ring_radius_mm / count >= LED_SIDE_MM + LED_GAP_MM
+
+
 def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
     """Return the flat strip of a sensor.
 
@@ -70,10 +75,10 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
     flat = cos(geometry.incident_angle_rad)
     middle = geometry.ring_radius_mm / flat
     count = len(geometry.led_colours)
-    pitch = 2 * pi * geometry.ring_radius_mm / count
-    if pitch < LED_SIDE_MM + LED_GAP_MM:
+    if not fits(count, geometry):
         raise InputError(
-            f"{count} LEDs on a ring of {geometry.ring_radius_mm} mm are {pitch:.2f} mm apart, an LED takes "
+            f"{count} LEDs on a ring of {geometry.ring_radius_mm} mm are "
+            f"{2 * pi * geometry.ring_radius_mm / count:.2f} mm apart, an LED takes "
             f"{LED_SIDE_MM + LED_GAP_MM} mm: use fewer or a wider ring"
         )
     return Strip(

@@ -9,13 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, uniform_filter
 
 from gellight.calibration import Calibration
 from gellight.contact import THRESHOLD_MM, find_contact
 from gellight.errors import InputError
 from gellight.frames import CameraFrame, ExposureReport, TactileFrame
-from gellight.gelnet import SMOOTHING_PX, smoothed
 from gellight.photometric import static_scene
 from gellight.photometric.level import find_level
 from gellight.photometric.light_model import (
@@ -39,7 +37,8 @@ from gellight.photometric.solver import (
     solve_robustly,
 )
 from gellight.pipeline import Watch, far_from_touch
-from gellight.reconstruction import integrate, normals
+from gellight.reconstruction import integrate, normals, surface_gradient
+from gellight.smoothing import NARROWEST_PX, Smoother
 
 STAGES = ("signals", "slopes", "depth", "refined", "still", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path."""
@@ -47,8 +46,6 @@ REFINEMENTS = 2
 FLAT_MM = 0.01
 """depth below which the light is taken to be that on the flat gel: slopes are then wrong by some 0.0004"""
 BLOCK_POINTS = 8192
-CALM_PX = 9
-CALM_MARGIN_PX = 12
 _CELL = 4
 _SIGNIFICANT = 6.0
 
@@ -62,7 +59,7 @@ class PhotometricReconstructor:
         model: LightModel,
         kind: LightGroups,
         *,
-        smoothing_px: int = SMOOTHING_PX,
+        smoothing_px: int = NARROWEST_PX,
         contact_threshold_mm: float = THRESHOLD_MM,
     ) -> None:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
@@ -76,7 +73,7 @@ class PhotometricReconstructor:
             )
         self.calibration = calibration
         self.model = model
-        self.smoothing_px = smoothing_px
+        self._smoother = Smoother(smoothing_px)
         self.contact_threshold_mm = contact_threshold_mm
         self._shape = model.image_shape
         self._points = gel_points(self._shape, calibration.pixel_size_mm)
@@ -134,34 +131,36 @@ class PhotometricReconstructor:
     def _solved(self, signals: Signals, watch: Watch) -> tuple[Floats, Floats, Bools, Floats]:
         """Return gradient map, depth map, the lights used and what they should have shown, (K, P) each."""
         scaled = self._flat(signals)
-        gradient_map = self._gradient_map(scaled)
+        gradient_map, noise = self._slopes(scaled)
         watch.lap("slopes")
-        depth, touched = self._depth(gradient_map, scaled, signals)
+        depth = self._depth(gradient_map, scaled, signals)
         watch.lap("depth")
         used, predicted = signals.valid, signals.grey
         for _ in range(REFINEMENTS):
             scaled, used, predicted = self._refined(scaled, depth, signals)
-            gradient_map = self._gradient_map(scaled)
-            depth, touched = self._depth(gradient_map, scaled, signals)
+            gradient_map, noise = self._slopes(scaled)
+            depth = self._depth(gradient_map, scaled, signals)
+        gradient_map = surface_gradient(depth, self.calibration.pixel_size_mm)
+        self._smoother.widen(gradient_map, noise)
         watch.lap("refined")
-        return calmed(gradient_map, touched), depth, used, predicted
+        return gradient_map, depth, used, predicted
 
     def _flat(self, signals: Signals) -> Floats:
         """Solve every pixel with all lights, on the flat gel: scaled normals (3, P)."""
         return np.asarray(np.einsum("kip,kp->ip", self._projection, signals.grey))
 
-    def _gradient_map(self, scaled: Floats) -> Floats:
+    def _slopes(self, scaled: Floats) -> tuple[Floats, Floats]:
+        """Return the gradient map, smoothed by the narrowest window, and its noise."""
         planes = slopes(scaled).reshape(2, *self._shape)
-        return smoothed(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32), self.smoothing_px)
+        return self._smoother.narrow(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32))
 
-    def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> tuple[Floats, Bools]:
-        """Integrate, and set the height by the gel at rest or by the light; return also what is touched."""
-        touched = self._touched(gradient_map, scaled, signals)
-        rest = far_from_touch(touched)
+    def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
+        """Integrate, and set the height by the gel at rest or by the light."""
+        rest = far_from_touch(self._touched(gradient_map, scaled, signals))
         depth = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
         points = replace(self._points, z_mm=depth.reshape(-1))
         level = find_level(signals, self._references, points, self.model.ring)
-        return depth + np.float32(level.correction_mm), touched
+        return depth + np.float32(level.correction_mm)
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
@@ -213,16 +212,6 @@ class PhotometricReconstructor:
         """How long the reference image was exposed, as a share of the exposure of the series."""
         ours = self.model.exposure_us
         return 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
-
-
-def calmed(gradient_map: Floats, touched: Bools) -> Floats:
-    """Replace the slopes (H, W, 2) well away from what is `touched` (H, W) by means over 9 x 9 pixels.
-
-    Around a contact the gel bulges gently over many millimetres: the mean keeps that, and leaves a ninth of the noise.
-    """
-    near = maximum_filter(touched, 2 * CALM_MARGIN_PX + 1)
-    means = np.stack([uniform_filter(gradient_map[..., axis], CALM_PX) for axis in range(2)], axis=2)
-    return np.where(near[..., None], gradient_map, means)
 
 
 def gel_points(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:

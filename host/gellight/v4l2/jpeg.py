@@ -41,6 +41,8 @@ _FILLING_BYTES = 4096
 _TOLERATED_MCUS = 16
 """surplus that is no fault: some cameras put up to ten bytes too many before a marker, and an MCU of three colours
 takes at least 14 bits"""
+_CANDIDATES = 4
+"""of so many MCUs in a row at least two are not cut off at the right"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,9 +74,14 @@ class Layout:
         """MCUs one below the other."""
         return -(-self.shape[0] // self.mcu[0])
 
+    def beyond(self) -> NDArray[np.intp]:
+        """(2,) numbers of MCUs below the picture, beyond the tolerated surplus, and not cut off at the right."""
+        places = self.rows * self.columns + _TOLERATED_MCUS + np.arange(_CANDIDATES)
+        return places[places % self.columns < max(self.shape[1] // self.mcu[1], 1)][:2]
+
     def taller(self, data: bytes) -> bytes:
         """Return the JPEG with a height at which too much data shows, and zeros for what is below the picture."""
-        added = _TOLERATED_MCUS // self.columns + 2
+        added = (_TOLERATED_MCUS + _CANDIDATES) // self.columns + 1
         height = (self.rows + added) * self.mcu[0]
         body = data[self.height_at + 2 : data.find(_END, self.data_at)]
         zeros = bytes((added * self.columns + 2) * self.blocks * _BLOCK_ZEROS)
@@ -119,9 +126,11 @@ def layout_of(data: bytes) -> Layout | None:
 def _layout(data: bytes, frame_at: int, data_at: int, *, restart: int, usual: bool) -> Layout | None:
     """Read the frame header: precision, height, width, count of colours, then of each its number and sampling."""
     height, width = (int.from_bytes(data[frame_at + k : frame_at + k + 2]) for k in (5, 7))
-    count = data[frame_at + 9]
+    count = data[frame_at + 9] if data_at < len(data) else 0
+    if count not in (1, 3) or data_at < frame_at + 11 + 3 * count:
+        return None
     sampling = [(data[frame_at + 11 + 3 * k] >> 4, data[frame_at + 11 + 3 * k] & 15) for k in range(count)]
-    if count not in (1, 3) or not height or not width or any(0 in each for each in sampling):
+    if not height or not width or any(0 in each for each in sampling):
         return None
     if count == 1:
         sampling = [(1, 1)]
@@ -133,7 +142,7 @@ def _layout(data: bytes, frame_at: int, data_at: int, *, restart: int, usual: bo
 def _continuous(data: bytes, layout: Layout) -> Image:
     """Decode a picture without restart markers; CorruptPictureError where it has too little data or too much."""
     count = layout.rows * layout.columns
-    below = np.array([count - 1, count, count + _TOLERATED_MCUS, count + _TOLERATED_MCUS + 1])
+    below = np.array([count - 1, count, *layout.beyond()])
     if layout.mcu[0] == _BLOCK_PX:
         taller = _opened(layout.taller(data), why="a JPEG that breaks off")
         last, next_, far, farther = _middles(taller, below, layout)

@@ -37,7 +37,7 @@ def test_the_clock_of_the_emulated_board_is_known_to_the_length_of_a_ping(monkey
         assert high_us - low_us < 300
         camera.ring.clock()
     assert watch.clock.drift.low <= camera.clock.drift <= watch.clock.drift.high
-    assert watch.clock.drift.error < 40e-6
+    assert watch.clock.drift.error < 45e-6  # a ping of 0.2 ms over 5 s, and what crystals wander
     camera.close()
 
 
