@@ -55,7 +55,8 @@ def _run(command: list[str]) -> None:
 
 def run_core_tests(library: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the tests of the core on a library, to the first failure; without plugins, which take longer than they do."""
-    tests = [str(path) for path in sorted((CHECKOUT / "tests/firmware").glob("test_core*.py"))]
+    files = (CHECKOUT / "tests/firmware").glob("test_core*.py")
+    tests = [str(path) for path in sorted(files, key=lambda path: ("config" in path.name, path.name))]  # long ones last
     plain = {"GELLIGHT_CORE_LIBRARY": str(library), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests],

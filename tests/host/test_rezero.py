@@ -19,7 +19,7 @@ from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
 from gellight.watch.monitor import Watch
 from sim_reference.camera import digitise
-from sim_reference.gel import NO_OBJECT
+from sim_reference.deformation import NO_OBJECT
 from sim_reference.objects import PROBES, ObjectParameters
 from tests.host.watched_sensor import NOISE_GREY, WatchedSensor
 
