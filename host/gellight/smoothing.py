@@ -23,7 +23,7 @@ Floats = NDArray[np.float32]
 NARROWEST_PX = 2
 """Default half width of the narrowest window: it leaves half of the noise (x 0.49), and a Gaussian contact of sigma
 3 px keeps 99.4 % of its height. 3 would leave a third of the noise and 97.5 % of that height."""
-LADDER = (1.5, 2, 3, 4.5)
+LADDER = (1.5, 2.5, 4.5)
 """half widths of the wider windows, as multiples of the narrowest"""
 _CELL = 4
 """noise and choice are looked at in means over cells of so many pixels a side"""
