@@ -10,8 +10,8 @@ from tests.vm.bench import Bench
 from tests.vm.machine import Guest, booted
 from tests.vm.packages import Missing
 
-ONE, TWO, LIT = "00000000000000A1", "00000000000000B2", "00000000000000C3"
-"""serial numbers: two sensors with steady light, and one with the emulated firmware that lights it"""
+ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"
+"""serial numbers: two sensors with steady light, two that the emulated firmware lights, the last with more pixels"""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -43,7 +43,9 @@ def whole_bench(guest: Guest) -> Iterator[Bench]:
     lit = open_virtual(
         "sim://?programme=0&object=BALL&depth=1.0&x=2.0&y=1.0", serial_number=LIT, geometry=sized(80, 60)
     )
-    with Bench(guest, {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit}) as bench:
+    fine = open_virtual("sim://?programme=0", serial_number=FINE, geometry=sized(320, 240))
+    sensors = {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit, "fine": fine}
+    with Bench(guest, sensors) as bench:
         yield bench
 
 

@@ -33,22 +33,32 @@ class Call:
     def __init__(self, lines: Iterator[str]) -> None:
         """Follow its answers."""
         self._lines = lines
+        self._ended: dict[str, Any] | None = None
 
     def event(self, name: str) -> dict[str, Any]:
         """Wait for an event and return its facts."""
-        while True:
+        found = self.next_event(name)
+        if found is None:
+            raise GuestError(f"the function returned {self.result()!r} without the event {name!r}")
+        return found
+
+    def next_event(self, name: str) -> dict[str, Any] | None:
+        """Wait for an event and return its facts; None where the function returns before."""
+        while self._ended is None:
             answer = self._next()
             if answer.get("event") == name:
                 return answer
             if "result" in answer:
-                raise GuestError(f"the function returned {answer['result']!r} without the event {name!r}")
+                self._ended = answer
+        return None
 
     def result(self) -> Any:
         """Wait for the end and return the result."""
-        while True:
+        while self._ended is None:
             answer = self._next()
             if "result" in answer:
-                return answer["result"]
+                self._ended = answer
+        return self._ended["result"]
 
     def _next(self) -> dict[str, Any]:
         line = next(self._lines, None)
