@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="calibrate",
-    help="Train GelNet on ball presses, and measure what it is worth.",
+    help="Calibrate a sensor: guided, step by step, or by itself; the verbs work on recorded images and on bundles.",
     no_args_is_help=True,
 )
 
@@ -37,7 +37,7 @@ Epochs = Annotated[int | None, typer.Option(min=1, help="instead of the recipe's
 Threads = Annotated[int, typer.Option(min=1, help="of torch")]
 Refine = Annotated[bool, typer.Option("--refine", help="refit the circles together with the light before training")]
 Out = Annotated[Path, typer.Option(help="folder of the calibration bundle to write")]
-Overwrite = Annotated[bool, typer.Option(help="replace an existing bundle")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace an existing bundle")]
 Previous = Annotated[
     str | None, typer.Option(help="earlier bundle of this sensor: refuses a ball of another size than it feels")
 ]

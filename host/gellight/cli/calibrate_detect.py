@@ -19,7 +19,7 @@ def command(
     pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")],
     out: Annotated[Path, typer.Option(help="csv to write: a row an image, as `fit` reads it")],
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures with the circles drawn in")] = None,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing csv")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing csv")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the circles as a JSON array")] = False,
 ) -> None:
     """Find the contact circle of a ball press in each image.

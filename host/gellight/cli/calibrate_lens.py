@@ -19,7 +19,7 @@ def command(
         ),
     ] = None,
     overlay: Annotated[Path | None, typer.Option(help="PNG file to draw the pins of the first picture into")] = None,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing bundle")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")] = False,
 ) -> None:
     """Measure the distortion of the lens from pictures of a grid of pins, and write the bundle with it.

@@ -15,9 +15,10 @@ def command(
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=256, help="frames averaged for each LED")] = 8,
     ring_from_light: Annotated[
-        bool, typer.Option(help="take the places of the LEDs from the pictures, not from the settings")
+        bool,
+        typer.Option("--ring-from-light", help="take the places of the LEDs from the pictures, not from the settings"),
     ] = False,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing bundle")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")] = False,
 ) -> None:
     """Measure the light of each LED on the untouched gel. Lift everything off the gel before."""

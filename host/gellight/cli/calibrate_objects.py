@@ -16,7 +16,9 @@ def command(
     calibration: Annotated[str, typer.Option(help="bundle: folder, .gelcal file or 'synthetic'")],
     sensor: Sensor = None,
     press_depth_mm: Annotated[float, typer.Option(min=0.05, help="how deep the objects are pressed, mm")] = 0.3,
-    rezero: Annotated[bool, typer.Option(help="record the untouched gel anew before, nothing else")] = False,
+    rezero: Annotated[
+        bool, typer.Option("--rezero", help="record the untouched gel anew before, nothing else")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Press the ten benchmark objects into the simulated sensor and measure the error of a bundle on each."""

@@ -59,9 +59,9 @@ def command(
     ] = None,
     out: Out = Path("calibration"),
     folder: State = None,
-    resume: Annotated[bool, typer.Option(help="go on with an interrupted calibration")] = False,
-    restart: Annotated[bool, typer.Option(help="throw an interrupted calibration away")] = False,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing bundle of this sensor")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="go on with an interrupted calibration")] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="throw an interrupted calibration away")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing bundle of this sensor")] = False,
     install: Annotated[
         bool, typer.Option("--install", help="put what passes into service: kept, and remembered by the board")
     ] = False,
@@ -77,7 +77,7 @@ def command(
     threads: Threads = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a sensor: guided, step by step, or by itself; verbs work on recorded images."""
+    """Calibrate a sensor: guided, step by step, or by itself; the verbs work on recorded images and on bundles."""
     if context.invoked_subcommand:
         return
     from gellight.calibrating.choices import Limits, RoutineOptions
