@@ -33,7 +33,7 @@ def test_the_leds_are_dark_before_the_board_is_on_the_bus(image: bytes) -> None:
     board.run_until(lambda: board.host.configured, 200_000)
     assert len(board.timeline) == 1
     assert not board.timeline[0].colours.any()
-    assert board.waveform.frame_starts_us[0] < 8_000 < board.now_us
+    assert board.waveform.frame_starts_us[0] < 4_000 < board.now_us
 
 
 def test_every_bit_keeps_the_windows_of_the_data_sheets(board: EmulatedBoard, ring: LightRing) -> None:
