@@ -92,7 +92,7 @@ def felt_by(
         slopes, noise = smoother.narrow(baseline.gradient_map(difference))
         depth_mm = integrate(slopes, ball.pixel_size_mm)
         gradient_map = surface_gradient(depth_mm, ball.pixel_size_mm)
-        smoother.widen(gradient_map, noise)
+        smoother.widen(gradient_map, slopes, noise)
         contact = find_contact(depth_mm, ball.pixel_size_mm)
         felt.append(Felt(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact.mask))
     return felt

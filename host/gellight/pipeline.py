@@ -104,7 +104,7 @@ class Reconstructor:
         watch.lap("depth")
         # The slopes of a surface have no curl, those of a noisy network do: what fits no surface is left out.
         gradient_map = surface_gradient(depth_mm, self.calibration.pixel_size_mm)
-        self._smoother.widen(gradient_map, noise, where=touched if self.masked else None)
+        self._smoother.widen(gradient_map, slopes, noise, where=touched if self.masked else None)
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
         normal_map = normals(gradient_map)

@@ -78,24 +78,44 @@ class Smoother:
         left = weights(self.narrowest)[self.narrowest] ** 2 if self.narrowest > 1 else 0.0
         return smoothed, _cell_energy(taken, _NOISE_CELLS, taken) / np.float32(1 - left)
 
-    def widen(self, slopes: Floats, noise: Floats, *, where: NDArray[np.bool_] | None = None) -> None:
+    def widen(
+        self, surface: Floats, measured: Floats, noise: Floats, *, where: NDArray[np.bool_] | None = None
+    ) -> None:
         """Smooth (H, W, 2) slopes of a surface further, in place, each pixel as widely as the surface allows.
 
-        The slopes are those of `reconstruction.surface_gradient` after the integration of what `narrow` returned with
-        this noise. Slopes that vary like a quadratic stay as they are, but for the border, where the last value
-        continues. Of white noise in the slopes measured there remains, with 2 for the narrowest half width, a share of
-        0.09 where the surface is smooth over 19 pixels, and of 0.33 at a rim. where: (H, W) nothing is done outside the
-        rectangle around these pixels, which saves time.
+        measured, noise: what `narrow` returned. surface: what `reconstruction.surface_gradient` makes of the measured
+        slopes after their integration. Where the two differ by more than the noise explains, the measured ones are
+        taken: slopes that are wrong somewhere, as where nothing was learnt, would spoil the surface around.
+
+        Slopes that vary like a quadratic stay as they are, but for the border, where the last value continues. Of white
+        noise in the slopes measured there remains, with 2 for the narrowest half width, a share of 0.09 where the
+        surface is smooth over 19 pixels, and of 0.33 at a rim. where: (H, W) nothing is done outside the rectangle
+        around these pixels, which saves time.
         """
-        window = _window(where, slopes.shape)
+        window = _window(where, surface.shape)
         if self.narrowest < 2 or window is None:
             return
         rows, columns = window
         noise = noise[rows.start // _CELL : -(-rows.stop // _CELL), columns.start // _CELL : -(-columns.stop // _CELL)]
-        self._widen(slopes[window], noise + np.finfo(np.float32).tiny)
+        noise = noise + np.finfo(np.float32).tiny
+        self._widen(surface[window], noise * self._reconcile(surface[window], measured[window], noise))
+
+    def _reconcile(self, surface: Floats, measured: Floats, noise: Floats) -> Floats:
+        """Put the measured slopes in the place of the surface's where noise does not explain what differs.
+
+        Returns the energy of the noise that is left, (h, w, 1), as a multiple of the surface's: 1 to 2.
+        """
+        change, work = self._arrays(surface.shape, 2)
+        cv2.subtract(surface, measured, change)
+        # Half of what the narrowest window leaves has a curl, and is what the surface leaves out.
+        energy = weights(self.narrowest)[self.narrowest] ** 2 / 2
+        share = _explained(_cell_energy(change, _cells(self.narrowest), work) / noise, energy)
+        cv2.resize(cv2.merge((share, share)), (surface.shape[1], surface.shape[0]), work)
+        cv2.add(measured, cv2.multiply(change, work, change), surface)
+        return np.asarray(1 + (1 - share[..., None]) ** 2)
 
     def _widen(self, slopes: Floats, noise: Floats) -> None:
-        """Do it to a whole map, whose noise is nowhere 0."""
+        """Smooth a whole map, whose noise is nowhere 0."""
         before, last, wider, change, work = self._arrays(slopes.shape, 5)
         for copy in (before, last):
             np.copyto(copy, slopes)
@@ -103,9 +123,7 @@ class Smoother:
         for width, energy in zip(half_widths(self.narrowest), _energies(self.narrowest), strict=True):
             fixed(before, width, wider)
             cv2.subtract(wider, last, change)
-            seen = _cell_energy(change, _cells(width), work) / noise
-            worst = np.maximum(seen[..., 0], seen[..., 1]) / np.float32(energy)
-            share *= np.clip((_DIFFER - worst) / (_DIFFER - _AGREE), 0, 1)
+            share *= _explained(_cell_energy(change, _cells(width), work) / noise, energy)
             cv2.resize(cv2.merge((share, share)), size, work)
             slopes += cv2.multiply(change, work, change)
             last, wider = wider, last
@@ -116,6 +134,12 @@ class Smoother:
         if len(self._memory) < count or self._memory[0].size < size:
             self._memory = [np.empty(size, np.float32) for _ in range(count)]
         return [memory[:size].reshape(shape) for memory in self._memory[:count]]
+
+
+def _explained(seen: Floats, energy: float) -> Floats:
+    """(h, w) 1 where noise of this energy explains what is seen, (h, w, 2), in both directions, 0 where it does not."""
+    worst = np.maximum(seen[..., 0], seen[..., 1]) / np.float32(energy)
+    return np.clip((_DIFFER - worst) / np.float32(_DIFFER - _AGREE), 0, 1)
 
 
 def _window(where: NDArray[np.bool_] | None, shape: tuple[int, ...]) -> tuple[slice, slice] | None:

@@ -140,10 +140,10 @@ class PhotometricReconstructor:
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map, noise = self._slopes(scaled)
             depth = self._depth(gradient_map, scaled, signals)
-        gradient_map = surface_gradient(depth, self.calibration.pixel_size_mm)
-        self._smoother.widen(gradient_map, noise)
+        surface = surface_gradient(depth, self.calibration.pixel_size_mm)
+        self._smoother.widen(surface, gradient_map, noise)
         watch.lap("refined")
-        return gradient_map, depth, used, predicted
+        return surface, depth, used, predicted
 
     def _flat(self, signals: Signals) -> Floats:
         """Solve every pixel with all lights, on the flat gel: scaled normals (3, P)."""
