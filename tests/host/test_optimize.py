@@ -276,7 +276,7 @@ def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 
 def test_help_says_what_is_taken_by_default() -> None:
     text = CliRunner().invoke(app, ["optimize", "coarse", "--help"], env={"COLUMNS": "160"}).stdout
-    assert "[default: the paper]" in text
+    assert "[default: (the paper)]" in text
     assert "[default: 0.9]" in text
 
 
