@@ -164,8 +164,9 @@ def _preparation(session: Session) -> str:
     return (
         "<h2>Light</h2>"
         f"<p>Camera locked: {escape(camera)}. Reference: mean of {reference['frames']} frames, "
-        f"{reference['pixel_noise_grey']:.2f} grey levels of noise in a pixel, {reference['noise_grey']:.2f} where "
-        "neighbours share it, as a camera that compresses makes them; while warming up the light moved by "
+        f"{reference['pixel_noise_grey']:.2f} grey levels of noise in a pixel, which count as "
+        f"{reference['noise_grey']:.2f} (more where neighbours share them, as behind a camera that compresses); while "
+        "warming up the light moved by "
         f"{reference['warm_up_grey']:.2f} grey levels.</p>"
         + _pictures(pictures)
         + _table(["intensity", "mean", "sigma", "within 1 sigma", "2 sigma", "3 sigma"], rows)
