@@ -155,7 +155,7 @@ def recovery(rounds: int = 50) -> Figures:
 
     Enumeration by the kernel comes on top; exposure, latency and 20 ms until the LEDs are lit are within.
     """
-    from tests.host.test_sensor_camera import Bench
+    from tests.host.sensor_bench import Bench
 
     rng, found = np.random.default_rng(0), []
     with tempfile.TemporaryDirectory() as folder:

@@ -22,7 +22,7 @@ from gellight.opencv_camera import OpenCvCamera
 from gellight.ring import LightRing
 from gellight.transport import open_transport
 from gellight.wire import Packet, decode, encode
-from tests.host.test_sensor_camera import Bench
+from tests.host.sensor_bench import Bench
 
 GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
 

@@ -19,7 +19,7 @@ from gellight.v4l2 import controls as c
 from gellight.v4l2 import structures as v
 from gellight.v4l2.options import parse_url
 from gellight.v4l2.video_camera import V4l2Camera
-from tests.host.test_sensor_camera import Bench, FakeRing
+from tests.host.sensor_bench import Bench, FakeRing
 from tests.host.v4l2_pictures import jpeg, scene
 
 WEBCAM = (0x046D, 0x0825)

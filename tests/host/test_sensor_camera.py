@@ -1,7 +1,6 @@
 """A real sensor on a kernel and a bus made of nothing: lit, set, unplugged in mid-stream, found again, never stale."""
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,104 +8,13 @@ import pytest
 
 from gellight.calibration import Calibration, LedSetting, write_calibration
 from gellight.camera import ReconnectingError
-from gellight.daemon import Daemon
-from gellight.enumerations import Dark
-from gellight.errors import BoardError, CalibrationError, CameraError, GellightError
-from gellight.protocol import DarkEvent
-from gellight.sensor_camera import SensorCamera, open_sensor
-from gellight.sensor_connection import Surroundings
+from gellight.errors import BoardError, CameraError, GellightError
 from gellight.v4l2 import controls as c
 from gellight.v4l2.errors import BusyError, DeniedError
-from tests.host.fake_kernel import FakeCamera, FakeKernel
-from tests.host.fake_usb import FakeUsb
 from tests.host.linear_sensor import linear_network
-from tests.host.test_daemon import CountingReconstructor
+from tests.host.sensor_bench import BOARD, Bench, lit_bundle
 
 SIZE = "width=32&height=24&format=YUYV"
-BOARD = "E660C06213842F2A"
-
-
-class FakeRing:
-    """Notes what is asked of it; the LEDs shine 20 ms after they are set."""
-
-    def __init__(self, kernel: FakeKernel, url: str, unique_id: str = BOARD) -> None:
-        self.kernel, self.lit, self.open = kernel, np.zeros((12, 3), np.uint8), True
-        self.transport = SimpleNamespace(url=url)
-        self.hello = SimpleNamespace(unique_id=bytes.fromhex(unique_id))
-        self.lit_s = 0.0
-        self.refusal: BoardError | None = None
-        self.mute = False
-        self.still: np.ndarray | None = None
-        self.event_listeners: list[Any] = []
-        self.ping_listeners: list[Any] = []
-        self.untold: list[DarkEvent] = []
-
-    def clock(self) -> None:
-        if self.mute:
-            raise BoardError("the board did not answer CLOCK")
-        while self.untold:
-            for listener in self.event_listeners:
-                listener(self.untold[0])
-            self.untold.pop(0)
-
-    def go_dark(self) -> None:
-        """What a board does that does not hear from its host for a second; it tells it when it is asked."""
-        self.lit = np.zeros((12, 3), np.uint8)
-        self.untold.append(DarkEvent(time_us=0, events_dropped=0, dark=Dark.HOST_SILENT))
-
-    def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
-        if self.refusal:
-            raise self.refusal
-        self.lit = self.still = colours
-        return SimpleNamespace(light_id=1)
-
-    def blank(self) -> None:
-        self.lit = np.zeros((12, 3), np.uint8)
-
-    def wait_for_light(self, light_id: int) -> None:
-        self.kernel.sleep(0.02)
-        self.lit_s = self.kernel.now_s
-
-    def close(self) -> None:
-        self.open = False
-        self.lit = np.zeros((12, 3), np.uint8)
-
-
-class Bench:
-    """A computer with a bus; sensors are plugged in and pulled out."""
-
-    def __init__(self, root: Path) -> None:
-        self.kernel, self.usb, self.rings = FakeKernel(), FakeUsb(root), []  # type: ignore[var-annotated]
-        self.board = BOARD
-        self.cameras: dict[str, FakeCamera] = {}
-
-    def plug(self, port: str, serial: str, **changes: Any) -> FakeCamera:
-        camera = FakeCamera(payload=lambda number: bytes([128, number % 256] * 32 * 24), **changes)
-        node, _ = self.usb.plug(port, serial=serial, cameras=1, rings=1)
-        self.kernel.cameras[node] = self.cameras[port] = camera
-        camera.next_s = self.kernel.now_s
-        return camera
-
-    def unplug(self, port: str) -> None:
-        self.cameras[port].plugged = False
-        self.usb.unplug(port)
-
-    def open_ring(self, url: str) -> Any:
-        if not Path(url).exists() and "://" not in url:
-            raise BoardError(f"cannot open {url}")
-        self.rings.append(FakeRing(self.kernel, url, self.board))
-        return self.rings[-1]
-
-    @property
-    def surroundings(self) -> Surroundings:
-        return Surroundings(kernel=self.kernel, sysfs=self.usb.sysfs, dev=self.usb.dev, open_ring=self.open_ring,
-                            wait=lambda event, seconds: self.kernel.sleep(seconds))  # fmt: skip
-
-    def open(self, url: str, calibration: Calibration | None = None) -> SensorCamera:
-        return open_sensor(url, calibration=calibration, surroundings=self.surroundings)
-
-    def all_dark(self) -> bool:
-        return not any(ring.open or ring.lit.any() for ring in self.rings)
 
 
 @pytest.fixture
@@ -116,13 +24,7 @@ def bench(tmp_path: Path) -> Bench:
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Calibration:
-    colours = [((255, 0, 0), "R"), ((0, 200, 0), "G"), ((0, 0, 90), "B")]
-    return write_calibration(
-        tmp_path / "bundle", sensor="GL0001", reference=np.full((24, 32, 3), 100.0), reference_frames=1,
-        noise_grey=1.0, pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={},
-        led=tuple(LedSetting(colour=name, rgb=rgb) for rgb, name in colours for _ in range(4)),  # type: ignore[arg-type]
-        camera={"exposure_us": 8000, "white_balance_k": 5000, "format": "YUYV"},
-    )  # fmt: skip
+    return lit_bundle(tmp_path / "bundle")
 
 
 def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Calibration) -> None:
@@ -437,60 +339,4 @@ def test_a_bundle_of_a_camera_with_other_controls_is_refused(bench: Bench, bundl
     del device.controls[c.WHITE_BALANCE]
     with pytest.raises(GellightError, match="no control white_balance_k"):
         bench.open("auto", bundle)
-    assert bench.all_dark()
-
-
-def test_the_daemon_serves_its_status_while_the_sensor_is_away_and_goes_on(bench: Bench, bundle: Calibration) -> None:
-    import time
-
-    bench.plug("1-2", "GL0001")
-    sensor = bench.open("auto", bundle)
-
-    class Paced(SensorCamera):
-        """The same sensor, in real time: virtual time would race ahead."""
-
-        def read(self) -> Any:
-            time.sleep(0.002)
-            return super().read()
-
-    sensor.__class__ = Paced
-    reconstructor: Any = CountingReconstructor()
-    with Daemon(sensor, reconstructor) as daemon:
-        before = daemon.wait_frame(10, 10).camera_frame
-        told: list[Any] = []
-        bench.rings[0].close = lambda: told.append(daemon.status()["error"])  # type: ignore[method-assign]
-        bench.unplug("1-2")
-        deadline = time.monotonic() + 10
-        while "reconnecting" not in (daemon.status()["error"] or "") and time.monotonic() < deadline:
-            time.sleep(0.005)
-        assert "was unplugged" in told[0], "before the ring was given up, which may take seconds"
-        bench.rings.pop(0)
-        status: Any = daemon.status()
-        assert "reconnecting to sensor GL0001" in status["error"]
-        assert status["camera"]["connection"] == "reconnecting"
-        with pytest.raises(TimeoutError):
-            daemon.wait_frame(-1, 0.2)
-        replugged_s = bench.kernel.now_s
-        bench.plug("1-5", "GL0001")
-        after = daemon.wait_frame(before.sequence, 10).camera_frame
-        assert after.time_s > replugged_s, "the first frame that is delivered was taken after the sensor came back"
-        status = daemon.status()
-        assert status["error"] is None
-        assert status["camera"]["reconnections"] == 1
-    assert bench.all_dark()
-
-
-def test_the_session_refuses_a_camera_of_another_size_and_leaves_the_leds_dark(
-    bench: Bench, bundle: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from gellight import session
-    from gellight.config import load_settings
-
-    bench.plug("1-2", "GL0001")
-    monkeypatch.setattr(session, "load_calibration", lambda name: bundle)
-    monkeypatch.setattr(session, "open_camera", lambda url, geometry, calibration: bench.open(url, calibration))
-    settings = load_settings({"sensor.url": "auto?width=640&height=480"}, environment={}, folder=Path("/nowhere"),
-                             user_folder=Path("/nowhere"))  # fmt: skip
-    with pytest.raises(CalibrationError, match=r"delivers 640x480 pixels, the calibration .* is for 32x24"):
-        session.open_session(settings)
     assert bench.all_dark()
