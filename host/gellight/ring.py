@@ -153,14 +153,13 @@ class LightRing:
             self.transport.close()
 
     def _keep_alive(self, period_s: float) -> None:
+        """Ask on after a failure: a machine that was busy for a second comes back, a board that is gone does not."""
         silent = False
         while not self._stop.wait(period_s):
             try:
                 self.clock()
                 self._light_again()
-            except (
-                BoardError
-            ) as error:  # a machine that was busy for a second comes back, a board that is gone does not
+            except BoardError as error:
                 if not silent:
                     logger.warning("the board of the light ring does not answer: %s", error)
                 silent = True
@@ -170,16 +169,15 @@ class LightRing:
     def _light_again(self) -> None:
         """Show the last still light once more where the board took it away because it heard nothing from here."""
         with self._lock:
-            darkened, self._darkened = self._darkened, False
-            if not darkened:
+            if not self._darkened:
                 return
-            lit = self.still is not None
-            logger.warning(
-                "this program was held up for so long that the board darkened its LEDs (machine busy?); %s",
-                "they are lit again" if lit else "a sequence that ran has ended",
-            )
             if self.still is not None:
                 self.set_leds(self.still)
+            self._darkened = False  # not before: a light that failed is tried again
+            logger.warning(
+                "this program was held up for so long that the board darkened its LEDs (machine busy?); %s",
+                "a sequence that ran has ended" if self.still is None else "they are lit again",
+            )
 
     # ---- requests ----
 
