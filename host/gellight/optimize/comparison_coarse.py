@@ -112,7 +112,7 @@ def _angle_before_number(result: CoarseResult) -> Statement:
 
 
 def _large_blue_region(result: CoarseResult) -> Statement:
-    blue = _by_object(result, (result.errors_rad[..., 2] < np.radians(5)).sum(axis=(1, 2)))
+    blue = _blue_cells(result)
     return Statement(
         section="3.1.1",
         claim="SCROWN and SINWAVE have a large blue region",
@@ -136,7 +136,7 @@ def _red_region(result: CoarseResult) -> Statement:
 
 
 def _sharp_step(result: CoarseResult) -> Statement:
-    blue = _by_object(result, (result.errors_rad[..., 2] < np.radians(5)).sum(axis=(1, 2)))
+    blue = _blue_cells(result)
     return Statement(
         section="3.1.1",
         claim="a simple form with a sharp step, TSTEP, has a large error",
@@ -170,6 +170,11 @@ def _steepest_rise(result: CoarseResult) -> Statement:
         reproduced=_among(rise, 3, "CCONVEX", "QUCAVE"),
         why="our CCONVEX is sparse and mostly flat; the paper does not give its measures",
     )
+
+
+def _blue_cells(result: CoarseResult) -> dict[str, int]:
+    """Cells of each object's heat map whose Top1 is under 5 degrees."""
+    return _by_object(result, (result.errors_rad[..., 2] < np.radians(5)).sum(axis=(1, 2)))
 
 
 def _by_object(result: CoarseResult, figures: NDArray[Any]) -> dict[str, Any]:
