@@ -190,6 +190,7 @@ def fit(
     follow = drift > reference.noise_grey if follow_light is None else follow_light
     table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
     network, record = train(table, options or TrainingOptions(), progress=progress)
+    metrics = {"ball_radius_mm": ball.radius_mm, "light_drift_grey": drift, "training": record}
     return write_calibration(
         out,
         sensor=sensor,
@@ -199,13 +200,7 @@ def fit(
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
         network=network,
         follow_light=follow,
-        metrics={
-            "ball_radius_mm": ball.radius_mm,
-            "light_drift_grey": drift,
-            "training": record,
-            **refinement,
-            **(extra_metrics or {}),
-        },
+        metrics={**metrics, **refinement, **(extra_metrics or {})},
         presses=table.arrays(),
         overwrite=overwrite,
     )
@@ -243,12 +238,7 @@ def cross_validate(
     with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
         for fold in range(folds):
             part = set(order[fold::folds].tolist())
-            training = [press for i, press in enumerate(presses) if i not in part]
-            held_out = {"": [press for i, press in enumerate(presses) if i in part]}
-            if refine:
-                refined = refinement_of(training, reference.image, ball, first=first)
-                training = refined.presses
-                held_out["refined"] = refine_others(refined, held_out[""], reference.image, ball, first=first)
+            training, held_out = _divided(presses, part, reference.image, ball, first if refine else None)
             place = Path(folder) / f"fold-{fold}"
             calibration = fit(
                 training, reference, ball, place, sensor=f"fold {fold}", options=options, table_options=table_options
@@ -259,6 +249,19 @@ def cross_validate(
             seconds.append(calibration.metrics["training"]["cpu_seconds"])
             progress(fold + 1, folds, float(np.mean([error.mean_deg for error in found[""]])))
     return {**_arranged(errors), "folds": folds, "training_cpu_seconds": seconds}
+
+
+def _divided(
+    presses: Sequence[Press], part: set[int], reference: Floats, ball: Ball, first: FirstFits | None
+) -> tuple[Sequence[Press], dict[str, list[Press]]]:
+    """Presses to train on, and those of the part held out by their labels: "" as given, "refined" given first fits."""
+    training: Sequence[Press] = [press for i, press in enumerate(presses) if i not in part]
+    held_out = {"": [press for i, press in enumerate(presses) if i in part]}
+    if first is not None:
+        refined = refinement_of(training, reference, ball, first=first)
+        training = refined.presses
+        held_out["refined"] = refine_others(refined, held_out[""], reference, ball, first=first)
+    return training, held_out
 
 
 def _errors_of_fold(

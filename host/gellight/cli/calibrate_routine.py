@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from gellight.camera import Camera
 
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
+Name = Annotated[str | None, typer.Option(help="name of the sensor.", show_default="serial number of its board")]
+Install = Annotated[
+    bool, typer.Option("--install", help="put what passes into service: kept, and remembered by the board")
+]
 Out = Annotated[Path, typer.Option(help="folder of the bundle to write")]
 State = Annotated[Path | None, typer.Option(help="where the state is kept.", show_default="OUT.state")]
 BallRadius = Annotated[
@@ -54,17 +58,13 @@ def command(
     context: typer.Context,
     auto: Annotated[bool, typer.Option("--auto", help="a virtual hand presses, on the simulated sensor")] = False,
     sensor: Sensor = None,
-    name: Annotated[
-        str | None, typer.Option(help="name of the sensor.", show_default="serial number of its board")
-    ] = None,
+    name: Name = None,
     out: Out = Path("calibration"),
     folder: State = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on with an interrupted calibration")] = False,
     restart: Annotated[bool, typer.Option("--restart", help="throw an interrupted calibration away")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing bundle of this sensor")] = False,
-    install: Annotated[
-        bool, typer.Option("--install", help="put what passes into service: kept, and remembered by the board")
-    ] = False,
+    install: Install = False,
     ball_radius_mm: BallRadius = None,
     cylinder_diameter_mm: Cylinder = None,
     pin_pitch_mm: PinPitch = None,
