@@ -16,7 +16,7 @@ from gellight.frames import CameraFrame
 from gellight.light_drift import light_drift
 from gellight.pipeline import Reconstructor
 from gellight.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.reconstruction import integrate, normals, surface_gradient
+from gellight.reconstruction import integrate, normals
 from gellight.smoothing import Smoother
 
 Floats = NDArray[np.float32]
@@ -91,8 +91,7 @@ def felt_by(
             difference -= light_drift(difference)
         slopes, noise = smoother.narrow(baseline.gradient_map(difference))
         depth_mm = integrate(slopes, ball.pixel_size_mm)
-        gradient_map = surface_gradient(depth_mm, ball.pixel_size_mm)
-        smoother.widen(gradient_map, slopes, noise)
+        gradient_map = smoother.of_surface(depth_mm, ball.pixel_size_mm, slopes, noise)
         contact = find_contact(depth_mm, ball.pixel_size_mm)
         felt.append(Felt(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact.mask))
     return felt

@@ -14,12 +14,11 @@ from gellight.frames import CameraFrame, TactileFrame
 from gellight.gelnet import GradientNetwork
 from gellight.lens.lens_file import has_lens, read_undistortion
 from gellight.light_drift import light_drift
-from gellight.reconstruction import integrate, normals, surface_gradient
+from gellight.reconstruction import integrate, normals
 from gellight.smoothing import NARROWEST_PX, Smoother
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
-
 
 _CELL_PX = 8
 
@@ -54,10 +53,9 @@ class Reconstructor:
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
-        threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient
-        map. masked: run the
-        network only where the image differs from the reference; without, everywhere. undistorted: take the lens of the
-        bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
+        threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
+        run the network only where the image differs from the reference; without, everywhere. undistorted: take the lens
+        of the bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
         CalibrationError.
         """
         self.calibration = calibration
@@ -102,9 +100,9 @@ class Reconstructor:
             bulge=self.calibration.manifest.bulge,
         )
         watch.lap("depth")
-        # The slopes of a surface have no curl, those of a noisy network do: what fits no surface is left out.
-        gradient_map = surface_gradient(depth_mm, self.calibration.pixel_size_mm)
-        self._smoother.widen(gradient_map, slopes, noise, where=touched if self.masked else None)
+        gradient_map = self._smoother.of_surface(
+            depth_mm, self.calibration.pixel_size_mm, slopes, noise, where=touched if self.masked else None
+        )
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
         normal_map = normals(gradient_map)

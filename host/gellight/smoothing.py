@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.reconstruction import surface_gradient
+
 Floats = NDArray[np.float32]
 
 NARROWEST_PX = 2
@@ -77,6 +79,23 @@ class Smoother:
         # What the filter leaves of white noise and what it takes add up to all of it.
         left = weights(self.narrowest)[self.narrowest] ** 2 if self.narrowest > 1 else 0.0
         return smoothed, _cell_energy(taken, _NOISE_CELLS, taken) / np.float32(1 - left)
+
+    def of_surface(
+        self,
+        depth_mm: NDArray[np.floating],
+        pixel_size_mm: float | tuple[float, float],
+        measured: Floats,
+        noise: Floats,
+        *,
+        where: NDArray[np.bool_] | None = None,
+    ) -> Floats:
+        """Return the (H, W, 2) slopes of the (H, W) depth map integrated from `measured`, smoothed by `widen`.
+
+        They have no curl, slopes measured in noise do: what fits no surface is left out.
+        """
+        gradient_map = surface_gradient(depth_mm, pixel_size_mm)
+        self.widen(gradient_map, measured, noise, where=where)
+        return gradient_map
 
     def widen(
         self, surface: Floats, measured: Floats, noise: Floats, *, where: NDArray[np.bool_] | None = None

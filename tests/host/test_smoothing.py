@@ -27,8 +27,7 @@ def stages(measured: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[
     smoother = Smoother()
     smoothed, variance = smoother.narrow(measured)
     surface = surface_gradient(integrate(smoothed, 1.0), 1.0)
-    widened = surface.copy()
-    smoother.widen(widened, smoothed, variance)
+    widened = smoother.of_surface(integrate(smoothed, 1.0), 1.0, smoothed, variance)
     return smoothed, surface, widened
 
 

@@ -37,7 +37,7 @@ from gellight.photometric.solver import (
     solve_robustly,
 )
 from gellight.pipeline import Watch, far_from_touch
-from gellight.reconstruction import integrate, normals, surface_gradient
+from gellight.reconstruction import integrate, normals
 from gellight.smoothing import NARROWEST_PX, Smoother
 
 STAGES = ("signals", "slopes", "depth", "refined", "still", "normals", "contact")
@@ -140,10 +140,9 @@ class PhotometricReconstructor:
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map, noise = self._slopes(scaled)
             depth = self._depth(gradient_map, scaled, signals)
-        surface = surface_gradient(depth, self.calibration.pixel_size_mm)
-        self._smoother.widen(surface, gradient_map, noise)
+        gradient_map = self._smoother.of_surface(depth, self.calibration.pixel_size_mm, gradient_map, noise)
         watch.lap("refined")
-        return surface, depth, used, predicted
+        return gradient_map, depth, used, predicted
 
     def _flat(self, signals: Signals) -> Floats:
         """Solve every pixel with all lights, on the flat gel: scaled normals (3, P)."""
