@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gellight.cli.run import Bundle, Frames, Mode, Port, warn_of_foreign_bundle
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -18,21 +20,16 @@ FRAME_TIMEOUT_S = 20.0
 
 def command(
     sensor: Annotated[str | None, typer.Option(help="URL of the camera.", show_default="sim://")] = None,
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None,
-    port: Annotated[
-        int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")
-    ] = None,
-    mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
-    ] = None,
+    calibration: Bundle = None,
+    port: Port = None,
+    mode: Mode = None,
     browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
-    frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,
+    frames: Frames = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the statistics as one JSON object at the end.")
     ] = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
-    from gellight.cli.run import warn_of_foreign_bundle
     from gellight.config import load_settings
     from gellight.dashboard.server import DashboardServer
     from gellight.desk import Desk

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from gellight.config import Settings
     from gellight.daemon import Daemon
 
+Bundle = Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")]
+Port = Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")]
+Mode = Annotated[
+    str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
+]
+Frames = Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)]
 STATUS_S = 1.0
 WAIT_S = 0.5
 
@@ -25,15 +31,11 @@ def command(
         str | None,
         typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="auto, or the settings"),
     ] = None,
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None,
-    port: Annotated[
-        int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")
-    ] = None,
-    mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
-    ] = None,
+    calibration: Bundle = None,
+    port: Port = None,
+    mode: Mode = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
-    frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0,
+    frames: Frames = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the status as JSON: every second, or once after --frames.")
     ] = False,
