@@ -1,12 +1,12 @@
 """`lens.json`: the lens of a sensor and where it was measured, a file of its calibration bundle."""
 
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AwareDatetime, Field
 
+from gellight.bundle_file import BundleFile, read_bundle_file
 from gellight.calibration import Calibration
-from gellight.errors import CalibrationError
 from gellight.lens.model import Lens
 from gellight.lens.undistortion import Undistortion
 
@@ -20,14 +20,9 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class LensRecord(BaseModel):
-    """The content of the file; an unknown key is an error. The first eight as in `Lens`."""
+class LensRecord(BundleFile):
+    """The content of the file; the first five as in `Lens`."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    schema_version: Literal[1] = 1
-    image_width_px: Annotated[int, Field(ge=2)]
-    image_height_px: Annotated[int, Field(ge=2)]
     centre_px: tuple[Number, Number]
     k1: Annotated[float, Field(gt=-1, lt=1)]
     k2: Annotated[float, Field(gt=-1, lt=1)]
@@ -50,19 +45,7 @@ def has_lens(calibration: Calibration) -> bool:
 
 def read_record(calibration: Calibration) -> LensRecord:
     """Return the checked content of the file; CalibrationError where it is damaged or of another picture size."""
-    try:
-        record = LensRecord.model_validate_json(calibration.files[FILE_NAME])
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "content"
-        raise CalibrationError(f"{calibration.source}: {FILE_NAME}: {place}: {first['msg']}; {REMEDY}") from error
-    height, width = calibration.image_shape
-    if (record.image_height_px, record.image_width_px) != (height, width):
-        raise CalibrationError(
-            f"{calibration.source}: {FILE_NAME} is for {record.image_width_px} x {record.image_height_px} px, "
-            f"the bundle for {width} x {height} px; {REMEDY}"
-        )
-    return record
+    return read_bundle_file(calibration, FILE_NAME, LensRecord, REMEDY)
 
 
 def read_undistortion(calibration: Calibration) -> Undistortion:

@@ -2,11 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
+from gellight.bundle_file import BundleFile, read_bundle_file
 from gellight.calibration import Calibration, extend_calibration
 from gellight.errors import CalibrationError
 from gellight.photometric.light_model import LightGroups, LightModel
@@ -18,16 +19,11 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Byte = Annotated[int, Field(ge=0, le=255)]
 
 
-class LightRecord(BaseModel):
-    """The content of the file; an unknown key is an error. Names and units as in `LightModel`."""
+class LightRecord(BundleFile):
+    """The content of the file; names and units as in `LightModel`."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    schema_version: Literal[1] = 1
     ring: dict[str, float | str]
     colours: list[tuple[Byte, Byte, Byte]]
-    image_width_px: Annotated[int, Field(ge=2)]
-    image_height_px: Annotated[int, Field(ge=2)]
     crosstalk: tuple[tuple[Number, Number, Number], ...]
     black_grey: tuple[Number, Number, Number]
     gamma: Annotated[float, Field(gt=0.1, lt=10)]
@@ -57,20 +53,7 @@ def read_lights(calibration: Calibration) -> LightModel:
     """Return the light model of a bundle; CalibrationError where it has none, or one that does not fit it."""
     if not has_lights(calibration):
         raise CalibrationError(f"{calibration.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
-    try:
-        record = LightRecord.model_validate_json(calibration.files[FILE_NAME])
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "content"
-        raise CalibrationError(f"{calibration.source}: {FILE_NAME}: {place}: {first['msg']}; {REMEDY}") from error
-    model = _model(record)
-    if model.image_shape != calibration.image_shape:
-        height, width = calibration.image_shape
-        raise CalibrationError(
-            f"{calibration.source}: {FILE_NAME} is for {record.image_width_px} x {record.image_height_px} px, "
-            f"the bundle for {width} x {height} px; {REMEDY}"
-        )
-    return model
+    return _model(read_bundle_file(calibration, FILE_NAME, LightRecord, REMEDY))
 
 
 def write_lights(calibration: Calibration, model: LightModel, out: Path, *, overwrite: bool = False) -> Calibration:
