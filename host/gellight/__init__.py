@@ -8,28 +8,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gellight.calibration import Calibration, load_calibration
-    from gellight.camera import open_camera
-    from gellight.contact import find_contact
-    from gellight.daemon import Daemon
-    from gellight.errors import GellightError
-    from gellight.frames import CameraFrame, Contact, TactileFrame
-    from gellight.pipeline import Reconstructor
-    from gellight.reconstruction import integrate, normals
+    from gellight.base.errors import GellightError
+    from gellight.bundle.bundle import Calibration, load_calibration
+    from gellight.daemon.daemon import Daemon
+    from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+    from gellight.opening import open_camera
+    from gellight.reconstruction.contact import find_contact
+    from gellight.reconstruction.integration import integrate, normals
+    from gellight.reconstruction.pipeline import Reconstructor
 
 _HOME = {
-    "Calibration": "calibration",
-    "load_calibration": "calibration",
-    "open_camera": "camera",
-    "find_contact": "contact",
-    "Daemon": "daemon",
-    "GellightError": "errors",
-    "CameraFrame": "frames",
-    "Contact": "frames",
-    "TactileFrame": "frames",
-    "Reconstructor": "pipeline",
-    "integrate": "reconstruction",
-    "normals": "reconstruction",
+    "Calibration": "bundle.bundle",
+    "load_calibration": "bundle.bundle",
+    "open_camera": "opening",
+    "find_contact": "reconstruction.contact",
+    "Daemon": "daemon.daemon",
+    "GellightError": "base.errors",
+    "CameraFrame": "frames.frames",
+    "Contact": "frames.frames",
+    "TactileFrame": "frames.frames",
+    "Reconstructor": "reconstruction.pipeline",
+    "integrate": "reconstruction.integration",
+    "normals": "reconstruction.integration",
 }
 
 __all__ = [

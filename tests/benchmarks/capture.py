@@ -15,15 +15,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gellight.camera import ReconnectingError
-from gellight.v4l2 import structures as v
-from gellight.v4l2.decoding import decode
-from gellight.v4l2.device import Device
-from gellight.v4l2.formats import Mode, Wanted
-from gellight.v4l2.stream import Stream
-from tests.host.fake_kernel import FakeCamera, FakeKernel
-from tests.host.test_v4l2_jpeg import coded
-from tests.host.v4l2_pictures import scene
+from gellight.frames.camera import ReconnectingError
+from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.device import Device
+from gellight.sensor.v4l2.formats import Mode, Wanted
+from gellight.sensor.v4l2.stream import Stream
+from tests.helpers.fake_kernel import FakeCamera, FakeKernel
+from tests.helpers.v4l2_pictures import coded_jpeg, scene
 
 PAUSES_S = (0.0, 0.05, 0.12, 0.3)
 WARM_UP = 6
@@ -125,7 +124,7 @@ def decoding(rounds: int = 40) -> dict[str, object]:
     image = scene()
     cv2.setNumThreads(1)
     raw = cv2.cvtColor(image, cv2.COLOR_RGB2YUV_YUYV).tobytes()
-    pictures = {"MJPG 4:2:2": coded(image, "4:2:2"), "MJPG 4:2:0": coded(image, "4:2:0"), "YUYV": raw}
+    pictures = {"MJPG 4:2:2": coded_jpeg(image, "4:2:2"), "MJPG 4:2:0": coded_jpeg(image, "4:2:0"), "YUYV": raw}
     times: dict[str, list[float]] = {}
     for _ in range(rounds):
         for name, data in pictures.items():
@@ -155,7 +154,7 @@ def recovery(rounds: int = 50) -> Figures:
 
     Enumeration by the kernel comes on top; exposure, latency and 20 ms until the LEDs are lit are within.
     """
-    from tests.host.sensor_bench import Bench
+    from tests.helpers.sensor_bench import Bench
 
     rng, found = np.random.default_rng(0), []
     with tempfile.TemporaryDirectory() as folder:

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.board.chip import EmulatedBoard
-from gellight.enumerations import SyncMode
-from gellight.firmware.build import build_elf, committed_image
-from gellight.protocol import DWELL_MIN_US
-from gellight.ring import LightRing, Step
-from gellight.transport import VirtualTransport
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.enumerations import SyncMode
+from gellight.ring.firmware.build import build_elf, committed_image
+from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.protocol import DWELL_MIN_US
+from gellight.ring.transport import VirtualTransport
 from tests.firmware.fuzzing import compile_fuzzer, fuzz
 from tests.firmware.stack_bound import stack_bound
 

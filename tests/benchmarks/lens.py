@@ -15,23 +15,22 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gellight.calibration import Calibration, extend_calibration, load_calibration
-from gellight.evaluation import angle_deg
-from gellight.frames import CameraFrame, TactileFrame
-from gellight.lens.fitting import fit_lens, read_pins, spacing_px
-from gellight.lens.lens_file import FILE_NAME, read_record
-from gellight.lens.pins import dimples, spots
-from gellight.lens.session import add_lens, depth_feeler, figures, measure_lens
-from gellight.pipeline import Reconstructor
-from gellight.presses import Ball, Press
-from gellight.reconstruction import normals
-from gellight.scene import Press as Pressed
-from gellight.scene import Scene
-from gellight.training import TrainingOptions, fit, read_reference
+from gellight.bundle.bundle import Calibration, extend_calibration, load_calibration
+from gellight.calibration.lens.lens_fit import fit_lens, read_pins, spacing_px
+from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures, measure_lens
+from gellight.calibration.lens.pins import dimples, spots
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.lens.lens_file import FILE_NAME, read_record
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.scene import Press as Pressed
+from gellight.simulator.scene import Scene
+from gellight.training.presses import Ball, Press
+from gellight.training.training import TrainingOptions, fit, read_reference
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import Surface
-from tests.host.lens.distorted import TrueLens, map_error_px, pin_picture
+from tests.helpers.distorted import TrueLens, map_error_px, pin_picture
 
 PIXEL_MM, PIN_PIXEL_MM = 0.1176, 0.0588
 SHAPE, SCENE_SHAPE = (240, 320), (300, 400)

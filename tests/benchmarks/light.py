@@ -13,20 +13,20 @@ import cv2
 import numpy as np
 import pytest
 
-from gellight.board.waveform import Light
-from gellight.light_groups import colour_triples, single_leds
-from gellight.lighting.content import ContentCheck
-from gellight.lighting.hold_time import hold_frames
-from gellight.lighting.sequenced import LightMode, SequencedCamera
-from gellight.lighting.shutter_meter import measure_shutter
-from gellight.lighting.timing import CameraTiming
-from gellight.scene import Press, Scene, under_light
-from gellight.shutter import Shutter, row_weights
+from gellight.frames.timing import CameraTiming
+from gellight.ring.emulator.waveform import Light
+from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.sensor.lighting.content import ContentCheck
+from gellight.sensor.lighting.hold_time import hold_frames
+from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
+from gellight.sensor.lighting.shutter_meter import measure_shutter
+from gellight.simulator.scene import Press, Scene, under_light
+from gellight.simulator.shutter import Shutter, row_weights
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES
-from tests.host.lighting.light_world import compare
-from tests.host.lighting.virtual_sensor import RING, virtual_sensor
+from tests.helpers.light_world import compare
+from tests.helpers.virtual_sensor import RING, virtual_sensor
 
 TRIPLES = colour_triples(RING)
 

@@ -13,20 +13,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.evaluation import angle_deg
-from gellight.frames import CameraFrame
-from gellight.labelling import detect, write_presses
-from gellight.pictures import write_png
-from gellight.pipeline import Reconstructor
-from gellight.presses import Ball, read_presses
-from gellight.reconstruction import normals
-from gellight.training import TrainingOptions, fit, read_reference
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.report.pictures import write_png
+from gellight.training.labelling import detect, write_presses
+from gellight.training.presses import Ball, read_presses
+from gellight.training.training import TrainingOptions, fit, read_reference
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample
+from tests.helpers.places import REAL_IMAGES
 
 Array = NDArray[np.float64]
-RESPONSES = Path(__file__).parents[3] / "shared/data/taxim_response"
+RESPONSES = REAL_IMAGES / "taxim_response"
 NAMES = ("polycalib", "digit_polycalib", "gelsight_r1.5_polycalib")
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.09)
 GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=BALL.pixel_size_mm)

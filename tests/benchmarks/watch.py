@@ -11,16 +11,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from gellight.calibration import load_calibration
-from gellight.evaluation import angle_deg
-from gellight.pipeline import Reconstructor
-from gellight.reconstruction import normals
-from gellight.scene import Press, Scene
+from gellight.bundle.bundle import load_calibration
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.scene import Press, Scene
 from gellight.watch.cells import spread
 from gellight.watch.monitor import PERIOD_S, Watch
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
-from tests.host.watched_sensor import NOISE_GREY, WatchedSensor, dusty, torn
+from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor, dusty, torn
 
 Item = TypeVar("Item")
 FRAMES_A_SECOND = 30

@@ -10,10 +10,10 @@ from types import ModuleType
 
 import pytest
 
-from gellight.board.chip import EmulatedBoard
-from gellight.firmware.build import committed_image
-from gellight.ring import LightRing
-from gellight.transport import VirtualTransport
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.firmware.build import committed_image
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import VirtualTransport
 
 
 def _sibling(name: str) -> ModuleType:

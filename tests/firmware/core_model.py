@@ -8,8 +8,8 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from gellight import protocol as p
-from gellight.enumerations import Policy, Status, SyncMode
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import Policy, Status, SyncMode
 
 BLACK = bytes(36)
 TRANSFER_US = 660

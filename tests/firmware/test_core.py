@@ -5,9 +5,9 @@ import zlib
 import pytest
 from virtual_board import VirtualBoard
 
-from gellight import protocol as p
-from gellight.enumerations import Dark, Policy, Status, SyncMode
-from gellight.wire import Packet, encode
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import Dark, Policy, Status, SyncMode
+from gellight.ring.wire import Packet, encode
 
 RED = bytes([200, 0, 0] + [0] * 33)
 GREEN = bytes([0, 200, 0] + [0] * 33)

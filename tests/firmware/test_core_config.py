@@ -7,9 +7,9 @@ import zlib
 import pytest
 from virtual_board import FLASH_BYTES, VirtualBoard
 
-from gellight import protocol as p
-from gellight.enumerations import Status
-from gellight.wire import COLOUR_BYTES
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import Status
+from gellight.ring.wire import COLOUR_BYTES
 
 RED = bytes([200, 0, 0] + [0] * 33)
 BLACK = bytes(36)

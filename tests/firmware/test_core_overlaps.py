@@ -3,9 +3,9 @@
 import pytest
 from virtual_board import FLASH_BYTES, VirtualBoard
 
-from gellight import protocol as p
-from gellight.enumerations import Dark, Policy, Status, SyncMode
-from gellight.wire import Packet, encode
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import Dark, Policy, Status, SyncMode
+from gellight.ring.wire import Packet, encode
 
 RED = bytes([200, 0, 0] + [0] * 33)
 GREEN = bytes([0, 200, 0] + [0] * 33)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from gellight.board.bootloader import BootRom
-from gellight.board.chip import EmulatedBoard
-from gellight.errors import BoardError, InputError
-from gellight.firmware import build, flash, uf2
-from gellight.firmware.image import HEADER_OFFSET, boot2_crc, flash_image, image_crc
+from gellight.base.errors import BoardError, InputError
+from gellight.ring.emulator.bootloader import BootRom
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.firmware import build, flash, uf2
+from gellight.ring.firmware.image import HEADER_OFFSET, boot2_crc, flash_image, image_crc
 
 CHECKOUT = Path(__file__).parents[2]
 

@@ -10,12 +10,12 @@ from fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
 from mutations import LOGIC
 from virtual_board import compile_library, run_core_tests
 
-from gellight import protocol as p
-from gellight.board.chip import EmulatedBoard
-from gellight.enumerations import Status
-from gellight.ring import LightRing
-from gellight.transport import VirtualTransport
-from gellight.wire import Packet, decode, encode
+from gellight.ring import protocol as p
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.enumerations import Status
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import VirtualTransport
+from gellight.ring.wire import Packet, decode, encode
 
 CHECKOUT = Path(__file__).parents[2]
 SECONDS = 4

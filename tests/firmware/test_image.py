@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gellight import protocol as p
-from gellight.board.chip import EmulatedBoard
-from gellight.board.waveform import BITS, WINDOWS_NS
-from gellight.enumerations import Dark, Policy, ResetReason, SyncMode
-from gellight.ring import LightRing, RefusedError, Step
-from gellight.transport import VirtualTransport
-from gellight.wire import Packet, encode
+from gellight.ring import protocol as p
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.emulator.waveform import BITS, WINDOWS_NS
+from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
+from gellight.ring.light_ring import LightRing, RefusedError, Step
+from gellight.ring.transport import VirtualTransport
+from gellight.ring.wire import Packet, encode
 
 RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97

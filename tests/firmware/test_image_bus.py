@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gellight import protocol as p
-from gellight.board.chip import EmulatedBoard
-from gellight.enumerations import SyncMode
-from gellight.errors import BoardError
-from gellight.firmware.image import image_crc
-from gellight.ring import LightRing, Step
-from gellight.transport import UsbTransport, VirtualTransport
-from gellight.wire import Packet, encode
+from gellight.base.errors import BoardError
+from gellight.ring import protocol as p
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.enumerations import SyncMode
+from gellight.ring.firmware.image import image_crc
+from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.transport import UsbTransport, VirtualTransport
+from gellight.ring.wire import Packet, encode
 
 RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
 
@@ -100,7 +100,7 @@ def test_the_descriptors_are_those_of_a_serial_port(board: EmulatedBoard, ring: 
 
 
 def test_pyusb_reaches_the_board(board: EmulatedBoard) -> None:
-    from gellight.board.usb_backend import EmulatedBackend
+    from gellight.ring.emulator.usb_backend import EmulatedBackend
 
     backend = EmulatedBackend(board)
     number = board.unique_id.hex().upper()

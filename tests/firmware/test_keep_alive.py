@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gellight.board.chip import EmulatedBoard
-from gellight.enumerations import SyncMode
-from gellight.errors import BoardError
-from gellight.ring import LightRing, Step
-from gellight.transport import VirtualTransport
+from gellight.base.errors import BoardError
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.enumerations import SyncMode
+from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.transport import VirtualTransport
 
 RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from virtual_board import VirtualBoard
 
-from gellight import protocol as p
-from gellight.enumerations import SyncMode
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import SyncMode
 
 PAUSE_US = 1_700
 levels = st.sampled_from([0, 1, 40, 155, 200, 255])

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from mutations import IMAGE, LOGIC, Mutation
 
-from gellight import protocol as p
-from gellight.board.chip import EmulatedBoard
-from gellight.enumerations import ResetReason, SyncMode
-from gellight.errors import BoardError
-from gellight.firmware.build import build
-from gellight.ring import LightRing, Step
-from gellight.transport import VirtualTransport
-from gellight.wire import Packet, encode
+from gellight.base.errors import BoardError
+from gellight.ring import protocol as p
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.enumerations import ResetReason, SyncMode
+from gellight.ring.firmware.build import build
+from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.transport import VirtualTransport
+from gellight.ring.wire import Packet, encode
 
 CHECKOUT = Path(__file__).parents[2]
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97

@@ -3,10 +3,10 @@
 import numpy as np
 from stack_bound import CallGraph, stack_bound
 
-from gellight.board.chip import EmulatedBoard
-from gellight.firmware.build import build
-from gellight.ring import LightRing
-from gellight.transport import VirtualTransport
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.firmware.build import build
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import VirtualTransport
 
 ROOM_BYTES = 4096
 BOOT_ROM_BYTES = 512

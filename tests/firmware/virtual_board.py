@@ -11,9 +11,9 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from gellight import protocol
-from gellight.enumerations import Edge, SyncMode
-from gellight.wire import COLOUR_BYTES, Packet, Record, decode, encode
+from gellight.ring import protocol
+from gellight.ring.enumerations import Edge, SyncMode
+from gellight.ring.wire import COLOUR_BYTES, Packet, Record, decode, encode
 
 CHECKOUT = Path(__file__).parents[2]
 FLASH_BYTES = 8192

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gellight import protocol as p
-from gellight.enumerations import Dark, Policy, SyncMode
-from gellight.ring import LightRing, RefusedError, Step, chip_temperature_c, connect
-from gellight.transport import open_transport
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import Dark, Policy, SyncMode
+from gellight.ring.light_ring import LightRing, RefusedError, Step, chip_temperature_c, connect
+from gellight.ring.transport import open_transport
 
 pytestmark = pytest.mark.hardware
 DIM = np.full((12, 3), 8, np.uint8)

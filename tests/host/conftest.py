@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from gellight.calibration import Calibration, load_calibration
+from gellight.bundle.bundle import Calibration, load_calibration
 from gellight.dashboard.server import DashboardServer
-from gellight.scene import Scene
+from gellight.simulator.scene import Scene
 from gellight.watch.monitor import Watch
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
-from tests.host.browsing import FLAGS, NO_GL, SOFTWARE_GL, Open, opening
-from tests.host.dashboard_source import FormulaSource, RecordingStage
-from tests.host.watched_sensor import NOISE_GREY, WatchedSensor
+from tests.helpers.browsing import FLAGS, NO_GL, SOFTWARE_GL, Open, opening
+from tests.helpers.dashboard_source import FormulaSource, RecordingStage
+from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
 
 
 @pytest.fixture(scope="module")

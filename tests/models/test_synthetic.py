@@ -8,10 +8,10 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from gellight import scene as gellight_scene
-from gellight.calibration import load_calibration
-from gellight.scene import Press, Scene
-from gellight.synthetic import evaluate_simulated, pixel_floor_deg
+from gellight.bundle.bundle import load_calibration
+from gellight.evaluation.synthetic import evaluate_simulated, pixel_floor_deg
+from gellight.simulator import scene as gellight_scene
+from gellight.simulator.scene import Press, Scene
 from gelnet import synthetic
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
 from sim_reference.camera import CameraResponse
@@ -56,7 +56,7 @@ def test_the_rows_are_the_truth_of_the_pixels_they_name(sensor: synthetic.Sensor
 
 
 def test_training_validation_and_test_presses_differ() -> None:
-    from gellight.synthetic import TEST_SEED, VALIDATION_SEED
+    from gellight.evaluation.synthetic import TEST_SEED, VALIDATION_SEED
 
     seeds = [*synthetic.SEEDS.values(), TEST_SEED, VALIDATION_SEED]
     assert len(set(seeds)) == len(seeds) == 4
@@ -123,6 +123,6 @@ def test_the_floor_of_one_pixel_grows_with_the_noise_and_is_the_spread_of_a_line
 
 
 def synthetic_jacobian(scene: Scene, surface: Surface) -> np.ndarray:
-    from gellight.synthetic import _jacobian
+    from gellight.evaluation.synthetic import _jacobian
 
     return _jacobian(scene, surface)

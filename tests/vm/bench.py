@@ -8,9 +8,17 @@ import time
 from collections.abc import Mapping
 from typing import Any, Self
 
-from gellight.virtual.device import HONEST, VirtualSensor
-from gellight.virtual.server import UsbipServer
+from gellight.simulator.usb.device import HONEST, VirtualSensor
+from gellight.simulator.usb.server import UsbipServer
 from tests.vm.machine import Guest
+
+ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"
+"""serial numbers: two sensors with steady light, two that the emulated firmware lights, the last with more pixels"""
+
+
+def sized(width: int, height: int) -> dict[str, float | int | str]:
+    """The geometry of the paper's sensor, seen with fewer pixels."""
+    return {"image_width_px": width, "image_height_px": height, "pixel_size_mm": 0.0588 * 640 / width}
 
 
 class Clock:

@@ -4,9 +4,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gellight.calibrating.choices import RoutineOptions
-from gellight.calibrating.routine import Routine
-from gellight.sensor_camera import open_sensor
+from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.routine import Routine
+from gellight.sensor.sensor_camera import open_sensor
 from tests.vm.agent import report
 
 POLL_S = 0.05

@@ -11,9 +11,9 @@ import usb.core
 from serial.tools import list_ports
 from usb.backend import libusb1
 
-from gellight.errors import BoardError
-from gellight.ring import LightRing, connect
-from gellight.transport import PRODUCT, VENDOR, UsbTransport
+from gellight.base.errors import BoardError
+from gellight.ring.light_ring import LightRing, connect
+from gellight.ring.transport import PRODUCT, VENDOR, UsbTransport
 from tests.vm.agent import report
 from tests.vm.guest import serial_link, video_link
 from tests.vm.looking import opened

@@ -5,24 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from gellight.virtual.device import VirtualSensor, open_virtual
-from tests.vm.bench import Bench
+from gellight.simulator.usb.device import VirtualSensor, open_virtual
+from tests.vm.bench import FINE, LIT, ONE, TWO, Bench, sized
 from tests.vm.machine import Guest, booted
 from tests.vm.packages import Missing
-
-ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"
-"""serial numbers: two sensors with steady light, two that the emulated firmware lights, the last with more pixels"""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.vm)
-
-
-def sized(width: int, height: int) -> dict[str, float | int | str]:
-    """The geometry of the paper's sensor, seen with fewer pixels."""
-    return {"image_width_px": width, "image_height_px": height, "pixel_size_mm": 0.0588 * 640 / width}
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gellight.virtual import vhci
-from gellight.virtual.usbip import import_device, receive
+from gellight.simulator.usb import vhci
+from gellight.simulator.usb.usbip import import_device, receive
 from tests.vm.agent import MACHINE
 
 VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")

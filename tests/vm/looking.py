@@ -9,11 +9,11 @@ from urllib.parse import parse_qsl, urlencode
 
 import cv2
 
-from gellight.errors import CameraError, GellightError
-from gellight.sensor_checks import check_stamps
-from gellight.v4l2.decoding import decode
-from gellight.v4l2.video_camera import V4l2Camera, open_v4l2
-from gellight.virtual.encoding import read_mark
+from gellight.base.errors import CameraError, GellightError
+from gellight.sensor.sensor_checks import check_stamps
+from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.video_camera import V4l2Camera, open_v4l2
+from gellight.simulator.usb.encoding import read_mark
 from tests.vm.agent import report
 from tests.vm.guest import video_link
 

@@ -6,11 +6,11 @@ import sys
 import time
 from typing import Any
 
-from gellight.camera import ReconnectingError
+from gellight.base.errors import GellightError
 from gellight.cli import main
-from gellight.discovery import discover
-from gellight.errors import GellightError
-from gellight.sensor_camera import open_sensor
+from gellight.frames.camera import ReconnectingError
+from gellight.sensor.discovery import discover
+from gellight.sensor.sensor_camera import open_sensor
 from tests.vm.agent import report
 from tests.vm.guest import settle, video_link, wait_for
 from tests.vm.looking import FIXED, opened

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.virtual.device import VirtualSensor
+from gellight.simulator.usb.device import VirtualSensor
 from tests.vm.bench import Bench
 from tests.vm.machine import Call, Guest
 

@@ -2,9 +2,8 @@
 
 import pytest
 
-from gellight.virtual.device import VirtualSensor
-from tests.vm.bench import Bench
-from tests.vm.conftest import ONE, TWO
+from gellight.simulator.usb.device import VirtualSensor
+from tests.vm.bench import ONE, TWO, Bench
 from tests.vm.machine import Guest
 
 

@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 
-from gellight.virtual.device import VirtualSensor
-from gellight.virtual.faults import Faults
-from tests.vm.conftest import ONE
+from gellight.simulator.usb.device import VirtualSensor
+from gellight.simulator.usb.faults import Faults
+from tests.vm.bench import ONE
 from tests.vm.machine import Guest
 
 PERIOD_S = 1 / 30

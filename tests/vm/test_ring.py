@@ -1,8 +1,7 @@
 """The light ring of the virtual sensor: the real serial driver in the guest, the real firmware in the emulator here."""
 
-from gellight.virtual.device import VirtualSensor
-from tests.vm.bench import Bench
-from tests.vm.conftest import LIT, ONE
+from gellight.simulator.usb.device import VirtualSensor
+from tests.vm.bench import LIT, ONE, Bench
 from tests.vm.machine import Guest
 
 

@@ -5,9 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from gellight.virtual.device import VirtualSensor
-from tests.vm.bench import Bench
-from tests.vm.conftest import ONE
+from gellight.simulator.usb.device import VirtualSensor
+from tests.vm.bench import ONE, Bench
 from tests.vm.machine import Guest
 
 

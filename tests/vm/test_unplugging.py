@@ -1,9 +1,8 @@
 """A cable that is pulled, a camera that falls silent, and another port."""
 
-from gellight.virtual.device import VirtualSensor
-from gellight.virtual.faults import Faults
-from tests.vm.bench import Bench
-from tests.vm.conftest import LIT, ONE
+from gellight.simulator.usb.device import VirtualSensor
+from gellight.simulator.usb.faults import Faults
+from tests.vm.bench import LIT, ONE, Bench
 from tests.vm.machine import Guest
 
 

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.vm.bench import Bench
-from tests.vm.conftest import LIT, ONE, TWO, sized
+from tests.vm.bench import LIT, ONE, TWO, Bench, sized
 from tests.vm.machine import Guest, hardware_virtualisation
 from tests.vm.tiny import tiny_bundle
 
@@ -15,8 +14,14 @@ from tests.vm.tiny import tiny_bundle
 @pytest.fixture(scope="module", autouse=True)
 def _heavy_modules(guest: Guest) -> None:
     """What several verbs import when they start."""
-    guest.main.preload("gellight.session", "gellight.simulated", "gellight.virtual.device", "gellight.desk",
-                       "gellight.dashboard.server", "tests.vm.serving")  # fmt: skip
+    guest.main.preload(
+        "gellight.daemon.assembly",
+        "gellight.simulator.simulated_camera",
+        "gellight.simulator.usb.device",
+        "gellight.daemon.desk",
+        "gellight.dashboard.server",
+        "tests.vm.serving",
+    )
 
 
 def test_discovery_pairs_camera_and_ring_by_their_usb_parent(guest: Guest, bench: Bench) -> None:

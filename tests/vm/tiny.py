@@ -7,9 +7,9 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-from gellight.calibration import Calibration, load_calibration, write_calibration
-from gellight.shutter import Shutter
-from gellight.simulated import open_simulated
+from gellight.bundle.bundle import Calibration, load_calibration, write_calibration
+from gellight.simulator.shutter import Shutter
+from gellight.simulator.simulated_camera import open_simulated
 
 TIMING = {"readout_us": Shutter().readout_us, "delay_us": Shutter().readout_us + Shutter().transfer_us}
 """the virtual camera sends a picture when all of it was read and transferred, not while its first rows are read"""

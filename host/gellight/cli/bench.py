@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.bench import DepthScale, FrameTimes
-    from gellight.photometric.simulated_presses import Figures
+    from gellight.evaluation.bench import DepthScale, FrameTimes
+    from gellight.evaluation.simulated_presses import Figures
 
 
 class Subject(StrEnum):
@@ -36,24 +36,24 @@ def command(
     `presses` presses the 4 mm ball 1 mm deep at 20 random places of the simulated sensor, with noise of 1 grey level.
     `photometric` compares GelNet with photometric stereo on other such presses, and on the ten benchmark objects.
     """
-    from gellight import bench
+    from gellight.evaluation import bench
 
     if subject is Subject.INTEGRATOR:
         scales = bench.depth_scales()
         typer.echo(json.dumps(bench.as_rows(scales), indent=2) if as_json else _scale_table(scales))
         return
-    from gellight.calibration import load_calibration
+    from gellight.bundle.bundle import load_calibration
 
     if subject is Subject.PRESSES:
         from dataclasses import asdict
 
-        from gellight.synthetic import evaluate_simulated
+        from gellight.evaluation.synthetic import evaluate_simulated
 
         figures = asdict(evaluate_simulated(load_calibration(calibration)))
         typer.echo(json.dumps(figures) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in figures.items()))
         return
     if subject is Subject.PHOTOMETRIC:
-        from gellight.photometric.simulated_presses import as_rows, compare_ways
+        from gellight.evaluation.simulated_presses import as_rows, compare_ways
 
         ways = compare_ways(load_calibration(calibration))
         typer.echo(json.dumps(as_rows(ways), indent=2) if as_json else _way_table(ways))

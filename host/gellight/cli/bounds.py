@@ -11,7 +11,7 @@ def between(low: float, high: float, unit: str) -> Callable[[typer.CallbackParam
     """Return the callback of an option whose value, in `unit`, has to lie from `low` to `high`."""
 
     def check(option: typer.CallbackParam, value: float) -> float:
-        from gellight.errors import InputError
+        from gellight.base.errors import InputError
 
         if not low <= value <= high:
             name = (option.name or "").replace("_", "-")

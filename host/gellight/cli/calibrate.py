@@ -12,8 +12,8 @@ import typer
 from gellight.cli import calibrate_detect
 
 if TYPE_CHECKING:
-    from gellight.presses import Ball, Press
-    from gellight.training import Progress, Reference, TrainingOptions
+    from gellight.training.presses import Ball, Press
+    from gellight.training.training import Progress, Reference, TrainingOptions
 
 app = typer.Typer(
     name="calibrate",
@@ -64,7 +64,7 @@ def fit(
     as_json: Json = False,
 ) -> None:
     """Train on ball presses and write a calibration bundle."""
-    from gellight import training
+    from gellight.training import training
 
     options = _options(recipe, width, seed, epochs, threads)
     given = _read(presses, reference, ball_radius_mm, pixel_size_mm)
@@ -96,16 +96,16 @@ def evaluate(
     as_json: Json = False,
 ) -> None:
     """Measure the normal error of a bundle inside the contact circles of labelled presses, and the ball it feels."""
-    from gellight import evaluation
-    from gellight.calibration import load_calibration
-    from gellight.labelling.ball_size import felt_radius_mm
-    from gellight.presses import read_presses
+    from gellight.bundle.bundle import load_calibration
+    from gellight.training import validation
+    from gellight.training.labelling.ball_size import felt_radius_mm
+    from gellight.training.presses import read_presses
 
     bundle = load_calibration(calibration)
     ball = _ball_of(bundle.metrics, bundle.pixel_size_mm, ball_radius_mm)
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
     result = {
-        **evaluation.evaluate(bundle, labelled, ball),
+        **validation.evaluate(bundle, labelled, ball),
         "ball_radius_mm": ball.radius_mm,
         "felt_ball_radius_mm": felt_radius_mm(bundle, labelled),
     }
@@ -143,7 +143,7 @@ def synthetic(
     as_json: Json = False,
 ) -> None:
     """Make the bundle of the simulated sensor again, as it comes with GelLight."""
-    from gellight.synthetic import make_synthetic
+    from gellight.evaluation.synthetic import make_synthetic
 
     _check_free(out, overwrite)
     with _progress("training") as report:
@@ -152,7 +152,7 @@ def synthetic(
 
 
 def _options(recipe: str, width: int, seed: int, epochs: int | None, threads: int) -> "TrainingOptions":
-    from gellight.training import RECIPES, TrainingOptions
+    from gellight.training.training import RECIPES, TrainingOptions
 
     if recipe not in RECIPES:
         raise typer.BadParameter(f"{recipe!r}: give one of {', '.join(RECIPES)}", param_hint="--recipe")
@@ -162,8 +162,8 @@ def _options(recipe: str, width: int, seed: int, epochs: int | None, threads: in
 def _read(
     presses: Path, reference: str, ball_radius_mm: float, pixel_size_mm: float
 ) -> "tuple[list[Press], Reference, Ball]":
-    from gellight.presses import Ball, read_presses
-    from gellight.training import read_reference
+    from gellight.training.presses import Ball, read_presses
+    from gellight.training.training import read_reference
 
     ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
     untouched = read_reference(reference)
@@ -178,10 +178,10 @@ def _check_free(out: Path, overwrite: bool) -> None:
 
 def _which_ball(labelled: "list[Press]", untouched: "Reference", ball: "Ball", previous: str | None) -> dict[str, Any]:
     """What the light and an earlier bundle say of the radius; InputError where the bundle feels another ball."""
-    from gellight.calibrating.ball_radius import likely_radius_mm
-    from gellight.calibration import load_calibration
-    from gellight.camera import read_image
-    from gellight.labelling.ball_size import check_ball
+    from gellight.bundle.bundle import load_calibration
+    from gellight.calibration.ball_radius import likely_radius_mm
+    from gellight.frames.image_files import read_image
+    from gellight.training.labelling.ball_size import check_ball
 
     images = [read_image(press.image) for press in labelled]
     found: dict[str, Any] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
@@ -193,14 +193,14 @@ def _which_ball(labelled: "list[Press]", untouched: "Reference", ball: "Ball", p
 def _cross_validated(
     given: "tuple[list[Press], Reference, Ball]", *, folds: int, options: "TrainingOptions", refine: bool
 ) -> dict[str, Any]:
-    from gellight import training
+    from gellight.training import training
 
     with _progress("folds") as report:
         return training.cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
 
 
 def _ball_of(metrics: dict[str, Any], pixel_size_mm: tuple[float, float], radius_mm: float | None) -> "Ball":
-    from gellight.presses import Ball
+    from gellight.training.presses import Ball
 
     radius = radius_mm if radius_mm is not None else metrics.get("ball_radius_mm")
     if radius is None:
@@ -252,7 +252,7 @@ def _fit_text(result: dict[str, Any]) -> str:
 
 def _ball_text(metrics: dict[str, Any]) -> list[str]:
     """Warn where the light in the imprints says another ball than the one that was named."""
-    from gellight.calibrating.ball_radius import is_another
+    from gellight.calibration.ball_radius import is_another
 
     likely, named = metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]
     if likely is None or not is_another(likely, named):

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.camera import Camera
-    from gellight.installing import Installed
+    from gellight.daemon.installing import Installed
+    from gellight.frames.camera import Camera
 
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
@@ -25,7 +25,7 @@ def list_bundles(
     as_json: AsJson = False,
 ) -> None:
     """Show the bundles kept on this computer; an asterisk marks those in service."""
-    from gellight.bundle_store import BundleStore
+    from gellight.bundle.store import BundleStore
 
     store = BundleStore()
     entries = store.bundles(name)
@@ -47,9 +47,9 @@ def install_bundle(
     as_json: AsJson = False,
 ) -> None:
     """Put a bundle that passed its verification into service, and tell the board of the sensor."""
-    from gellight.bundle_store import BundleStore
-    from gellight.calibration import load_calibration
-    from gellight.installing import install, sensor_name
+    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.store import BundleStore
+    from gellight.daemon.installing import install, sensor_name
 
     loaded = load_calibration(bundle)
     with _opened(sensor) as camera:
@@ -63,8 +63,8 @@ def restore_bundle(
     as_json: AsJson = False,
 ) -> None:
     """Put an earlier bundle of the sensor into service again, and tell its board."""
-    from gellight.bundle_store import BundleStore
-    from gellight.installing import restore, sensor_name
+    from gellight.bundle.store import BundleStore
+    from gellight.daemon.installing import restore, sensor_name
 
     with _opened(sensor) as camera:
         installed = restore(identity, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
@@ -72,8 +72,8 @@ def restore_bundle(
 
 
 def _opened(sensor: str | None) -> "Camera":
-    from gellight.camera import open_camera
-    from gellight.config import load_settings
+    from gellight.base.settings import load_settings
+    from gellight.opening import open_camera
 
     settings = load_settings({"sensor.url": sensor})
     return open_camera(settings.sensor.url, geometry=settings.geometry.overrides())

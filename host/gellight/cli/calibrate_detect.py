@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gellight.errors import InputError
+from gellight.base.errors import InputError
 
 if TYPE_CHECKING:
-    from gellight.labelling import Detection
+    from gellight.training.labelling import Detection
 
 
 def command(
@@ -27,9 +27,9 @@ def command(
     An image without a usable press is listed with the reason and `fit` passes over it. The exit status is 0 if every
     image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then nothing is written.
     """
-    from gellight.labelling import detect, write_overlays, write_presses
-    from gellight.presses import Ball
-    from gellight.training import read_reference
+    from gellight.training.labelling import detect, write_overlays, write_presses
+    from gellight.training.presses import Ball
+    from gellight.training.training import read_reference
 
     if out.exists() and not overwrite:
         raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
@@ -47,7 +47,7 @@ def command(
 
 
 def _images(texts: list[str]) -> list[Path]:
-    from gellight.camera import image_files
+    from gellight.frames.image_files import image_files
 
     paths = [path for text in texts for path in image_files(text)]
     twice = {path for path in paths if paths.count(path) > 1}

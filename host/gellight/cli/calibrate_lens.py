@@ -26,9 +26,9 @@ def command(
 
     Depth, contact and slopes are then over the undistorted gel. Without such a file in its bundle nothing changes.
     """
-    from gellight.calibration import load_calibration
-    from gellight.camera import image_files
-    from gellight.lens.session import add_lens, figures, measure_lens, write_overlay
+    from gellight.bundle.bundle import load_calibration
+    from gellight.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
+    from gellight.frames.image_files import image_files
 
     if out.exists() and not overwrite:
         raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")

@@ -22,8 +22,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")] = False,
 ) -> None:
     """Measure the light of each LED on the untouched gel. Lift everything off the gel before."""
-    from gellight.config import load_settings
-    from gellight.photometric.session import add_lights
+    from gellight.base.settings import load_settings
+    from gellight.calibration.lights.adding import add_lights
 
     if out.exists() and not overwrite:
         # Said before the lights are taken, not after.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.calibrating.benchmark import ObjectError
+    from gellight.evaluation.object_errors import ObjectError
 
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
@@ -22,8 +22,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Press the ten benchmark objects into the simulated sensor and measure the error of a bundle on each."""
-    from gellight.calibrating.benchmark import object_errors, summary
-    from gellight.config import load_settings
+    from gellight.base.settings import load_settings
+    from gellight.evaluation.object_errors import object_errors, summary
 
     settings = load_settings({"sensor.url": sensor})
     geometry = settings.geometry.overrides()

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gellight.base.errors import CalibrationError, InputError
 from gellight.cli import calibrate_objects
-from gellight.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
-    from gellight.calibrating.choices import RoutineOptions
-    from gellight.calibrating.routine import Routine
-    from gellight.calibration import Calibration
-    from gellight.camera import Camera
+    from gellight.bundle.bundle import Calibration
+    from gellight.calibration.choices import RoutineOptions
+    from gellight.calibration.routine import Routine
+    from gellight.frames.camera import Camera
 
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
 Name = Annotated[str | None, typer.Option(help="name of the sensor.", show_default="serial number of its board")]
@@ -80,7 +80,7 @@ def command(
     """Calibrate a sensor: guided, step by step, or by itself; the verbs work on recorded images and on bundles."""
     if context.invoked_subcommand:
         return
-    from gellight.calibrating.choices import Limits, RoutineOptions
+    from gellight.calibration.choices import Limits, RoutineOptions
 
     place = folder or out.with_name(out.name + ".state")
     _choose_state(place, resume=resume, restart=restart)
@@ -101,7 +101,7 @@ def command(
 
 def _tools(place: Path, ball: float | None, cylinder: float | None, pins: float | None) -> dict[str, Any]:
     """What was given, else what the interrupted calibration was begun with; the rest is left to the defaults."""
-    from gellight.calibrating.folder import begun_with
+    from gellight.calibration.folder import begun_with
 
     begun = begun_with(place)
     given = {"ball_radius_mm": ball, "cylinder_diameter_mm": cylinder, "pin_pitch_mm": pins}
@@ -110,7 +110,7 @@ def _tools(place: Path, ball: float | None, cylinder: float | None, pins: float 
 
 
 def _training(recipe: str, seed: int, threads: int) -> Any:
-    from gellight.training import RECIPES, TrainingOptions
+    from gellight.training.training import RECIPES, TrainingOptions
 
     if recipe not in RECIPES:
         raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
@@ -118,7 +118,7 @@ def _training(recipe: str, seed: int, threads: int) -> Any:
 
 
 def _choose_state(place: Path, *, resume: bool, restart: bool) -> None:
-    from gellight.calibrating.folder import has_state
+    from gellight.calibration.folder import has_state
 
     interrupted = has_state(place)
     if resume and not interrupted:
@@ -143,10 +143,10 @@ class _Work:
 
     def routine(self, camera: "Camera", led_colours: str | None) -> "Routine":
         """Make the routine for the sensor behind a camera, and the colours of its ring where the settings tell them."""
-        from gellight.bundle_store import BundleStore
-        from gellight.calibrating.routine import Routine
-        from gellight.calibrating.virtual_hand import hand_of
-        from gellight.installing import install, sensor_name
+        from gellight.bundle.store import BundleStore
+        from gellight.calibration.routine import Routine
+        from gellight.daemon.installing import install, sensor_name
+        from gellight.simulator.virtual_hand import hand_of
 
         options = replace(self.options, sensor=self.name or sensor_name(camera))
         if led_colours:
@@ -162,9 +162,9 @@ class _Work:
 
 def _calibrate(work: _Work, *, quiet: bool) -> dict[str, Any]:
     """Run the routine to its end."""
-    from gellight.camera import open_camera
+    from gellight.base.settings import load_settings
     from gellight.cli.calibrate_screen import follow
-    from gellight.config import load_settings
+    from gellight.opening import open_camera
 
     settings = load_settings({"sensor.url": work.sensor})
     begun_s = time.monotonic()

@@ -7,12 +7,12 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from gellight.errors import InputError
+from gellight.base.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from gellight.calibrating.routine import Routine
+    from gellight.calibration.routine import Routine
 
 POLL_S = 0.1
 KEYS = "n: next or enough   d: drop the last press   c X Y R: correct its circle, px   a: accept   q: stop"
@@ -68,7 +68,7 @@ def obey(routine: "Routine", line: str) -> str:
 
 def _show_pictures(routine: "Routine", place: Path, shown: dict[str, object]) -> None:
     """A terminal shows no pictures: the last press lies beside the state, written when it is a new one."""
-    from gellight.pictures import write_png
+    from gellight.report.pictures import write_png
 
     pictures = routine.pictures()
     for name in ("press", "cylinder", "pins"):

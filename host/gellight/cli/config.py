@@ -11,7 +11,7 @@ app = typer.Typer(help="Show the settings, their schema, and the files they are 
 @app.command()
 def show(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
     """Print the settings in force and where each comes from."""
-    from gellight.config import merge, read_layers
+    from gellight.base.settings import merge, read_layers
 
     layers = read_layers()
     settings = merge(layers).model_dump(exclude_none=True)
@@ -27,7 +27,7 @@ def show(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON ob
 @app.command()
 def schema(markdown: Annotated[bool, typer.Option("--markdown", help="Print tables for people.")] = False) -> None:
     """Print the JSON schema of gellight.toml."""
-    from gellight.config import Settings, reference_markdown
+    from gellight.base.settings import Settings, reference_markdown
 
     print(reference_markdown() if markdown else json.dumps(Settings.model_json_schema(), indent=2))
 
@@ -35,7 +35,7 @@ def schema(markdown: Annotated[bool, typer.Option("--markdown", help="Print tabl
 @app.command()
 def path() -> None:
     """Print the files that are read, weakest first; a file that is not there is marked."""
-    from gellight.config import file_paths
+    from gellight.base.settings import file_paths
 
     for file in file_paths():
         print(file if file.exists() else f"{file}  (not there)")

@@ -12,8 +12,8 @@ from gellight.cli.run import Bundle, Frames, Mode, Port, warn_of_foreign_bundle
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gellight.daemon import Daemon
-    from gellight.frames import TactileFrame
+    from gellight.daemon.daemon import Daemon
+    from gellight.frames.frames import TactileFrame
 
 FRAME_TIMEOUT_S = 20.0
 
@@ -30,10 +30,10 @@ def command(
     ] = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
-    from gellight.config import load_settings
+    from gellight.base.settings import load_settings
+    from gellight.daemon.assembly import open_session
+    from gellight.daemon.desk import Desk
     from gellight.dashboard.server import DashboardServer
-    from gellight.desk import Desk
-    from gellight.session import open_session
 
     # A bounded run is for programs, several of which may run at once: it takes any free port unless told.
     flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
@@ -78,8 +78,8 @@ def followed(daemon: "Daemon") -> "Iterator[TactileFrame]":
 
     Raises CameraError when the camera falls silent.
     """
-    from gellight.camera import EndOfStream
-    from gellight.errors import CameraError
+    from gellight.base.errors import CameraError
+    from gellight.frames.camera import EndOfStream
 
     sequence = -1
     while True:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.doctor import Finding
+    from gellight.sensor.findings import Finding
 
 
 def command(
@@ -17,9 +17,10 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check computer, USB, camera, light ring and frames; exits with 1 when something prevents use."""
-    from gellight.doctor import Level, examine
-    from gellight.sensor_connection import Surroundings
-    from gellight.v4l2.kernel import LinuxKernel
+    from gellight.sensor.connection import Surroundings
+    from gellight.sensor.doctor import examine
+    from gellight.sensor.findings import Level
+    from gellight.sensor.v4l2.kernel import LinuxKernel
 
     findings = []
     for finding in examine(sensor, surroundings=Surroundings(kernel=LinuxKernel()), folder=Path.cwd()):

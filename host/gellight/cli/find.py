@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.discovery import Discovery, Node
+    from gellight.sensor.discovery import Discovery, Node
 
 
 def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """List the sensors that are plugged in, and cameras and light rings without a partner."""
-    from gellight.discovery import discover
+    from gellight.sensor.discovery import discover
 
     found = discover()
     if as_json:

@@ -15,9 +15,9 @@ def information() -> None:
     """Tell about the image that comes with this package."""
     import hashlib
 
-    from gellight.firmware.build import IMAGE, committed_image
-    from gellight.firmware.image import image_crc
-    from gellight.protocol import VERSION, schema_crc
+    from gellight.ring.firmware.build import IMAGE, committed_image
+    from gellight.ring.firmware.image import image_crc
+    from gellight.ring.protocol import VERSION, schema_crc
 
     image = committed_image()
     print(f"image     {IMAGE}")
@@ -29,8 +29,8 @@ def information() -> None:
 @app.command("generate")
 def generate(checkout: Checkout = None) -> None:
     """Write the C header and the document of the protocol from its definition."""
-    from gellight.firmware.build import CHECKOUT
-    from gellight.firmware.generate import generate
+    from gellight.ring.firmware.build import CHECKOUT
+    from gellight.ring.firmware.generate import generate
 
     for path in generate(checkout or CHECKOUT):
         print(f"wrote {path}")
@@ -43,8 +43,8 @@ def build(
     out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
 ) -> None:
     """Compile the image."""
-    from gellight.firmware.build import CHECKOUT, IMAGE, write_image
-    from gellight.firmware.build import build as compile_image
+    from gellight.ring.firmware.build import CHECKOUT, IMAGE, write_image
+    from gellight.ring.firmware.build import build as compile_image
 
     image = compile_image(checkout or CHECKOUT, compiler_name=compiler)
     digest = write_image(image, out or IMAGE)
@@ -58,9 +58,9 @@ def flash(
     drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
 ) -> None:
     """Flash a board: the one at a port, or the one that waits in its boot loader."""
-    from gellight.firmware.build import committed_image, read_image
-    from gellight.firmware.flash import copy_uf2, flash_board
-    from gellight.transport import find_port
+    from gellight.ring.firmware.build import committed_image, read_image
+    from gellight.ring.firmware.flash import copy_uf2, flash_board
+    from gellight.ring.transport import find_port
 
     content = read_image(image) if image else committed_image()
     if drive:

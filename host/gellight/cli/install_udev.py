@@ -9,7 +9,7 @@ def command(
     show: Annotated[bool, typer.Option("--print", help="Only print the rule.")] = False,
 ) -> None:
     """Install the udev rule that lets users who are not root use the sensor; needs root."""
-    from gellight import udev
+    from gellight.sensor import udev
 
     if show:
         print(udev.RULE.read_text(), end="")

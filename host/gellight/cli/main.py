@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gellight.base.errors import GellightError
 from gellight.cli import (
     bench,
     calibrate,
@@ -27,10 +28,7 @@ from gellight.cli import (
     sim,
     virtual_sensor,
 )
-from gellight.cli import (
-    run as run_verb,
-)
-from gellight.errors import GellightError
+from gellight.cli import run as run_verb
 
 app = typer.Typer(
     name="gellight",

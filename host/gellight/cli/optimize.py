@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gellight.errors import InputError
+from gellight.base.errors import InputError
 
 if TYPE_CHECKING:
-    from gellight.optimize.studies import Subject
-    from gellight.optimize.sweep import Way
+    from gellight.design.studies import Subject
+    from gellight.design.sweep import Way
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
@@ -57,8 +57,8 @@ class Study:
 
     def subject(self) -> "Subject":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
-        from gellight.optimize.answers import subject_of, writable
-        from gellight.optimize.geometry import read_geometry
+        from gellight.design.answers import subject_of, writable
+        from gellight.design.geometry import read_geometry
 
         if self.out is not None:
             writable(self.out)
@@ -70,8 +70,8 @@ class Study:
 
         Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C.
         """
-        from gellight.optimize.store import ResultStore, default_folder
-        from gellight.optimize.sweep import Way, available_cores, parse_shard
+        from gellight.design.store import ResultStore, default_folder
+        from gellight.design.sweep import Way, available_cores, parse_shard
         from sim_reference.deformation import NotConverged
 
         store, shard = ResultStore(self.store or default_folder()), parse_shard(self.shard)
@@ -90,7 +90,7 @@ class Study:
 
     def tell(self, answer: dict[str, Any], name: str, text: str, files: dict[str, bytes | str]) -> None:
         """Write the answer and `files` where they are wanted, and print it as JSON or as text."""
-        from gellight.optimize.answers import write_all
+        from gellight.design.answers import write_all
 
         if self.out is not None:
             write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
@@ -98,7 +98,7 @@ class Study:
 
     def tell_part(self) -> None:
         """Say that only a part of the sweep is there."""
-        from gellight.optimize.store import default_folder
+        from gellight.design.store import default_folder
 
         part = {"shard": self.shard, "complete": False, "store": str(self.store or default_folder())}
         text = f"shard {self.shard} is done; the others are still missing in {part['store']}"
@@ -124,7 +124,7 @@ def study(verb: Callable[..., None]) -> Callable[..., None]:
 @study
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
-    from gellight.optimize import answers, studies
+    from gellight.design import answers, studies
     from sim_reference.optimizer.exposing import LightGroups
 
     subject = study.subject()
@@ -142,7 +142,7 @@ def fine(
     step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0,
 ) -> None:
     """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
-    from gellight.optimize import answers, studies
+    from gellight.design import answers, studies
 
     subject = study.subject()
     # 0 to 36 mm as in the paper, or less where the gel is nearer to the camera.
@@ -168,7 +168,7 @@ def design(
     ] = 1.0,
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
-    from gellight.optimize import designs, studies
+    from gellight.design import designs, studies
 
     subject = study.subject()
     sensor, numbers = subject.geometry, tuple(lights or (12,))
@@ -193,9 +193,9 @@ def report(
 
     It is written to --out, by default to the folder gellight-optimize.
     """
-    from gellight.optimize import report as reporting
-    from gellight.optimize.answers import writable
-    from gellight.optimize.findings import find
+    from gellight.design import report as reporting
+    from gellight.design.answers import writable
+    from gellight.design.findings import find
 
     folder = study.out or Path("gellight-optimize")
     writable(folder)
@@ -220,8 +220,8 @@ def ball(
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""
-    from gellight.optimize import answers
-    from gellight.optimize.geometry import read_geometry
+    from gellight.design import answers
+    from gellight.design.geometry import read_geometry
 
     choice, table = answers.ball_choice(read_geometry(geometry), press, radius)
     answer, drawings = answers.ball_answer(choice, table), {"ball.svg": answers.ball_chart(table)}
@@ -231,7 +231,7 @@ def ball(
 @app.command()
 def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> None:
     """Time the coarse sweep against plain code that computes one configuration at a time."""
-    from gellight.optimize.timing import time_sweep
+    from gellight.design.sweep_times import time_sweep
     from sim_reference.optimizer.exposing import LightGroups
 
     study = Study(size=size, workers=workers)
@@ -247,7 +247,7 @@ def benchmark(
     size: Annotated[int, typer.Option("--size", min=32, max=1024, help="Points a side of the height maps.")] = 512,
 ) -> None:
     """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
-    from gellight.optimize.solids import write_benchmark
+    from gellight.design.solids import write_benchmark
 
     for path in write_benchmark(out, relief, size):
         typer.echo(path)

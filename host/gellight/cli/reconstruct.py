@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gellight.errors import InputError
+from gellight.base.errors import InputError
 
 if TYPE_CHECKING:
-    from gellight.frames import TactileFrame
+    from gellight.frames.frames import TactileFrame
 
 
 def command(
@@ -29,9 +29,9 @@ def command(
     Each file is written whole or not at all. At an image that cannot be used the work ends with its name; what was
     written before stays.
     """
-    from gellight.calibration import load_calibration
-    from gellight.camera import ImageCamera, image_files
-    from gellight.pipeline import Reconstructor
+    from gellight.bundle.bundle import load_calibration
+    from gellight.frames.image_files import ImageCamera, image_files
+    from gellight.reconstruction.pipeline import Reconstructor
 
     paths = [path for text in images for path in image_files(text)]
     _refuse_clashes(paths, out)
@@ -61,8 +61,8 @@ def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:
 def _write(frame: "TactileFrame", out: Path, stem: str, depth_scale_um: float) -> None:
     import numpy as np
 
-    from gellight.pictures import encode_png, four_panels
-    from gellight.writing import write_file
+    from gellight.base.writing import write_file
+    from gellight.report.pictures import encode_png, four_panels
 
     maps = io.BytesIO()
     np.savez(

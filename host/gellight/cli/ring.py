@@ -8,7 +8,7 @@ import typer
 from gellight.cli.bounds import MOST_SECONDS, between
 
 if TYPE_CHECKING:
-    from gellight.ring import LightRing
+    from gellight.ring.light_ring import LightRing
 
 app = typer.Typer(name="ring", help="The light ring by hand.", no_args_is_help=True)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
@@ -30,7 +30,7 @@ def _wait(seconds: float) -> None:
 @app.command("info")
 def information(url: Url = "serial://", as_json: Json = False) -> None:
     """Tell who the board is, what it is doing and what went wrong."""
-    from gellight.ring import connect
+    from gellight.ring.light_ring import connect
 
     with connect(url) as ring:
         told = _facts(ring)
@@ -40,8 +40,8 @@ def information(url: Url = "serial://", as_json: Json = False) -> None:
 def _facts(ring: "LightRing") -> dict[str, Any]:
     from dataclasses import asdict
 
-    from gellight.enumerations import Dark, ResetReason, SyncMode
-    from gellight.ring import chip_temperature_c
+    from gellight.ring.enumerations import Dark, ResetReason, SyncMode
+    from gellight.ring.light_ring import chip_temperature_c
 
     hello, status = ring.hello, ring.status()
     return {
@@ -85,7 +85,7 @@ def set_colour(
     """Light all LEDs in one colour, or each in its own."""
     import numpy as np
 
-    from gellight.ring import connect
+    from gellight.ring.light_ring import connect
 
     with connect(url) as ring:
         reply = ring.set_leds(np.array(_colours(colour), np.uint8))
@@ -97,8 +97,8 @@ def set_colour(
 
 
 def _colours(text: str) -> list[list[int]]:
-    from gellight.errors import InputError
-    from gellight.wire import LED_COUNT
+    from gellight.base.errors import InputError
+    from gellight.ring.wire import LED_COUNT
 
     words = text.split(",")
     try:
@@ -120,7 +120,7 @@ def group(
     """Light some LEDs in one colour, the others stay dark."""
     import numpy as np
 
-    from gellight.ring import connect
+    from gellight.ring.light_ring import connect
 
     chosen = _numbers(leds)
     colours = np.zeros((12, 3), np.uint8)
@@ -131,8 +131,8 @@ def group(
 
 
 def _numbers(text: str) -> list[int]:
-    from gellight.errors import InputError
-    from gellight.wire import LED_COUNT
+    from gellight.base.errors import InputError
+    from gellight.ring.wire import LED_COUNT
 
     found: list[int] = []
     try:
@@ -158,8 +158,8 @@ def sequence(
     """Light the red, the green and the blue third of the ring in turn, timed by the board."""
     import numpy as np
 
-    from gellight.enumerations import SyncMode
-    from gellight.ring import Step, connect
+    from gellight.ring.enumerations import SyncMode
+    from gellight.ring.light_ring import Step, connect
 
     groups = np.zeros((3, 12, 3), np.uint8)
     for number in range(3):
@@ -175,7 +175,7 @@ def sequence(
 @app.command("off")
 def off(url: Url = "serial://") -> None:
     """Make the LEDs dark."""
-    from gellight.ring import connect
+    from gellight.ring.light_ring import connect
 
     with connect(url) as ring:
         ring.blank()

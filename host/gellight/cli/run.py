@@ -13,8 +13,8 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gellight.config import Settings
-    from gellight.daemon import Daemon
+    from gellight.base.settings import Settings
+    from gellight.daemon.daemon import Daemon
 
 Bundle = Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")]
 Port = Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")]
@@ -41,7 +41,7 @@ def command(
     ] = False,
 ) -> None:
     """Stream depth from a sensor; while it is unplugged, go on serving the status and look for it."""
-    from gellight.session import open_session
+    from gellight.daemon.assembly import open_session
 
     settings = settings_of(sensor, calibration, 0 if frames and port is None else port, mode)
     # a termination has to make the LEDs dark too
@@ -57,7 +57,7 @@ def command(
 
 def settings_of(sensor: str | None, calibration: str | None, port: int | None, mode: str | None = None) -> "Settings":
     """Return the settings; where none of them names a sensor it is the one that is plugged in, not a simulated one."""
-    from gellight.config import load_settings, read_layers
+    from gellight.base.settings import load_settings, read_layers
 
     flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
     flags["reconstruction.mode"] = mode
@@ -68,7 +68,7 @@ def settings_of(sensor: str | None, calibration: str | None, port: int | None, m
 
 def warn_of_foreign_bundle(settings: "Settings") -> None:
     """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
-    from gellight.calibration import SYNTHETIC
+    from gellight.bundle.bundle import SYNTHETIC
 
     changed = ", ".join(settings.geometry.overrides())
     if settings.sensor.calibration != SYNTHETIC:
@@ -87,8 +87,8 @@ def served(daemon: "Daemon", settings: "Settings", wanted: bool) -> "Iterator[No
     if not wanted:
         yield
         return
+    from gellight.daemon.desk import Desk
     from gellight.dashboard.server import DashboardServer
-    from gellight.desk import Desk
 
     with (
         Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
@@ -103,7 +103,7 @@ def follow(daemon: "Daemon", frames: int, as_json: bool) -> dict[str, object]:
 
     A sensor that is away is waited for. Raises what ends the run.
     """
-    from gellight.camera import EndOfStream
+    from gellight.frames.camera import EndOfStream
 
     count, sequence, deepest, told_s = 0, -1, 0.0, 0.0
     started_s = time.monotonic()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.selfcheck import SelfCheckResult
+    from gellight.frames.judging import SelfCheckResult
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),
@@ -29,8 +29,8 @@ def command(
 
     Exits with 1 when a comparison is out of its bounds.
     """
-    from gellight.config import load_settings
-    from gellight.session import check_presses
+    from gellight.base.settings import load_settings
+    from gellight.daemon.assembly import check_presses
 
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []

@@ -16,8 +16,8 @@ def command(
     """Run the firmware in a simulated board behind a pseudo-terminal, and print its light."""
     import time
 
-    from gellight.board.child import SimulatedBoard
-    from gellight.errors import BoardError
+    from gellight.base.errors import BoardError
+    from gellight.ring.emulator.child import SimulatedBoard
 
     board = SimulatedBoard(pty=pty)
     print(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`", flush=True)

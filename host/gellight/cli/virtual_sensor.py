@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from gellight.virtual.device import VirtualSensor
+    from gellight.simulator.usb.device import VirtualSensor
 
 REPLUG_S = 2.0
 
@@ -24,10 +24,10 @@ def command(
     """Plug a simulated sensor into this Linux: camera and light ring in one USB device (needs root and vhci-hcd)."""
     import contextlib
 
-    from gellight.virtual import vhci
-    from gellight.virtual.device import open_virtual
-    from gellight.virtual.faults import parse_faults
-    from gellight.virtual.geometry import sized_geometry
+    from gellight.simulator.usb import vhci
+    from gellight.simulator.usb.device import open_virtual
+    from gellight.simulator.usb.faults import parse_faults
+    from gellight.simulator.usb.geometry import sized_geometry
 
     if listen is None:
         vhci.choose_port(port)
@@ -41,7 +41,7 @@ def hold(device: "VirtualSensor", port: int | None, seconds: float) -> None:
     """Keep the sensor plugged in; when the cable is pulled (a fault) plug it into the next port a while later."""
     import time
 
-    from gellight.virtual.attaching import plug_in
+    from gellight.simulator.usb.attaching import plug_in
 
     end = time.monotonic() + (seconds or 1e9)
     while time.monotonic() < end:
@@ -58,11 +58,11 @@ def serve(device: "VirtualSensor", address: str, seconds: float) -> None:
     """Offer the sensor over the network until the time is over."""
     import time
 
-    from gellight.virtual.server import PORT, UsbipServer
+    from gellight.simulator.usb.server import PORT, UsbipServer
 
     host, _, number = address.rpartition(":") if ":" in address else (address, "", str(PORT))
     if not number.isdecimal():
-        from gellight.errors import InputError
+        from gellight.base.errors import InputError
 
         raise InputError(f"--listen {address!r}: give HOST:PORT, for example 127.0.0.1:{PORT}")
     with UsbipServer({"1-1": device}, host=host, port=int(number)) as server:

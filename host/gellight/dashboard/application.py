@@ -20,12 +20,12 @@ from urllib.parse import urlsplit
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
-from gellight.camera import PressStage
+from gellight.base.errors import GellightError
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.wizard import CalibrationDesk, Wizard
-from gellight.errors import GellightError
-from gellight.frames import TactileFrame
+from gellight.frames.camera import PressStage
+from gellight.frames.frames import TactileFrame
 
 logger = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from gellight.camera import PressStage
+from gellight.frames.camera import PressStage
 
 
 class Command(BaseModel):

@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames import Contact, TactileFrame
+from gellight.frames.frames import Contact, TactileFrame
 
 MAGIC = b"GELF"
 VERSION = 1

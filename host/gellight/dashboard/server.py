@@ -9,9 +9,9 @@ from typing import Self
 
 from aiohttp import web
 
+from gellight.base.errors import ServerError
 from gellight.dashboard.application import Dashboard, TactileSource
 from gellight.dashboard.wizard import CalibrationDesk
-from gellight.errors import ServerError
 
 logger = logging.getLogger(__name__)
 

@@ -17,10 +17,10 @@ from aiohttp import web
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
+from gellight.base.errors import GellightError
+from gellight.daemon.desk import Wishes
 from gellight.dashboard.commands import Command, explain
 from gellight.dashboard.messages import jpeg, without_nan
-from gellight.desk import Wishes
-from gellight.errors import GellightError
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ COMMANDS: TypeAdapter[WizardCommand] = TypeAdapter(Annotated[WizardCommand, Fiel
 
 
 class CalibrationDesk(Protocol):
-    """What the wizard works with; `gellight.desk.Desk` is one."""
+    """What the wizard works with; `gellight.daemon.desk.Desk` is one."""
 
     def state(self) -> dict[str, Any]:
         """Return what is to be shown."""

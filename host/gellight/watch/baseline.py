@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.calibration import Calibration
+from gellight.bundle.bundle import Calibration
 from gellight.watch.cells import CELL_PX, Cells, cell_means, positions_mm
 from gellight.watch.light import RingLight, fit_ring
 

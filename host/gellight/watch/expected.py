@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.calibration import Calibration
-from gellight.gelnet import GradientNetwork
-from gellight.light_drift import light_drift
-from gellight.pipeline import far_from_touch
-from gellight.reconstruction import integrate
+from gellight.bundle.bundle import Calibration
+from gellight.reconstruction.gelnet import GradientNetwork
+from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.pipeline import far_from_touch
 from gellight.watch.cells import Cells, spread
 
 Array = NDArray[np.float64]

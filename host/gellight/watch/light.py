@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from gellight.calibration import Calibration
+from gellight.bundle.bundle import Calibration
 from gellight.watch.cells import Cells, cell_means, positions_mm
 
 Array = NDArray[np.float64]

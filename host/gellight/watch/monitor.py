@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.calibration import Calibration
-from gellight.errors import InputError
-from gellight.frames import CameraFrame, TactileFrame
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.watch.baseline import Baseline, Mask
 from gellight.watch.cells import Cells, cell_means, spread
 from gellight.watch.expected import ErrorEstimate, ExpectedError

@@ -1,0 +1,9 @@
+"""What every room stands on: errors, settings, writing files, the mailbox. It knows no sensor.
+
+errors.py    one tree of errors
+settings.py  flags over environment over files over defaults
+allowed.py   what a pydantic model allows, in a user's words
+writing.py   files written whole or not at all
+mailbox.py   keeps the newest item, from thread to thread
+holders.py   who else has a device open
+"""

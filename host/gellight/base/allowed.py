@@ -1,0 +1,60 @@
+"""What a pydantic model allows, in a user's words: for messages and for the reference of the settings."""
+
+import difflib
+from collections.abc import Iterable
+from typing import Any, TypeVar
+from urllib.parse import parse_qsl, urlsplit
+
+from pydantic import BaseModel, ValidationError
+
+from gellight.base.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+_BOUNDS = (
+    ("minimum", "at least"),
+    ("exclusiveMinimum", "above"),
+    ("maximum", "at most"),
+    ("exclusiveMaximum", "below"),
+)
+
+
+def allowed(schema: dict[str, Any]) -> str:
+    """Return in words what a key with this JSON schema may be."""
+    kind = next((option for option in schema.get("anyOf", []) if option.get("type") != "null"), schema)
+    if kind["type"] == "boolean":
+        return "true or false"
+    if "enum" in kind:
+        return f"text, one of {', '.join(kind['enum'])}"
+    if kind["type"] == "string":
+        return f"text like `{kind['pattern']}`" if "pattern" in kind else "text"
+    bounds = [f"{word} {kind[name]:g}" for name, word in _BOUNDS if name in kind]
+    return f"{'a whole number' if kind['type'] == 'integer' else 'a number'} {' and '.join(bounds)}".strip()
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return what may have been meant by an unknown name, or else all there is."""
+    choice = list(known)
+    close = difflib.get_close_matches(name, choice, n=1)
+    return f"did you mean {close[0]}?" if close else f"choose one of {', '.join(choice)}"
+
+
+def refusals(error: ValidationError, model: type[BaseModel], what: str) -> str:
+    """Return why a flat `model` refuses its values; `what` is what its fields are to the user, such as "parameter"."""
+    fields = model.model_json_schema(by_alias=True)["properties"]
+    return "; ".join(_refusal(dict(problem), fields, what) for problem in error.errors(include_url=False))
+
+
+def _refusal(problem: dict[str, Any], fields: dict[str, dict[str, Any]], what: str) -> str:
+    name = str(problem["loc"][0])
+    if problem["type"] == "extra_forbidden":
+        return f"unknown {what} {name}: {nearest(name, fields)}"
+    return f"{name} = {problem['input']} is not allowed: give {allowed(fields[name])}"
+
+
+def query_of(url: str, model: type[Model]) -> Model:
+    """Return the parameters of a URL as `model`; InputError names each wrong one, its value and what is allowed."""
+    given = dict(parse_qsl(urlsplit(url).query, keep_blank_values=True))
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        raise InputError(f"{url}: {refusals(error, model, 'parameter')}") from None

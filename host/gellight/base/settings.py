@@ -1,0 +1,317 @@
+"""Settings: flags over environment over ./gellight.toml over the user's config.toml over the defaults.
+
+Each source is checked by itself before it is merged, so a mistake is reported with the file or variable it is in, even
+where a stronger source would have hidden it. Nothing unknown is ignored.
+"""
+
+import inspect
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import radians
+from pathlib import Path
+from typing import Any, Literal
+
+import platformdirs
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gellight.base.allowed import allowed, nearest
+from gellight.base.errors import ConfigError
+
+FILE_NAME = "gellight.toml"
+PREFIX = "GELLIGHT_"
+Values = dict[str, dict[str, object]]
+"""values by section and key"""
+
+
+class Section(BaseModel):
+    """Strict base: no unknown key, no text for a number, no number that is not finite."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class SensorSettings(Section):
+    """Which sensor."""
+
+    url: str = Field(
+        default="sim://",
+        min_length=1,
+        description="where the camera is: `sim://`, `auto`, `sensor://NAME`, `v4l2:///dev/...` or a folder of images",
+    )
+    calibration: str = Field(
+        default="synthetic",
+        min_length=1,
+        description="calibration bundle: a folder, a .gelcal file, `synthetic`, or `auto`: the one of this sensor, "
+        "which its board names",
+    )
+
+
+class GeometrySettings(Section):
+    """How the sensor is built; what is not given is as in the paper. Angles are degrees here, rad inside.
+
+    A simulated sensor is all of it. Of a real one the calibration takes the colours of the ring, and photometric stereo
+    the ring.
+    """
+
+    gel_diameter_mm: float | None = Field(default=None, gt=0, description="diameter of the gel")
+    gel_thickness_mm: float | None = Field(default=None, gt=0, description="thickness of the gel")
+    poisson_ratio: float | None = Field(default=None, ge=0, lt=0.5, description="Poisson's ratio of the gel")
+    coating_smoothing_mm: float | None = Field(
+        default=None, ge=0, description="the coating bridges detail finer than this (standard deviation)"
+    )
+    camera_height_mm: float | None = Field(default=None, gt=0, description="from the gel to the camera")
+    image_width_px: int | None = Field(default=None, ge=16, le=8192, description="columns of the camera image")
+    image_height_px: int | None = Field(default=None, ge=16, le=8192, description="rows of the camera image")
+    pixel_size_mm: float | None = Field(default=None, gt=0, description="size of a camera pixel on the gel")
+    led_colours: str | None = Field(
+        default=None, pattern="^[RGB]{3,}$", description="one letter of RGB for each LED, anticlockwise from the right"
+    )
+    ring_radius_mm: float | None = Field(default=None, gt=0, description="from the axis to the LEDs")
+    mounting_height_mm: float | None = Field(
+        default=None, ge=0, description="of the LEDs, from the camera towards the gel"
+    )
+    incident_angle_deg: float | None = Field(
+        default=None, ge=0, lt=90, description="tilt of each LED's axis from the gel normal, inwards"
+    )
+    beam_angle_deg: float | None = Field(default=None, gt=0, lt=180, description="full angle of an LED at half power")
+
+    def overrides(self) -> dict[str, float | int | str]:
+        """Return what is given, by the names and in the units (rad) of `sim_reference.geometry.SensorGeometry`."""
+        given = self.model_dump(exclude_none=True)
+        return {_inner_name(name): radians(value) if name.endswith("_deg") else value for name, value in given.items()}
+
+
+class ReconstructionSettings(Section):
+    """How depth is computed."""
+
+    mode: Literal["network", "photometric", "hybrid"] = Field(
+        default="network",
+        description="GelNet on every frame, photometric stereo on series of exposures, or GelNet with its error "
+        "measured by photometric stereo whenever the scene rests",
+    )
+    light_groups: Literal["triples", "singles"] = Field(
+        default="triples",
+        description="exposures of photometric stereo: 4 of a red, a green and a blue LED each, or 12 of one LED",
+    )
+    frames_per_light: int = Field(
+        default=1, ge=1, le=64, description="frames averaged in each exposure of photometric stereo"
+    )
+    threads: int = Field(default=1, ge=1, le=64, description="threads of the network")
+    smoothing_px: int = Field(
+        default=2, ge=0, le=50, description="half width of the narrowest smoothing of the gradient map"
+    )
+    masked: bool = Field(
+        default=True, description="run the network only where the image differs from the reference image"
+    )
+
+
+class WatchSettings(Section):
+    """What is told of changes since the calibration; see docs/watch.md."""
+
+    enabled: bool = Field(default=True, description="watch for drift, LEDs, the camera's place, dirt and tears")
+    rezero: bool = Field(
+        default=True, description="let the zero of the depth follow slow drift of the light while nothing touches"
+    )
+
+
+class DashboardSettings(Section):
+    """The page."""
+
+    port: int = Field(default=8420, ge=0, le=65535, description="port on 127.0.0.1; 0: any free one")
+
+
+class Settings(Section):
+    """All settings."""
+
+    sensor: SensorSettings = Field(default_factory=SensorSettings)
+    geometry: GeometrySettings = Field(default_factory=GeometrySettings)
+    reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
+    watch: WatchSettings = Field(default_factory=WatchSettings)
+    dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """The values of one source, checked."""
+
+    source: str
+    """a file, a variable or "flag", for messages"""
+    values: Values = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One row of the reference: a key and what may be said there."""
+
+    section: str
+    key: str
+    allowed: str
+    default: object
+    description: str
+
+    @property
+    def variable(self) -> str:
+        """Environment variable that sets it."""
+        return f"{PREFIX}{self.section}_{self.key}".upper()
+
+
+def load_settings(
+    flags: Mapping[str, object] | None = None,
+    *,
+    environment: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+    user_folder: Path | None = None,
+) -> Settings:
+    """Read all sources and merge them; `flags` are by "section.key", None where a flag was not given.
+
+    The other arguments replace `os.environ`, the current folder and the user's configuration folder. Raises
+    ConfigError with the source, the key, the value and what is allowed.
+    """
+    return merge(read_layers(flags, environment=environment, folder=folder, user_folder=user_folder))
+
+
+def read_layers(
+    flags: Mapping[str, object] | None = None,
+    *,
+    environment: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+    user_folder: Path | None = None,
+) -> list[Layer]:
+    """Return every source that says something, weakest first; arguments and errors as in `load_settings`."""
+    files = [path for path in file_paths(folder=folder, user_folder=user_folder) if path.exists()]
+    layers = [Layer(str(path), _read_file(path)) for path in files]
+    layers += _environment_layers(os.environ if environment is None else environment)
+    layers += _flag_layers(flags or {})
+    for layer in layers:
+        _check(layer)
+    return layers
+
+
+def merge(layers: list[Layer]) -> Settings:
+    """Return the settings that `layers`, weakest first and already checked, add up to."""
+    merged: Values = {}
+    for layer in layers:
+        for section, values in layer.values.items():
+            merged.setdefault(section, {}).update(values)
+    return Settings.model_validate(merged)
+
+
+def read_settings(path: Path) -> Settings:
+    """Read one file by itself, whatever its name; raises ConfigError as `load_settings` does."""
+    layer = Layer(str(path), _read_file(path))
+    _check(layer)
+    return merge([layer])
+
+
+def file_paths(*, folder: Path | None = None, user_folder: Path | None = None) -> list[Path]:
+    """Return where settings are read from, whether they exist or not, weakest first."""
+    user = platformdirs.user_config_path("gellight") if user_folder is None else user_folder
+    return [user / "config.toml", (folder or Path.cwd()) / FILE_NAME]
+
+
+def reference() -> list[Setting]:
+    """Return every setting there is, in order; the documentation and the messages are made of it."""
+    return [
+        Setting(section, key, allowed(schema), schema.get("default"), schema["description"])
+        for section, model in _sections().items()
+        for key, schema in model.model_json_schema()["properties"].items()
+    ]
+
+
+def reference_markdown() -> str:
+    """Return the reference as Markdown, one table a section; docs/configuration.md holds it."""
+    lines: list[str] = []
+    for section, model in _sections().items():
+        lines += [
+            f"### `[{section}]`",
+            "",
+            inspect.cleandoc(model.__doc__ or ""),
+            "",
+            "| key | allowed | default | meaning |",
+            "|---|---|---|---|",
+        ]
+        lines += [_markdown_row(setting) for setting in reference() if setting.section == section]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _markdown_row(setting: Setting) -> str:
+    default = "as in the paper" if setting.default is None else f"`{_toml(setting.default)}`"
+    return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def _sections() -> dict[str, type[BaseModel]]:
+    models = {name: info.annotation for name, info in Settings.model_fields.items()}
+    return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, BaseModel)}
+
+
+def _inner_name(name: str) -> str:
+    return name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name
+
+
+def _read_file(path: Path) -> Values:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read ({error.strerror}): make it readable or move it away") from error
+    except ValueError as error:
+        raise ConfigError(f"{path} is not TOML in UTF-8 ({error}): correct it or move it away") from error
+
+
+def _environment_layers(environment: Mapping[str, str]) -> Iterator[Layer]:
+    for variable, text in sorted(environment.items()):
+        for section in _sections():
+            start = f"{PREFIX}{section}_".upper()
+            if variable.upper().startswith(start):
+                key = variable[len(start) :].lower()
+                yield Layer(f"environment variable {variable}", {section: {key: _parse(section, key, text)}})
+
+
+def _flag_layers(flags: Mapping[str, object]) -> Iterator[Layer]:
+    for path, value in flags.items():
+        if value is not None:
+            section, _, key = path.partition(".")
+            yield Layer(f"--{key.replace('_', '-')}", {section: {key: value}})
+
+
+def _parse(section: str, key: str, text: str) -> object:
+    """Return the value of an environment variable: text where text is wanted, else what TOML makes of it."""
+    wanted = {(setting.section, setting.key): setting.allowed for setting in reference()}.get((section, key), "text")
+    if wanted.startswith("text"):
+        return text
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _check(layer: Layer) -> None:
+    try:
+        Settings.model_validate(layer.values)
+    except ValidationError as error:
+        problems = [_explain(layer, dict(problem)) for problem in error.errors(include_url=False)]
+        raise ConfigError("; ".join(problems)) from error
+
+
+def _explain(layer: Layer, problem: dict[str, Any]) -> str:
+    section, *rest = (str(step) for step in problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        return f"{layer.source}: {_unknown(section, rest)}"
+    if not rest:
+        return f"{layer.source}: {section} = {problem['input']!r} is no section: write [{section}] and its keys below"
+    wanted = next(s.allowed for s in reference() if (s.section, s.key) == (section, rest[0]))
+    return f"{layer.source}: {section}.{rest[0]} = {problem['input']!r} is not allowed: give {wanted}"
+
+
+def _unknown(section: str, rest: list[str]) -> str:
+    if not rest:
+        return f"unknown section {section}: {nearest(section, list(_sections()))}"
+    known = [setting.key for setting in reference() if setting.section == section]
+    return f"unknown key {section}.{rest[0]}: {nearest(rest[0], known)}"

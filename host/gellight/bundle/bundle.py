@@ -1,0 +1,347 @@
+"""The calibration bundle of one sensor: a folder, the same as one `.gelcal` file, or the name "synthetic".
+
+manifest.toml    what the sensor is and the SHA-256 of every other file
+reference.png    16-bit RGB, grey level * 256: the mean of many frames of the untouched gel keeps its fraction
+network.onnx     GelNet (its file name is in the manifest)
+metrics.json     measured error of the network
+presses.npz      the table of ball presses it was trained on (optional)
+lights.json      the light of each LED alone, for photometric stereo (optional)
+lens.json        the distortion of the camera, measured with a grid of pins (optional)
+report.html      all that its calibration measured, as a page (optional)
+"""
+
+import errno
+import hashlib
+import importlib.util
+import io
+import json
+import logging
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Required, TypedDict, Unpack
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import CalibrationError
+from gellight.base.writing import write_file, write_folder
+from gellight.bundle.manifest import (
+    AGAIN,
+    MANIFEST,
+    METRICS,
+    REFERENCE,
+    Control,
+    Manifest,
+    checked_manifest,
+    manifest_toml,
+    parse_manifest,
+    plain_name,
+)
+from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a caller of `write_calibration` needs
+
+logger = logging.getLogger(__name__)
+
+SYNTHETIC = "synthetic"
+"""Name of the bundle of the simulated sensor that comes with GelLight."""
+SUFFIX = ".gelcal"
+REPORT = "report.html"
+
+_PRESSES = "presses.npz"
+_LARGEST_BYTES = 512 * 1024 * 1024
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A bundle that was checked: every checksum, every size."""
+
+    manifest: Manifest
+    files: Mapping[str, bytes]
+    """content by file name, without the manifest"""
+    source: str
+    """where it was loaded from, for messages"""
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(H, W)"""
+        return self.manifest.image_height_px, self.manifest.image_width_px
+
+    @property
+    def pixel_size_mm(self) -> tuple[float, float]:
+        """(x, y)"""
+        return self.manifest.pixel_size_mm
+
+    @property
+    def network(self) -> bytes:
+        """The ONNX file."""
+        return self.files[self.manifest.network]
+
+    @cached_property
+    def reference(self) -> NDArray[np.float32]:
+        """(H, W, 3) RGB, grey levels with fraction: the mean image of the untouched gel."""
+        image = _decode_reference(self.files[REFERENCE], self.source)
+        image.flags.writeable = False
+        return image
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """Measured error of the network, as written by the calibration."""
+        content: dict[str, Any] = json.loads(self.files[METRICS])
+        return content
+
+    @property
+    def identity(self) -> str:
+        """16 hexadecimal digits; see `Manifest.identity`."""
+        return self.manifest.identity
+
+    def check_fits(self, camera: str, image_shape: tuple[int, int]) -> None:
+        """Raise CalibrationError unless the images (H, W) of `camera` have the size of this bundle's."""
+        if image_shape != self.image_shape:
+            raise CalibrationError(
+                f"{camera} delivers {image_shape[1]}x{image_shape[0]} pixels, the calibration {self.source} is for "
+                f"{self.image_shape[1]}x{self.image_shape[0]}: choose the bundle of this sensor"
+            )
+
+    def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> "Calibration":
+        """Return this bundle with another reference image, (H, W, 3) RGB, the mean of so many frames; in memory only.
+
+        Raises CalibrationError for grey levels outside 0 to 255 and ValueError for another shape.
+        """
+        if reference.shape != (*self.image_shape, 3):
+            raise ValueError(f"reference image has shape {reference.shape}: give {(*self.image_shape, 3)}")
+        files = {**self.files, REFERENCE: _encode_reference(reference)}
+        manifest = self.manifest.model_copy(update={"files": _digests(files), "reference_frames": frames})
+        return Calibration(manifest=manifest, files=files, source=self.source)
+
+    def presses(self) -> dict[str, NDArray[Any]]:
+        """The arrays of `presses.npz`; raises CalibrationError where the bundle has none."""
+        if _PRESSES not in self.files:
+            raise CalibrationError(f"{self.source} has no {_PRESSES}: calibrate the sensor again to record presses")
+        with np.load(io.BytesIO(self.files[_PRESSES]), allow_pickle=False) as table:
+            return {name: table[name] for name in table.files}
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Load and check a bundle: a folder, a `.gelcal` file, or "synthetic" for the simulated sensor.
+
+    Raises CalibrationError, saying what is wrong and what to do, unless every checksum and size is right.
+    """
+    place = _synthetic_folder() if str(path) == SYNTHETIC else Path(path)
+    if place.is_dir():
+        return _load(str(place), lambda name: (place / name).read_bytes())
+    if not place.exists():
+        raise CalibrationError(
+            f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'"
+        )
+    try:
+        with zipfile.ZipFile(place) as archive:
+            _check_archive(archive, place)
+            return _load(str(place), archive.read)
+    except (zipfile.BadZipFile, EOFError, OSError) as error:
+        raise CalibrationError(f"{place} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
+
+
+class Description(TypedDict, total=False):
+    """What the caller of `write_calibration` says about the sensor, by the names of the manifest."""
+
+    sensor: Required[str]
+    reference_frames: Required[int]
+    noise_grey: Required[float]
+    pixel_size_mm: Required[tuple[float, float]]
+    follow_light: bool
+    bulge: float
+    led: tuple[LedSetting, ...]
+    camera: Mapping[str, Control]
+
+
+def write_calibration(
+    folder: str | Path,
+    *,
+    reference: NDArray[np.floating],
+    network: bytes,
+    metrics: Mapping[str, Any],
+    network_name: str = "network.onnx",
+    presses: Mapping[str, NDArray[Any]] | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
+    overwrite: bool = False,
+    **description: Unpack[Description],
+) -> Calibration:
+    """Write a bundle as a folder, whole or not at all, and return it as it will be loaded.
+
+    reference: (H, W, 3) RGB, grey levels 0 to 255. presses: the arrays of `presses.npz`. The rest is described at
+    `Manifest`. An existing bundle is replaced only with `overwrite`. Raises CalibrationError; then the folder is as
+    before.
+    """
+    files = {
+        **(extra_files or {}),
+        REFERENCE: _encode_reference(reference),
+        METRICS: (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
+        network_name: network,
+        **({_PRESSES: _npz(presses)} if presses is not None else {}),
+    }
+    manifest = checked_manifest(
+        folder,
+        created=datetime.now(UTC).replace(microsecond=0),
+        software=_software(),
+        image_width_px=reference.shape[1],
+        image_height_px=reference.shape[0],
+        network=network_name,
+        files=_digests(files),
+        **description,
+    )
+    return save_calibration(Calibration(manifest=manifest, files=files, source=str(folder)), folder, overwrite)
+
+
+def save_calibration(calibration: Calibration, folder: str | Path, overwrite: bool = False) -> Calibration:
+    """Write a bundle as a folder and return it as it will be loaded; otherwise as `write_calibration`."""
+    target = Path(folder)
+    if target.exists() and not overwrite:
+        raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
+    try:
+        write_folder(target, {**calibration.files, MANIFEST: manifest_toml(calibration.manifest)})
+    except OSError as error:
+        raise _not_written(target, error) from error
+    return load_calibration(target)
+
+
+def extend_calibration(
+    calibration: Calibration, folder: str | Path, files: Mapping[str, bytes], *, overwrite: bool = False
+) -> Calibration:
+    """Write a bundle again as a folder with more files, or newer ones of the same names, and return it.
+
+    Raises CalibrationError; then the folder is as before.
+    """
+    content = {**calibration.files, **files}
+    manifest = checked_manifest(folder, **{**calibration.manifest.model_dump(), "files": _digests(content)})
+    return save_calibration(Calibration(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
+
+
+def pack_calibration(calibration: Calibration, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a bundle as one `.gelcal` file, whole or not at all."""
+    target = Path(path)
+    if target.suffix != SUFFIX:
+        raise CalibrationError(f"{target} does not end in {SUFFIX}: give {target.with_suffix(SUFFIX)}")
+    if target.exists() and not overwrite:
+        raise CalibrationError(f"{target} exists: choose another name or allow overwriting")
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(MANIFEST, manifest_toml(calibration.manifest))
+        for name, content in calibration.files.items():
+            archive.writestr(name, content)
+    try:
+        write_file(target, packed.getvalue())
+    except OSError as error:
+        raise _not_written(target, error) from error
+    return target
+
+
+def _synthetic_folder() -> Path:
+    """The bundle beside the `gelnet` package, which is found without importing it."""
+    spec = importlib.util.find_spec("gelnet")
+    places = list(spec.submodule_search_locations or []) if spec else []
+    for place in places:
+        if (Path(place) / SYNTHETIC / MANIFEST).is_file():
+            return Path(place) / SYNTHETIC
+    raise CalibrationError(
+        f"the '{SYNTHETIC}' bundle is not installed (looked in {places or 'no gelnet package'}): reinstall gellight"
+    )
+
+
+def _load(source: str, read: Callable[[str], bytes]) -> Calibration:
+    """Read the manifest, then every file it names."""
+    manifest = parse_manifest(_read(source, read, MANIFEST), source)
+    files = {name: _verified(source, read, name, digest) for name, digest in manifest.files.items()}
+    calibration = Calibration(manifest=manifest, files=files, source=source)
+    if calibration.reference.shape[:2] != calibration.image_shape:
+        height, width = calibration.reference.shape[:2]
+        raise CalibrationError(
+            f"{source}: {REFERENCE} is {width} x {height} px, the manifest says "
+            f"{manifest.image_width_px} x {manifest.image_height_px}: {AGAIN}"
+        )
+    try:
+        calibration.metrics  # noqa: B018  (decoded now, so that a broken one is an error of loading)
+    except ValueError as error:
+        raise CalibrationError(f"{source}: {METRICS} is not JSON ({error}): {AGAIN}") from error
+    return calibration
+
+
+def _read(source: str, read: Callable[[str], bytes], name: str) -> bytes:
+    try:
+        return read(name)
+    except (KeyError, FileNotFoundError) as error:
+        raise CalibrationError(f"{source} has no {name}: it is not a whole calibration bundle; {AGAIN}") from error
+    except (OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise CalibrationError(f"{source}: {name} cannot be read ({error}): {AGAIN}") from error
+
+
+def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str) -> bytes:
+    content = _read(source, read, name)
+    found = hashlib.sha256(content).hexdigest()
+    if found != digest:
+        raise CalibrationError(
+            f"{source}: {name} was changed after calibration (SHA-256 is {found[:12]}…, the manifest says "
+            f"{digest[:12]}…): {AGAIN}"
+        )
+    return content
+
+
+def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
+    """Refuse names that leave the bundle and archives that would fill the memory."""
+    for entry in archive.infolist():
+        try:
+            plain_name(entry.filename)
+        except ValueError as error:
+            raise CalibrationError(f"{place}: {error}; do not use this file, get it again from its source") from error
+    total = sum(entry.file_size for entry in archive.infolist())
+    if total > _LARGEST_BYTES:
+        raise CalibrationError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
+
+
+def _digests(files: Mapping[str, bytes]) -> dict[str, str]:
+    return {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
+
+
+def _software() -> str:
+    try:
+        return f"gellight {version('gellight')}"
+    except PackageNotFoundError:
+        return "gellight (not installed)"
+
+
+def _encode_reference(reference: NDArray[np.floating]) -> bytes:
+    if reference.ndim != 3 or reference.shape[2] != 3:
+        raise ValueError(f"reference image has shape {reference.shape}: give (H, W, 3)")
+    if not (np.isfinite(reference).all() and reference.min() >= 0 and reference.max() <= 255):
+        raise CalibrationError(
+            "the reference image has NaN or values outside 0 to 255 grey levels: capture the reference again"
+        )
+    levels = np.round(reference.astype(np.float64) * 256).astype(np.uint16)
+    return cv2.imencode(".png", levels[..., ::-1])[1].tobytes()
+
+
+def _decode_reference(content: bytes, source: str) -> NDArray[np.float32]:
+    levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
+    if levels is None or levels.dtype != np.uint16 or levels.ndim != 3 or levels.shape[2] != 3:
+        raise CalibrationError(f"{source}: {REFERENCE} is not a 16-bit RGB PNG: {AGAIN}")
+    return np.ascontiguousarray(levels[..., ::-1], dtype=np.float32) / np.float32(256)
+
+
+def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    for name, values in arrays.items():
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise CalibrationError(f"{_PRESSES}: {name} has NaN or infinite values: drop those presses")
+    content = io.BytesIO()
+    np.savez_compressed(content, **dict(arrays))  # type: ignore[arg-type]
+    return content.getvalue()
+
+
+def _not_written(target: Path, error: OSError) -> CalibrationError:
+    remedy = "free some space" if error.errno == errno.ENOSPC else "check the folder and its permissions"
+    logger.debug("writing %s failed", target, exc_info=error)
+    return CalibrationError(f"{target} was not written ({error.strerror or error}): {remedy} and try again")

@@ -1,0 +1,41 @@
+"""A JSON file that a calibration bundle may hold beside its own: read, and checked against the bundle."""
+
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gellight.base.errors import CalibrationError
+from gellight.bundle.bundle import Calibration
+
+
+class BundleFile(BaseModel):
+    """What every such file says; an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1] = 1
+    image_width_px: Annotated[int, Field(ge=2)]
+    image_height_px: Annotated[int, Field(ge=2)]
+
+
+Content = TypeVar("Content", bound=BundleFile)
+
+
+def read_bundle_file(calibration: Calibration, name: str, model: type[Content], remedy: str) -> Content:
+    """Return the file `name` of a bundle that has it; CalibrationError where it is damaged or of another picture size.
+
+    remedy: how to make the file anew, for the message.
+    """
+    try:
+        content = model.model_validate_json(calibration.files[name])
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "content"
+        raise CalibrationError(f"{calibration.source}: {name}: {place}: {first['msg']}; {remedy}") from error
+    height, width = calibration.image_shape
+    if (content.image_height_px, content.image_width_px) != (height, width):
+        raise CalibrationError(
+            f"{calibration.source}: {name} is for {content.image_width_px} x {content.image_height_px} px, "
+            f"the bundle for {width} x {height} px; {remedy}"
+        )
+    return content

@@ -1,0 +1,119 @@
+"""`manifest.toml` of a calibration bundle: what the sensor is, and the SHA-256 of every other file of the bundle."""
+
+import hashlib
+import tomllib
+from datetime import UTC
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from gellight.base.errors import CalibrationError
+
+SCHEMA_VERSION = 1
+MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"
+AGAIN = "calibrate the sensor again or restore the bundle from a copy"
+IDENTITY_BYTES = 8
+"""of a bundle, as the board of its sensor remembers it"""
+BULGE = 1.71
+"""Mean depth of a view that is touched all over, per bulge at its border. A soft layer keeps its volume, so what is
+pressed down in the view comes up around it. Fitted to 30 random presses of the simulated gel of the paper; nine of ten
+lay between 1.5 and 2.1. Another gel, or a view of another size, has another value: its bundle tells it (`bulge` in the
+manifest)."""
+
+
+def plain_name(name: str) -> str:
+    """Return the name of a file of a bundle; ValueError if it would lie in another folder."""
+    if not name or name in {".", ".."} or Path(name).name != name or "\\" in name or ":" in name:
+        raise ValueError(f"file name {name!r} leaves the bundle: names have no folders")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(plain_name)]
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Byte = Annotated[int, Field(ge=0, le=255)]
+Control = bool | int | float | str
+
+
+class LedSetting(BaseModel):
+    """One LED of the ring while the sensor was calibrated; LED i sits at azimuth 30 degrees * i, anticlockwise."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    colour: Literal["R", "G", "B"]
+    rgb: tuple[Byte, Byte, Byte]
+
+
+class Manifest(BaseModel):
+    """The content of `manifest.toml`; an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1] = 1
+    sensor: Annotated[str, Field(min_length=1)]
+    """serial number or name"""
+    created: AwareDatetime
+    software: str
+    image_width_px: Annotated[int, Field(ge=2)]
+    image_height_px: Annotated[int, Field(ge=2)]
+    pixel_size_mm: tuple[Length, Length]
+    """(x, y)"""
+    reference_frames: Annotated[int, Field(ge=1)]
+    """how many frames the reference image is the mean of"""
+    noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    """of one frame, as `image_noise` measures it: the standard deviation of one pixel, or for a camera that compresses
+    that of white noise whose means spread as much; grey levels"""
+    follow_light: bool = False
+    """take the median over the view off every difference image, because the light of this sensor drifts"""
+    bulge: Length = BULGE
+    """mean depth of a view that is touched all over, per bulge at its border; see `BULGE`"""
+    network: FileName = "network.onnx"
+    files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
+    led: tuple[LedSetting, ...] = ()
+    camera: dict[str, Control] = Field(default_factory=dict)
+    """exposure, gain, white balance: the controls that have to be the same when the sensor is used"""
+
+    @model_validator(mode="after")
+    def _lists_what_is_needed(self) -> "Manifest":
+        missing = {REFERENCE, METRICS, self.network} - set(self.files)
+        if missing:
+            raise ValueError(f"[files] does not list {', '.join(sorted(missing))}")
+        if self.led and len(self.led) != 12:
+            raise ValueError(f"led has {len(self.led)} entries, the ring has 12")
+        return self
+
+    @property
+    def identity(self) -> str:
+        """16 hexadecimal digits that tell this bundle from every other; packing it or a newer GelLight keeps them."""
+        described = [self.sensor, self.created.astimezone(UTC).isoformat(), repr(self.pixel_size_mm)]
+        listed = [f"{name} {digest}" for name, digest in sorted(self.files.items())]
+        return hashlib.sha256("\n".join(described + listed).encode()).hexdigest()[: 2 * IDENTITY_BYTES]
+
+
+def parse_manifest(content: bytes, source: str) -> Manifest:
+    """Read `manifest.toml`; CalibrationError, naming `source`, for one that is damaged or too new."""
+    try:
+        values = tomllib.loads(content.decode())
+    except ValueError as error:
+        raise CalibrationError(f"{source}: {MANIFEST} is not TOML ({error}): {AGAIN}") from error
+    schema = values.get("schema_version")
+    if isinstance(schema, int) and schema > SCHEMA_VERSION:
+        raise CalibrationError(
+            f"{source} has schema version {schema}, this GelLight reads up to {SCHEMA_VERSION}: update GelLight"
+        )
+    return checked_manifest(source, **values)
+
+
+def checked_manifest(where: str | Path, **values: Any) -> Manifest:
+    """Return the manifest of these values; CalibrationError, naming `where`, for one that is out of range."""
+    try:
+        return Manifest.model_validate(values)
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, e['loc'])) or MANIFEST}: {e['msg']}" for e in error.errors())
+        raise CalibrationError(f"{where}: {MANIFEST}: {wrong}. Correct it or {AGAIN}") from error
+
+
+def manifest_toml(manifest: Manifest) -> bytes:
+    """Return the content of `manifest.toml`."""
+    return tomli_w.dumps(manifest.model_dump()).encode()

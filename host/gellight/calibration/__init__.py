@@ -1,0 +1,13 @@
+"""The calibration routine: from an untouched gel to a verified bundle, guided or all by itself.
+
+`routine.Routine` is what the command line and the dashboard drive. Its steps, each in a module of its own:
+
+prepare     preparing.py, led_check.py, uniformity.py   lock the camera, check and balance the LEDs
+reference   untouched.py                                the untouched gel, its noise and its drift
+pixel_size  probing.py, cylinder.py                     the cylinder probe gives mm per pixel
+presses     pressing.py, coverage.py, live_error.py     ball presses, found and judged while they come in
+fit         fitting.py                                  the network, in a child process
+verify      verifying.py                                fresh presses, and the verdict
+
+`folder.py` keeps everything on disk. `lens/` and `lights/` measure the lens and the light of each LED.
+"""

@@ -1,0 +1,75 @@
+"""What a calibration is asked for: the tools at hand, how much of everything, and what counts as good."""
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gellight.base.errors import InputError
+from gellight.training.training import TrainingOptions
+
+RING_COLOURS = "RRRRGGGGBBBB"
+"""of the paper's ring, anticlockwise from the right"""
+LEAST_PRESSES = 8
+"""fewer ball presses than that are not fitted"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a calibration must reach on fresh presses to be installed.
+
+    The defaults are what the best calibrations of real, soft sensors of this kind reach; a rigid simulated one does
+    ten times better.
+    """
+
+    depth_mm: float = 0.08
+    """mean absolute depth error inside the contact circle"""
+    normal_deg: float = 7.0
+    """mean angle between the normals there"""
+
+    def __post_init__(self) -> None:
+        """Refuse what no calibration could reach."""
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"the largest {name} allowed is {value}: give a limit greater than 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoutineOptions:
+    """The tools and the wishes of one calibration."""
+
+    out: Path
+    """folder of the bundle that is written when the verdict is good"""
+    sensor: str = "unnamed"
+    """serial number or name of the sensor"""
+    ball_radius_mm: float = 4.0
+    cylinder_diameter_mm: float = 8.0
+    pin_pitch_mm: float | None = None
+    """distance of neighbouring pins of the grid that shows how the lens bends the picture; None: there is no grid"""
+    reference_frames: int = 30
+    cylinder_presses: int = 5
+    presses: int = 40
+    """ball presses to train on; a guided routine says when fewer are enough"""
+    verifications: int = 6
+    """fresh ball presses, never trained on"""
+    limits: Limits = field(default_factory=Limits)
+    training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
+    led_colours: str = RING_COLOURS
+    """of the ring, anticlockwise from the right"""
+    overwrite: bool = False
+    """replace an existing bundle of the same sensor"""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be done."""
+        for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value}: give the size of the tool in mm, greater than 0")
+        if not re.fullmatch("[RGB]{12}", self.led_colours) or len(set(self.led_colours)) < 3:
+            raise InputError(
+                f"led_colours = {self.led_colours!r}: the ring has 12 LEDs, give a letter for each: R, G and B"
+            )
+        least = {"presses": LEAST_PRESSES, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
+        for name, count in least.items():
+            if getattr(self, name) < count:
+                raise InputError(f"{name} = {getattr(self, name)}: at least {count} are needed")

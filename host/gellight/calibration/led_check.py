@@ -1,0 +1,136 @@
+"""Lights each LED and each light group by itself and looks whether the right one shines, in the right colour."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BoardError, CameraError
+from gellight.calibration.sensing import block_means
+from gellight.calibration.session import Session
+from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.ring.light_ring import LightRing
+
+Floats = NDArray[np.float32]
+COLOURS = "RGB"
+_SETTLE_S = 0.004
+_SAME_GREY = 1.0
+"""frames under the same light differ by less, in the mean over blocks"""
+_LONGEST_WAIT_FRAMES = 90
+_DEAD_SHARE = 0.15
+"""an LED that gives less than this share of the median LED of its colour is dead"""
+_WEAK_SHARE = 0.6
+_GROUP_ERROR = 0.08
+"""a light group may differ from the sum of its LEDs by this share: more is a supply that sags"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LedAnswer:
+    """What one LED did to the picture."""
+
+    led: int
+    colour: str
+    """as the ring is built"""
+    grey: float
+    """mean rise of the brightest channel"""
+    seen_colour: str
+    azimuth_deg: float
+    """from where it shines, anticlockwise from the right"""
+
+
+def light(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> Floats:
+    """Light the LEDs and return the block means of the picture that was exposed wholly under them.
+
+    Two frames in a row that agree are waited for, since not every camera tells exactly when it exposed. Raises
+    CameraError if the picture does not come to rest.
+    """
+    reply = ring.set_leds(colours)
+    ring.wait_for_light(reply.light_id)
+    lit_s = time.monotonic() + _SETTLE_S
+    before: Floats | None = None
+    for _ in range(_LONGEST_WAIT_FRAMES):
+        frame = session.frame()
+        if frame.time_s < lit_s or (frame.light is not None and not np.array_equal(frame.light, colours)):
+            continue
+        seen = block_means(frame.image)
+        session.bulletin.show(live=frame.image)
+        if before is not None and float(np.abs(seen - before).mean()) < _SAME_GREY:
+            return np.asarray((seen + before) / 2, np.float32)
+        before = seen
+    raise CameraError("the picture does not come to rest under steady light: cover the sensor from other light")
+
+
+def check_lights(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> dict[str, Any]:
+    """Light every LED of (12, 3) `colours` and every colour triple; return what was seen, ready for JSON.
+
+    Raises BoardError that names every LED that is dead, far too weak, or shines in a colour that is not its own.
+    """
+    dark = light(session, ring, np.zeros_like(colours))
+    rises: list[Floats] = []
+    for led, group in enumerate(single_leds(colours)):
+        session.bulletin.post(progress={"done": led, "wanted": len(colours), "unit": "LEDs"})
+        rises.append(light(session, ring, group) - dark)
+    answers = [_answer(led, rise, colours) for led, rise in enumerate(rises)]
+    _refuse(answers)
+    groups = _check_groups(session, ring, colours, dark, rises)
+    return {"leds": [vars(answer) for answer in answers], "groups": groups, "dark_grey": float(dark.mean())}
+
+
+def _answer(led: int, rise: Floats, colours: NDArray[np.uint8]) -> LedAnswer:
+    channel = int(rise.mean(axis=(0, 1)).argmax())
+    bright = np.maximum(rise[..., channel], 0)
+    rows, columns = np.indices(bright.shape)
+    weight = bright / max(float(bright.sum()), 1e-6)
+    middle_y, middle_x = (np.array(bright.shape) - 1) / 2
+    # A gradient of brightness moves the centroid by as much as the side of the picture squared.
+    x = float((weight * (columns - middle_x)).sum()) / bright.shape[1] ** 2
+    y = float((weight * (rows - middle_y)).sum()) / bright.shape[0] ** 2
+    return LedAnswer(
+        led=led,
+        colour=COLOURS[int(colours[led].argmax())],
+        grey=float(bright.mean()),
+        seen_colour=COLOURS[channel],
+        azimuth_deg=float(np.degrees(np.arctan2(-y, x)) % 360),
+    )
+
+
+def _refuse(answers: list[LedAnswer]) -> None:
+    usual = {c: float(np.median([a.grey for a in answers if a.colour == c] or [0.0])) for c in COLOURS}
+    most = max(usual.values())
+    dead = [a.led for a in answers if a.grey < max(_DEAD_SHARE * usual[a.colour], 0.02 * most, 0.3)]
+    swapped = [f"{a.led} ({a.seen_colour} for {a.colour})" for a in answers if a.seen_colour != a.colour]
+    weak = [a.led for a in answers if a.grey < _WEAK_SHARE * usual[a.colour] and a.led not in dead]
+    faults = []
+    if dead:
+        faults.append(f"LED {_listed(dead)} stays dark: check its solder joints, or replace it")
+    if swapped and not dead:
+        faults.append(f"LED {_listed(swapped)} shines in another colour: check the colour order of the board")
+    if weak:
+        faults.append(f"LED {_listed(weak)} is far weaker than the others: clean it, or replace it")
+    if faults:
+        raise BoardError("; ".join(faults))
+
+
+def _listed(names: list[Any]) -> str:
+    return ", ".join(map(str, names))
+
+
+def _check_groups(
+    session: Session, ring: LightRing, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]
+) -> list[dict[str, Any]]:
+    """Light each colour triple: its picture has to be the sum of its LEDs."""
+    found = []
+    for number, group in enumerate(colour_triples(colours)):
+        members = [led for led in range(len(colours)) if group[led].any()]
+        rise = light(session, ring, group) - dark
+        wanted = np.sum([rises[led] for led in members], axis=0)
+        error = float(np.abs(rise - wanted).mean() / max(float(np.abs(wanted).mean()), 1e-6))
+        if error > _GROUP_ERROR:
+            raise BoardError(
+                f"light group {number} (LED {_listed(members)}) differs by {error:.0%} from the sum of its LEDs: the "
+                "supply of the ring sags or other light falls in; use a stronger supply and cover the sensor"
+            )
+        found.append({"group": number, "leds": members, "error": error})
+    return found

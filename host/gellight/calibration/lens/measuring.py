@@ -1,0 +1,128 @@
+"""Measure a lens from pictures and add it to a bundle; draw what was found."""
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration, extend_calibration
+from gellight.calibration.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
+from gellight.calibration.lens.pins import dimples, marked, spots
+from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
+from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.report.pictures import Picture, write_png
+from gellight.training.training import read_reference
+
+
+def measure_lens(
+    calibration: Calibration, images: Sequence[Path], pitch_mm: float, reference: str | None = None
+) -> LensFit:
+    """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
+
+    reference: the untouched gel, for pins that press into it: they are felt by the network of the bundle. Without it
+    they are spots in the picture itself. Raises InputError with the reason where the pictures do not tell the lens.
+    """
+    if not (np.isfinite(pitch_mm) and pitch_mm > 0):
+        raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
+    if not images:
+        raise InputError("there is no picture: give at least one of the pin grid")
+    spacing = spacing_px(calibration.pixel_size_mm, pitch_mm)
+    feel = None if reference is None else _touching(calibration, reference)
+
+    def contrasts(path: Path) -> list[Floats]:
+        picture = _picture(path, calibration)
+        return spots(picture.astype(np.float32), spacing) if feel is None else dimples(feel(picture), spacing)
+
+    size = calibration.pixel_size_mm
+    lattices = [read_pins(contrasts(path), pixel_size_mm=size, pitch_mm=pitch_mm, source=path) for path in images]
+    return fit_lens(lattices, calibration.image_shape, pitch_mm)
+
+
+def _touching(calibration: Calibration, reference: str) -> Callable[[Picture], Floats]:
+    """Return what feels the (H, W) depth in a picture, mm, over the picture as it was taken."""
+    untouched = read_reference(reference)
+    calibration.check_fits(reference, untouched.image_shape)
+    bundle = calibration.with_reference(untouched.image, frames=untouched.frames)
+    return depth_feeler(Reconstructor(bundle, undistorted=False))
+
+
+def depth_feeler(reconstructor: Reconstructor) -> Callable[[Picture], Floats]:
+    """Return what feels the (H, W) depth in a picture, mm."""
+
+    def feel(picture: Picture) -> Floats:
+        frame = CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")
+        return reconstructor.reconstruct(frame).depth_mm
+
+    return feel
+
+
+def add_lens(
+    calibration: Calibration, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False
+) -> Calibration:
+    """Write the bundle with the lens as a new one and return it; CalibrationError where that cannot be."""
+    content = lens_json(fit, tuple(path.name for path in images), calibration)
+    return extend_calibration(calibration, out, {FILE_NAME: content}, overwrite=overwrite)
+
+
+def figures(fit: LensFit, calibration: Calibration) -> dict[str, Any]:
+    """Return what was measured, ready for JSON; mm at the size of a pixel in the middle of the picture."""
+    x_mm, y_mm = fit.lens.mm_per_px
+    mm = float(np.sqrt(x_mm * y_mm))
+    undistortion = Undistortion(fit.lens, calibration.pixel_size_mm, from_circles=False)
+    return {
+        "pins": fit.pins,
+        "pictures": len(fit.lattices),
+        "rms_before_px": round(fit.rms_before_px, 4),
+        "rms_after_px": round(fit.rms_after_px, 4),
+        "rms_before_mm": round(fit.rms_before_px * mm, 5),
+        "rms_after_mm": round(fit.rms_after_px * mm, 5),
+        "corner_moves_px": round(fit.lens.bend_px, 2),
+        "k1": round(fit.lens.k1, 5),
+        "k2": round(fit.lens.k2, 5),
+        "centre_px": [round(c, 1) for c in fit.lens.centre_px],
+        "middle_mm_per_px": [round(x_mm, 6), round(y_mm, 6)],
+        "bundle_mm_per_px": list(calibration.pixel_size_mm),
+        "not_seen_share": round(float(1 - undistortion.seen.mean()), 4),
+    }
+
+
+def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
+    """Draw the pins found in the first picture, and where the lens expects them, as a PNG file."""
+    try:
+        write_png(path, marked(read_image(image), fit.lattices[0].points, fit.expected_px[0]))
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}): choose another place") from error
+
+
+def _picture(path: Path, calibration: Calibration) -> Picture:
+    picture: Picture = read_image(path)
+    calibration.check_fits(str(path), (picture.shape[0], picture.shape[1]))
+    return picture
+
+
+def lens_json(fit: LensFit, images: tuple[str, ...], calibration: Calibration) -> bytes:
+    """Return the content of the file for a bundle; one with presses learnt from contact circles."""
+    lens = fit.lens
+    record = LensRecord(
+        image_width_px=lens.image_shape[1],
+        image_height_px=lens.image_shape[0],
+        centre_px=lens.centre_px,
+        k1=lens.k1,
+        k2=lens.k2,
+        px_per_mm=lens.px_per_mm,
+        origin_mm=lens.origin_mm,
+        learnt_from_circles="presses.npz" in calibration.files,
+        pitch_mm=fit.pitch_mm,
+        images=images,
+        pins=fit.pins,
+        rms_before_px=fit.rms_before_px,
+        rms_after_px=fit.rms_after_px,
+        created=datetime.now(UTC).replace(microsecond=0),
+    )
+    return (record.model_dump_json(indent=1) + "\n").encode()

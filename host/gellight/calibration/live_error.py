@@ -1,0 +1,104 @@
+"""The error on presses held out, while presses still come in: a cubic polynomial learns in a moment what GelNet will.
+
+The polynomial maps difference image and place to the slopes. Its normal equations are sums over presses, so leaving one
+press out is a subtraction and every press is judged by the others.
+"""
+
+from dataclasses import dataclass, field
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.training.presses import Ball, Press, contact_circle, distance_px, sphere_gradient
+
+Floats = NDArray[np.float64]
+SAMPLES = 500
+_FLAT_SAMPLES = 150
+_FLAT_DISTANCE = 3.0
+_RIDGE = 1e-3
+_DEGREE = 3
+_INPUTS = 5
+_POWERS = [p for d in range(_DEGREE + 1) for p in combinations_with_replacement(range(_INPUTS), d)]
+LEAST = 5
+"""presses before anything can be said"""
+_OUTLIER = 3.0
+_OUTLIER_DEG = 4.0
+
+
+@dataclass
+class LiveError:
+    """Presses as sums for a least-squares fit, one entry a press."""
+
+    reference: NDArray[np.float32]
+    ball: Ball
+    _inputs: dict[int, Floats] = field(default_factory=dict)
+    _slopes: dict[int, Floats] = field(default_factory=dict)
+    history: list[tuple[int, float]] = field(default_factory=list)
+    """(presses, held-out normal error in degrees) after each press"""
+    by_press: dict[int, float] = field(default_factory=dict)
+    """the error of each press, judged by the others, degrees"""
+
+    def add(self, number: int, image: NDArray[np.uint8], press: Press) -> None:
+        """Take a press in, or again with a corrected circle."""
+        shape = (image.shape[0], image.shape[1])
+        random = np.random.default_rng(number)
+        inside = np.flatnonzero(contact_circle(press, shape))
+        far = np.flatnonzero(distance_px(press, shape) > _FLAT_DISTANCE * press.contact_radius_px)
+        chosen = np.concatenate(
+            [
+                random.choice(inside, min(SAMPLES, len(inside)), replace=False),
+                random.choice(far, min(_FLAT_SAMPLES, len(far)), replace=False),
+            ]
+        )
+        gradient = sphere_gradient(press, self.ball, shape).reshape(-1, 2)
+        slopes = np.zeros((len(chosen), 2))
+        count = min(SAMPLES, len(inside))
+        slopes[:count] = gradient[chosen[:count]]
+        difference = (image.astype(np.float32) - self.reference).reshape(-1, 3)[chosen]
+        self._inputs[number] = _features(difference, chosen % shape[1], chosen // shape[1], shape)
+        self._slopes[number] = slopes
+
+    def drop(self, number: int) -> None:
+        """Forget a press."""
+        self._inputs.pop(number, None)
+        self._slopes.pop(number, None)
+        self.by_press.pop(number, None)
+
+    def update(self) -> float | None:
+        """Judge every press by all others; the mean error in degrees, None while there are too few."""
+        if len(self._inputs) < LEAST:
+            return None
+        squares = {n: a.T @ a for n, a in self._inputs.items()}
+        products = {n: a.T @ self._slopes[n] for n, a in self._inputs.items()}
+        all_squares = sum(squares.values()) + _RIDGE * np.eye(len(_POWERS)) * SAMPLES
+        all_products = sum(products.values())
+        for n, inputs in self._inputs.items():
+            amounts = np.linalg.solve(all_squares - squares[n], all_products - products[n])
+            guess = (inputs @ amounts)[:, None, :]
+            true = self._slopes[n][:, None, :]
+            self.by_press[n] = float(angle_deg(normals(guess)[:, 0], normals(true)[:, 0])[:SAMPLES].mean())
+        error = float(np.mean(list(self.by_press.values())))
+        self.history.append((len(self._inputs), error))
+        return error
+
+    def settled(self) -> bool:
+        """Tell whether the last eight presses improved the error by less than 5 %."""
+        if len(self.history) < 12:
+            return False
+        errors = [error for _, error in self.history]
+        return float(np.mean(errors[-4:])) > 0.95 * float(np.mean(errors[-12:-8]))
+
+    def outliers(self) -> list[int]:
+        """Return presses that the others contradict: a wrong circle, a slipped ball."""
+        if len(self.by_press) < 2 * LEAST:
+            return []
+        usual = float(np.median(list(self.by_press.values())))
+        return [n for n, error in self.by_press.items() if error > max(_OUTLIER * usual, usual + _OUTLIER_DEG)]
+
+
+def _features(difference: NDArray[np.floating], x: Floats, y: Floats, shape: tuple[int, int]) -> Floats:
+    """(N, 56) products of up to three of the five inputs, each scaled to about one."""
+    columns = [difference[:, c] / 64.0 for c in range(3)] + [2 * x / shape[1] - 1, 2 * y / shape[0] - 1]
+    return np.stack([np.prod([columns[i] for i in power], axis=0) * np.ones(len(x)) for power in _POWERS], axis=1)

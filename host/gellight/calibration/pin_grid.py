@@ -1,0 +1,147 @@
+"""The lens, where the user has a grid of pins: pressed after the cylinder, felt when the network is trained.
+
+The pins are looked for twice. When they are pressed nothing can be felt yet, and the difference image shows them some
+pixels off their places: enough to tell whether this is a grid, of the pitch that was named, over the whole view. The
+lens is fitted to the depth that the trained network feels, where they are right to some hundredths of a pixel.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import CalibrationError, InputError
+from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.calibration.bulletin import Picture
+from gellight.calibration.fitting import draft_path
+from gellight.calibration.lens.lattice import Lattice
+from gellight.calibration.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px
+from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures
+from gellight.calibration.lens.pins import dimples, imprints, marked
+from gellight.calibration.sensing import Capture, Watcher, check_light, wait_free, wait_press
+from gellight.calibration.session import Session
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.pipeline import Reconstructor
+
+Floats = NDArray[np.float32]
+_NO_GRID: dict[str, Any] = {"pictures": 0}
+_SOURCE = "the pin grid"
+
+
+def collect_grid(session: Session) -> None:
+    """Take pictures of the grid until pins were seen in every part of the view, or the user goes on without it."""
+    reference = session.folder.reference()
+    watcher = Watcher(reference, session.folder.steps["reference"]["noise_grey"])
+    seen = [_pins(session, read_image(path), reference) for path in _pictures(session)]
+    wanted = _missing(seen, session.camera.image_shape)
+    with session.offering("next"):
+        while wanted:
+            _announce(session, len(seen), wanted)
+            wait_free(session, watcher)
+            if session.hand:
+                session.hand.grid()
+            capture = wait_press(session, watcher, lambda: _skipped(session))
+            if capture is None:
+                session.folder.forget_grid()
+                session.folder.finish("lens", _NO_GRID)
+                return
+            seen += _taken(session, capture, reference)
+            wanted = _missing(seen, session.camera.image_shape)
+            if session.hand:
+                session.hand.lift()
+        wait_free(session, watcher)
+    session.folder.finish("lens", {"pictures": len(seen), "pitch_mm": session.options.pin_pitch_mm})
+
+
+def _announce(session: Session, done: int, wanted: str) -> None:
+    session.bulletin.post(
+        instruction=f"Press the pin grid ({session.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
+        "whole view, some tenths of a millimetre deep. Hold still, then lift. Without one, go on.",
+        progress={"done": done, "wanted": done + 1, "unit": "pictures"},
+        problem=wanted if done else session.bulletin.problem,
+    )
+
+
+def _skipped(session: Session) -> bool:
+    asked = session.asked()
+    return asked is not None and asked[0] == "next"
+
+
+def _taken(session: Session, capture: Capture, reference: Floats) -> list[Lattice]:
+    """Keep the picture and return its pins; empty where it is refused, with the reason on the bulletin."""
+    try:
+        check_light(capture.image, _SOURCE)
+        lattice = _pins(session, capture.image, reference)
+    except InputError as error:
+        if session.hand:
+            raise
+        session.bulletin.post(problem=str(error))
+        return []
+    session.folder.add("grids", capture.image, {})
+    session.bulletin.post(problem="")
+    session.bulletin.show(pins=marked(capture.image, lattice.points, np.empty((0, 2))))
+    return [lattice]
+
+
+def _pins(session: Session, picture: Picture, reference: Floats) -> Lattice:
+    size, pitch = _sizes(session)
+    contrasts = imprints(picture.astype(np.float32) - reference, spacing_px(size, pitch))
+    return read_pins(contrasts, pixel_size_mm=size, pitch_mm=pitch, source=_SOURCE)
+
+
+def _missing(seen: list[Lattice], image_shape: tuple[int, int]) -> str:
+    """Say what is still missing; empty when the lens can be fitted everywhere."""
+    if not seen:
+        return "no picture yet"
+    try:
+        check_pins(seen, image_shape)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def straighten(session: Session) -> None:
+    """Fit the lens to the pins as the draft feels them, and add it to the draft; without a grid do nothing.
+
+    Raises CalibrationError where the pins tell no lens; then the grid is asked for again, and nothing else.
+    """
+    taken = session.folder.steps.get("lens", _NO_GRID)
+    draft = load_calibration(draft_path(session))
+    if not taken["pictures"] or (has_lens(draft) and "rms_after_px" in taken):
+        return
+    paths = _pictures(session)
+    try:
+        fit = _felt(session, draft, paths)
+    except InputError as error:
+        session.folder.forget_grid()
+        raise CalibrationError(f"{error}. The presses are kept: go on, and press the grid again") from error
+    add_lens(draft, fit, paths, draft_path(session), overwrite=True)
+    found = {**taken, **figures(fit, draft)}
+    session.folder.finish("lens", found)
+    session.bulletin.note("lens", found)
+    session.bulletin.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
+
+
+def _felt(session: Session, draft: Calibration, paths: list[Path]) -> LensFit:
+    size, pitch = _sizes(session)
+    feel = depth_feeler(Reconstructor(draft, undistorted=False))
+    lattices = [
+        read_pins(
+            dimples(feel(read_image(path)), spacing_px(size, pitch)), pixel_size_mm=size, pitch_mm=pitch, source=_SOURCE
+        )
+        for path in paths
+    ]
+    return fit_lens(lattices, draft.image_shape, pitch)
+
+
+def _pictures(session: Session) -> list[Path]:
+    return [session.folder.path / record["file"] for record in session.folder.grids]
+
+
+def _sizes(session: Session) -> tuple[tuple[float, float], float]:
+    """Size of a pixel (x, y) and pitch of the grid, mm."""
+    size, pitch = session.folder.steps["pixel_size"]["pixel_size_mm"], session.options.pin_pitch_mm
+    assert pitch is not None
+    return (size, size), pitch

@@ -1,0 +1,179 @@
+"""Step 1: lock the camera, check the LEDs, balance the three colours, and measure how even the light is.
+
+Each colour of a ring at the rim falls off across the view, from another side, so no picture of the untouched gel is
+evenly grey in every colour. What is set is that the brightest hundredth of the brightest colour lies between 150 and
+230: as much light as possible, and room for slopes that face an LED.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import CameraError, InputError
+from gellight.bundle.bundle import Calibration, LedSetting
+from gellight.calibration import led_check
+from gellight.calibration.sensing import check_light, mean_image
+from gellight.calibration.session import Session
+from gellight.calibration.uniformity import contour_picture, of_image
+from gellight.frames.camera import Camera, CameraControls
+from gellight.ring.light_ring import LightRing
+from gellight.sensor.v4l2.options import CaptureOptions
+
+LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
+"""of the 99th percentile of the brightest colour of the untouched gel"""
+PULSES_US = 1000.0
+"""exposures are whole multiples of this where they can be: whole cycles of pulsed LEDs leave no bands"""
+_ROUNDS = 6
+_CONTROL_FRAMES = 4
+"""sensors take a new exposure or gain over two or three frames after it was set"""
+_BALANCED = 0.01
+_DIMMEST_SHARE = 0.3
+
+
+def prepare(session: Session) -> None:
+    """Do the whole step and keep its figures."""
+    camera, options = session.camera, session.options
+    session.confirmed("Clean the gel, put nothing on it, and keep other light away. Then go on.")
+    session.bulletin.post(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
+    figures: dict[str, Any] = {"camera": _locked(camera), "led": None}
+    if camera.ring is not None:
+        colours = full_colours(options.led_colours)
+        figures["lights"] = led_check.check_lights(session, camera.ring, colours)
+        levels = _balanced(session, camera.ring)
+        figures["led"] = levels.tolist()
+    elif camera.controls is not None:
+        _expose(session, camera.controls, lambda: _brightest(_picture(session)))
+    figures["camera"] = settings_of(camera)
+    image = mean_image([session.frame() for _ in range(options.reference_frames // 2)])
+    check_light(image, "the untouched gel")
+    figures["uniformity"] = of_image(image.astype(np.float32))
+    figures["advice"] = _advice(figures["uniformity"])
+    session.bulletin.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
+    session.folder.finish("prepare", figures)
+
+
+def prepare_again(session: Session) -> None:
+    """Set camera and LEDs as an interrupted calibration had set them."""
+    figures = session.folder.steps["prepare"]
+    apply_settings(session.camera, figures["camera"], figures["led"])
+
+
+def apply_settings(camera: Camera, controls: dict[str, Any], led: list[list[int]] | None) -> None:
+    """Set a camera's controls and its LEDs, and wait until they hold; CameraError where one does not."""
+    for name, value in controls.items():
+        if camera.controls is None or name not in camera.controls.names():
+            raise CameraError(f"{camera.url} has no control {name!r}, which the calibration needs: use the same camera")
+        camera.controls.set(name, value)
+    if led and camera.ring is not None:
+        camera.ring.wait_for_light(camera.ring.set_leds(np.array(led, np.uint8)).light_id)
+
+
+_CAPTURE = set(CaptureOptions.model_fields) - {"exposure_us", "gain", "white_balance_k"}
+"""recorded with the controls but none: format, rate and delays, which the camera is opened with"""
+
+
+def apply_calibration(camera: Camera, calibration: Calibration) -> None:
+    """Set a camera's controls and LEDs as they were when `calibration` was made."""
+    manifest = calibration.manifest
+    controls = {name: value for name, value in manifest.camera.items() if name not in _CAPTURE}
+    apply_settings(camera, controls, [list(led.rgb) for led in manifest.led] or None)
+
+
+def settings_of(camera: Camera) -> dict[str, float]:
+    """Return the controls in force, by name."""
+    controls = camera.controls
+    return {} if controls is None else {name: controls.read(name) for name in controls.names()}
+
+
+def led_settings(levels: list[list[int]] | None) -> tuple[LedSetting, ...]:
+    """Return LED levels as they are written into a bundle."""
+    return tuple(LedSetting.model_validate({"colour": "RGB"[rgb.index(max(rgb))], "rgb": rgb}) for rgb in levels or [])
+
+
+def full_colours(ring: str, levels: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
+    """(12, 3) a ring of LEDs of these colours, such as "RRRRGGGGBBBB", each at its colour's share of brightness."""
+    lit = np.array([[float(colour == channel) for channel in "RGB"] for colour in ring])
+    return np.asarray(np.rint(255 * lit * np.array(levels)).astype(np.uint8))
+
+
+def _locked(camera: Camera) -> dict[str, float]:
+    """Fix every control where it is: automatic ones would follow the press."""
+    controls = camera.controls
+    if controls is None:
+        return {}
+    if "gain" in controls.names():
+        controls.set("gain", controls.range("gain")[0])
+    return {name: controls.set(name, controls.read(name)) for name in controls.names()}
+
+
+def _picture(session: Session) -> NDArray[np.float32]:
+    """Return a picture, thinned out, in which the controls act that were set before."""
+    for _ in range(_CONTROL_FRAMES):
+        frame = session.frame()
+    session.bulletin.show(live=frame.image)
+    return frame.image[::4, ::4].astype(np.float32)
+
+
+def _brightest(image: NDArray[np.float32]) -> float:
+    return float(np.percentile(image.reshape(-1, 3), 99, axis=0).max())
+
+
+def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
+    """Dim the brighter colours until the means of the channels agree, and expose; (12, 3) levels.
+
+    Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
+    """
+    share, colours = np.ones(3), session.options.led_colours
+    for _ in range(_ROUNDS):
+        level = (float(share[0]), float(share[1]), float(share[2]))
+        image = led_check.light(session, ring, full_colours(colours, level))
+        if session.camera.controls is not None:
+            _expose(session, session.camera.controls, lambda: _brightest(_picture(session)))
+            image = led_check.light(session, ring, full_colours(colours, level))
+        means = image.mean(axis=(0, 1))
+        if means.min() <= 0.5:
+            raise InputError(
+                f"the picture is dark (means {means.round(1).tolist()}): check lens cap, LEDs and exposure"
+            )
+        if np.ptp(means) < _BALANCED * means.mean():
+            break
+        share = np.clip(share * means.min() / means, _DIMMEST_SHARE, 1.0)
+        share /= share.max()
+    return full_colours(colours, level)
+
+
+def _expose(session: Session, controls: CameraControls, brightest: Any) -> None:
+    """Set the exposure, then if need be the gain, so that the brightest hundredth is as wanted."""
+    names = controls.names()
+    if "exposure_us" not in names:
+        return
+    for _ in range(_ROUNDS):
+        seen = brightest()
+        if LOWEST_GREY < seen < HIGHEST_GREY and abs(seen - WANTED_GREY) < 15:
+            return
+        low, high, _step = controls.range("exposure_us")
+        # A clipped picture does not say by how much it is too bright.
+        factor = 0.5 if seen >= 254 else WANTED_GREY / max(seen, 4.0)
+        wanted = controls.read("exposure_us") * factor
+        rounded = max(PULSES_US, np.floor(wanted / PULSES_US) * PULSES_US)
+        exposure = float(np.clip(rounded if wanted >= PULSES_US else wanted, low, high))
+        if exposure == controls.read("exposure_us") and seen < 254:
+            _amplify(controls, factor)
+            return
+        controls.set("exposure_us", exposure)
+
+
+def _amplify(controls: CameraControls, factor: float) -> None:
+    if "gain" in controls.names() and factor > 1:
+        low, high, _step = controls.range("gain")
+        controls.set("gain", float(np.clip(controls.read("gain") * factor, low, high)))
+
+
+def _advice(figures: dict[str, Any]) -> str:
+    brightest = max(figures[name]["brightest_grey"] for name in ("red", "green", "blue"))
+    if brightest < LOWEST_GREY:
+        return f"the gel is dim: its brightest colour reaches {brightest:.0f}; give more light for less noise"
+    if brightest > HIGHEST_GREY:
+        return f"the gel is bright: its brightest colour reaches {brightest:.0f}; slopes that face an LED may clip"
+    return ""

@@ -1,0 +1,142 @@
+"""The calibration routine as a machine that a terminal, a page or a test drives.
+
+    routine = Routine(camera, options, folder)
+    routine.act("start")
+    while not routine.ended:
+        show(routine.snapshot(), routine.pictures())
+
+It reads the camera in a thread of its own; nobody else may read that camera meanwhile. Whatever it learns it keeps in
+`folder` at once, and a routine that is made on the same folder goes on where the last one stopped.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gellight.base.errors import GellightError, InputError
+from gellight.bundle.bundle import Calibration
+from gellight.calibration.bulletin import Picture
+from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.session import Aborted, Hand, Session
+from gellight.calibration.steps import run_steps
+from gellight.frames.camera import Camera
+
+logger = logging.getLogger(__name__)
+
+Install = Callable[[Calibration], object]
+"""Called with the bundle that passed, after it was written; what it raises becomes the problem of the routine."""
+ACTIONS = ("start", "next", "correct", "drop", "accept", "abort")
+ENDS = ("finished", "aborted", "failed")
+
+
+class Routine:
+    """One calibration of one sensor."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        options: RoutineOptions,
+        folder: Path,
+        *,
+        hand: Hand | None = None,
+        install: Install | None = None,
+    ) -> None:
+        """Prepare to calibrate the sensor behind `camera`, which stays open at the end.
+
+        folder: where the state is kept; what an interrupted routine left there is taken up. hand: presses where nobody
+        does (see `virtual_hand`). install: puts a bundle that passed into service.
+        Raises InputError or CalibrationError at once for a folder or a bundle of another sensor.
+        """
+        self._session = Session(camera, options, folder, hand=hand)
+        self._install = install
+        self._thread: threading.Thread | None = None
+        self._error: GellightError | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is finished, aborted or failed."""
+        return self._session.bulletin.step in ENDS and not (self._thread and self._thread.is_alive())
+
+    @property
+    def error(self) -> GellightError | None:
+        """What made it fail; None while it runs and after a good end."""
+        return self._error
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what is to be shown, ready for JSON.
+
+        version: counts changes. step: "idle", one of `bulletin.STEPS`, "finished", "aborted" or "failed". steps: list
+        of {name, state: "done" | "now" | "to do"}. instruction: what the user is to do now, a sentence or two. actions:
+        names that `act` takes now. progress: {done, wanted, unit} of the step. awaiting: "press"
+        when the gel is watched for one, "lift" when it has to become free, else empty. problem: why the last thing was
+        refused, with the remedy; empty when all is well. figures: by step, what was measured. press: the last press
+        {number, center_x_px, center_y_px, contact_radius_px, state}, or None. coverage: {places (rows x columns of
+        counts), slopes (directions x steepness of counts), held_out: [[presses, normal error in degrees], ...]} or
+        None. advice: what is missing most, or "enough". verdict: {passed, depth_um, normal_deg, text} or None.
+        bundle: path of what was written. pictures: names that `pictures` holds.
+        """
+        return self._session.bulletin.snapshot()
+
+    def pictures(self) -> dict[str, Picture]:
+        """Return (H, W, 3) uint8 RGB by name, as they exist.
+
+        live, untouched, uniformity (contours), cylinder and press (with their circles), coverage, and verify (the depth
+        felt of the last fresh press).
+        """
+        return self._session.bulletin.pictures()
+
+    def act(self, action: str, **arguments: float) -> None:
+        """Do what the user chose; returns at once, the thread carries it out.
+
+        start: begin, or take up an interrupted routine. next: go on, where the instruction asks for it.
+        correct(center_x_px, center_y_px, contact_radius_px): replace the circle of the last press. drop: forget the
+        last press. accept: keep what was questioned. abort: stop; the state stays in the folder.
+        Raises InputError for an action that is not offered now, or wrong arguments.
+        """
+        if action not in ACTIONS:
+            raise InputError(f"no action {action!r}: choose one of {', '.join(ACTIONS)}")
+        offered = self._session.bulletin.actions
+        if action not in offered:
+            raise InputError(f"{action} is not possible now: choose {' or '.join(offered) or 'nothing, but wait'}")
+        if action == "start":
+            self._start()
+        else:
+            self._session.ask(action, arguments)
+
+    def stop(self) -> None:
+        """Abort at the next frame, whatever is going on; the state stays in the folder."""
+        self._session.ask("abort", {})
+
+    def join(self, timeout_s: float | None = None) -> None:
+        """Wait until it has ended, or for `timeout_s`."""
+        if self._thread:
+            self._thread.join(timeout_s)
+
+    def _start(self) -> None:
+        self._session.bulletin.post(actions=("abort",), instruction="", problem="")
+        self._thread = threading.Thread(target=self._run, name="calibration", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        bulletin = self._session.bulletin
+        try:
+            bundle = run_steps(self._session)
+            if self._install and bundle:
+                self._install(bundle)
+            self._end("finished", bulletin.instruction)
+        except Aborted:
+            self._end("aborted", "Stopped. What was measured is kept: you can go on from here.")
+        except GellightError as error:
+            self._error = error
+            bulletin.post(problem=str(error))
+            self._end("failed", "The calibration stopped; nothing was replaced.")
+        except Exception as error:
+            logger.exception("calibration failed")
+            self._error = GellightError(f"the calibration failed ({error}): please report it")
+            bulletin.post(problem=str(self._error))
+            self._end("failed", "The calibration stopped; nothing was replaced.")
+
+    def _end(self, step: str, instruction: str) -> None:
+        self._session.bulletin.post(step=step, instruction=instruction, actions=())

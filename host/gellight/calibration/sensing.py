@@ -1,0 +1,182 @@
+"""What happens on the gel, from frame to frame: touched or free, moving or still, too bright or too dark."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.calibration.session import Session
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction.image_noise import square_means
+from gellight.reconstruction.light_drift import light_drift
+
+Floats = NDArray[np.float32]
+BLOCK_PX = 4
+"""changes are looked for in means over blocks of 4 x 4 px, whose noise is a quarter"""
+STILL_FRAMES = 3
+"""so many frames without movement begin a capture"""
+MEAN_FRAMES = 4
+"""so many frames are averaged for a press"""
+PATIENCE_FRAMES = 150
+"""so long something may be wrong before the user is told"""
+_SIGMAS = 6.0
+_LEAST_CHANGE_GREY = 1.5
+_TOUCHED_SHARE = 0.0015
+_CLIPPED_SHARE = 0.002
+_DARK_GREY = 12.0
+
+
+def block_means(image: NDArray[np.generic]) -> Floats:
+    """(H, W, 3) -> (H/4, W/4, 3) means of blocks."""
+    return square_means(image, BLOCK_PX)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sight:
+    """What one frame shows."""
+
+    touched: float
+    """share of the view that differs from the reference by more than noise and a change of all the light"""
+    moved: float
+    """share of the view that differs from the frame before by more than noise"""
+
+    @property
+    def free(self) -> bool:
+        """Nothing touches."""
+        return self.touched < _TOUCHED_SHARE
+
+    @property
+    def still(self) -> bool:
+        """Nothing moves."""
+        return self.moved < _TOUCHED_SHARE
+
+
+class Watcher:
+    """Looks at every frame of a camera, given the untouched gel."""
+
+    def __init__(self, reference: Floats, noise_grey: float) -> None:
+        """Compare with the reference, (H, W, 3) grey levels."""
+        self._reference = block_means(reference)
+        self._threshold = max(_LEAST_CHANGE_GREY, _SIGMAS * noise_grey / BLOCK_PX)
+        self._last: Floats | None = None
+
+    def look(self, frame: CameraFrame) -> Sight:
+        """Judge the next frame; the first one counts as moving."""
+        seen = block_means(frame.image)
+        difference = seen - self._reference
+        touched = np.abs(difference - light_drift(difference)).max(axis=2) > self._threshold
+        moved = 1.0 if self._last is None else float((_largest(seen - self._last) > 1.5 * self._threshold).mean())
+        self._last = seen
+        return Sight(touched=float(touched.mean()), moved=moved)
+
+
+def _largest(difference: Floats) -> Floats:
+    return np.asarray(np.abs(difference).max(axis=2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capture:
+    """A press that held still."""
+
+    image: NDArray[np.uint8]
+    """(H, W, 3) mean of the frames"""
+    frame: CameraFrame
+    """the last of them"""
+
+
+def wait_free(session: Session, watcher: Watcher, *, patience: int = PATIENCE_FRAMES) -> None:
+    """Wait until nothing touches; after so many frames say what may be wrong."""
+    complained, light = False, _Light(session, patience)
+    session.bulletin.post(awaiting="lift")
+    for count, frame in enumerate(session.frames()):
+        sight = watcher.look(frame)
+        session.bulletin.show(live=frame.image)
+        if light.is_out(frame.image):
+            continue
+        if sight.free and sight.still:
+            session.bulletin.post(problem="" if complained else session.bulletin.problem, awaiting="")
+            return
+        if count >= patience and not complained:
+            problem = (
+                f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
+                "touches it, something lay on it when the reference was taken: stop and begin again"
+            )
+            if session.hand:
+                raise InputError(problem)
+            complained = True
+            session.bulletin.post(problem=problem)
+
+
+def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) -> Capture | None:
+    """Wait for a press that holds still, and average it; None when `ended` says so first.
+
+    A press that moves while it is captured is told, and waited for again.
+    """
+    still, taken, light = 0, list[CameraFrame](), _Light(session)
+    session.bulletin.post(awaiting="press")
+    for frame in session.frames():
+        if ended():
+            session.bulletin.post(awaiting="")
+            return None
+        sight = watcher.look(frame)
+        session.bulletin.show(live=frame.image)
+        if light.is_out(frame.image) or sight.free:
+            still, taken = 0, []
+        elif not sight.still:
+            if taken:
+                session.bulletin.post(problem="it moved while it was captured: hold the tool still, or lift and repeat")
+            still, taken = 0, []
+        elif still < STILL_FRAMES:
+            still += 1
+        else:
+            taken.append(frame)
+            if len(taken) == MEAN_FRAMES:
+                session.bulletin.post(awaiting="")
+                return Capture(image=mean_image(taken), frame=taken[-1])
+    raise AssertionError("frames come for ever")
+
+
+class _Light:
+    """Lights the ring again where the picture goes dark: a board that was reset or kept waiting makes it so itself."""
+
+    def __init__(self, session: Session, patience: int = PATIENCE_FRAMES) -> None:
+        """Give up after `patience` dark frames in a row."""
+        self._session, self._patience, self._dark = session, patience, 0
+
+    def is_out(self, image: NDArray[np.uint8]) -> bool:
+        """Tell whether a frame is dark, and see to it; InputError where the light does not come back."""
+        if not is_dark(image):
+            self._dark = 0
+            return False
+        if self._dark > self._patience:
+            check_light(image, "the gel")
+        if self._dark % (self._patience // 3) == 0:
+            self._session.relight()
+        self._dark += 1
+        return True
+
+
+def mean_image(frames: list[CameraFrame]) -> NDArray[np.uint8]:
+    """(H, W, 3) mean, rounded to grey levels."""
+    total = np.zeros(frames[0].image.shape, np.float32)
+    for frame in frames:
+        total += frame.image
+    return np.asarray(np.rint(total / len(frames)).astype(np.uint8))
+
+
+def check_light(image: NDArray[np.uint8], what: str) -> None:
+    """Refuse a picture that is clipped or dark; InputError names what to turn."""
+    clipped = float((image == 255).any(axis=2).mean())
+    if clipped > _CLIPPED_SHARE:
+        raise InputError(
+            f"{clipped:.1%} of {what} is clipped at 255: lower the exposure or dim the LEDs, and begin again"
+        )
+    if is_dark(image):
+        raise InputError(f"{what} is dark: check the LEDs, the lens cap and the exposure")
+
+
+def is_dark(image: NDArray[np.uint8]) -> bool:
+    """Tell whether not even the bright part of a picture is lit."""
+    return bool(np.quantile(image[::BLOCK_PX, ::BLOCK_PX].max(axis=2), 0.9) < _DARK_GREY)

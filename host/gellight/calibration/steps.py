@@ -1,0 +1,35 @@
+"""The steps of a calibration in their order; what an earlier run finished is not done again."""
+
+from gellight.bundle.bundle import Calibration
+from gellight.calibration.fitting import fit
+from gellight.calibration.pin_grid import collect_grid, straighten
+from gellight.calibration.preparing import prepare, prepare_again
+from gellight.calibration.pressing import collect_presses
+from gellight.calibration.probing import measure_pixel_size
+from gellight.calibration.session import Session
+from gellight.calibration.untouched import compare_with_reference, take_reference
+from gellight.calibration.verifying import verify
+
+
+def run_steps(session: Session) -> Calibration | None:
+    """Go through all steps and return the bundle that passed, None where the verdict was bad."""
+    done = session.folder.steps
+    for step, first, again in (
+        ("prepare", prepare, prepare_again),
+        ("reference", take_reference, compare_with_reference),
+        ("pixel_size", measure_pixel_size, None),
+        ("lens", collect_grid, None),
+        ("presses", collect_presses, None),
+        ("fit", fit, None),
+    ):
+        if step not in session.bulletin.steps:
+            continue
+        session.bulletin.post(step=step, progress={}, problem="", press=None, advice="")
+        if step not in done:
+            first(session)
+        elif again:
+            again(session)
+        session.bulletin.note(step, done[step])
+    straighten(session)
+    session.bulletin.post(step="verify", progress={}, problem="", press=None, advice="")
+    return verify(session)

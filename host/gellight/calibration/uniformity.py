@@ -1,0 +1,68 @@
+"""How evenly the untouched gel is lit: the figures of section 3.2.2 of the paper, and their contour picture."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from gellight.calibration.bulletin import Picture
+
+Floats = NDArray[np.float32]
+_BLUR_SHARE = 0.01
+"""of the picture's width: the paper blurs before it draws contours"""
+BANDS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniformity:
+    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67, 64.05 %, 96.17 %, 99.90 %."""
+
+    mean_grey: float
+    sigma_grey: float
+    within_1_sigma: float
+    within_2_sigma: float
+    within_3_sigma: float
+    darkest_grey: float
+    """1st percentile"""
+    brightest_grey: float
+    """99th percentile"""
+
+
+def uniformity(intensity: Floats) -> Uniformity:
+    """Return mean, standard deviation and the share of pixels within 1, 2 and 3 of it, of (H, W) grey levels."""
+    mean, sigma = float(intensity.mean()), float(intensity.std())
+    away = np.abs(intensity - mean)
+    low, high = np.percentile(intensity, [1, 99])
+    return Uniformity(
+        mean_grey=mean,
+        sigma_grey=sigma,
+        within_1_sigma=float((away <= sigma).mean()),
+        within_2_sigma=float((away <= 2 * sigma).mean()),
+        within_3_sigma=float((away <= 3 * sigma).mean()),
+        darkest_grey=float(low),
+        brightest_grey=float(high),
+    )
+
+
+def of_image(image: Floats) -> dict[str, Any]:
+    """Return the figures of the average of the colours and of each colour of (H, W, 3), ready for JSON."""
+    parts = {"average": image.mean(axis=2), **{name: image[..., c] for c, name in enumerate(("red", "green", "blue"))}}
+    return {name: asdict(uniformity(part)) for name, part in parts.items()}
+
+
+def contour_picture(intensity: Floats) -> Picture:
+    """Draw (H, W) grey levels as filled contours with lines between the bands, dark blue to pale yellow."""
+    smooth = gaussian_filter(intensity, max(1.0, _BLUR_SHARE * intensity.shape[1]))
+    low, high = float(smooth.min()), float(smooth.max())
+    band = np.minimum((smooth - low) / max(high - low, 1e-6) * BANDS, BANDS - 1).astype(int)
+    ramp = np.linspace(0, 1, BANDS)[:, None]
+    first, middle, last = np.array([[38, 42, 94], [52, 148, 142], [250, 238, 170]])
+    colours = np.where(ramp < 0.5, first + 2 * ramp * (middle - first), middle + (2 * ramp - 1) * (last - middle))
+    picture = colours[band].astype(np.uint8)
+    line = np.zeros(band.shape, bool)
+    line[:, 1:] |= band[:, 1:] != band[:, :-1]
+    line[1:] |= band[1:] != band[:-1]
+    picture[line] = picture[line] // 2
+    return np.asarray(picture)

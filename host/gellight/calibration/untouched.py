@@ -1,0 +1,162 @@
+"""Step 2: the untouched gel. Waits until the light has warmed up, then averages frames and measures their noise."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import CalibrationError, CameraError, InputError
+from gellight.calibration.sensing import Watcher, block_means, check_light
+from gellight.calibration.session import Session
+from gellight.reconstruction.image_noise import ImageNoise, measure_noise
+from gellight.reconstruction.light_drift import light_drift
+
+Floats = NDArray[np.float32]
+WINDOW = 12
+"""frames in each of the two windows that are compared while the LEDs warm up"""
+STEADY_GREY = 0.25
+"""the windows agree to this: the light is steady"""
+LONGEST_WAIT_FRAMES = 30 * 60 * 10
+_DEGREE = 7
+_FOREIGN_GREY = 4.0
+_FOREIGN_SHARE = 0.03
+_LARGEST_RETURN_GREY = 3.0
+
+
+def take_reference(session: Session) -> None:
+    """Do the whole step and keep the reference and its figures."""
+    session.confirmed("Take your hands off the gel: the untouched gel is recorded. Then go on.")
+    session.bulletin.post(instruction="The untouched gel is recorded. Touch nothing.")
+    while True:
+        drift = wait_steady(session)
+        try:
+            image, noise = _averaged(_record(session, session.options.reference_frames))
+            check_light(np.rint(image).astype(np.uint8), "the untouched gel")
+        except InputError as error:
+            _ask_again(session, error)
+            continue
+        share = foreign_share(image)
+        if share <= _FOREIGN_SHARE or _kept(session, share):
+            break
+    session.folder.keep_reference(image)
+    figures: dict[str, Any] = {
+        "frames": session.options.reference_frames,
+        "noise_grey": noise.white_grey,
+        "pixel_noise_grey": noise.pixel_grey,
+        **drift,
+    }
+    session.folder.finish("reference", figures)
+    session.bulletin.post(problem="")
+
+
+def compare_with_reference(session: Session) -> None:
+    """After an interruption: refuse to go on under another light than that of the reference."""
+    session.bulletin.post(instruction="The light is compared with the reference. Touch nothing.")
+    wait_steady(session)
+    reference = session.folder.reference()
+    watcher = Watcher(reference, session.folder.steps["reference"]["noise_grey"])
+    frame = session.frame()
+    difference = block_means(frame.image) - block_means(reference)
+    drift = float(np.abs(light_drift(difference)).max())
+    if drift > _LARGEST_RETURN_GREY:
+        raise CalibrationError(
+            f"the untouched gel is now {drift:.1f} grey levels away from the reference of {session.folder.path}: "
+            "remove that folder and begin again"
+        )
+    if not watcher.look(frame).free:
+        raise InputError("something touches the gel: take it off and start again")
+
+
+def wait_steady(session: Session) -> dict[str, Any]:
+    """Wait until the light no longer drifts; returns frames waited, and the drift seen on the way and at the end."""
+    first: NDArray[np.float64] | None = None
+    levels: deque[NDArray[np.float64]] = deque(maxlen=2 * WINDOW)
+    for count in range(LONGEST_WAIT_FRAMES):
+        frame = session.frame()
+        levels.append(frame.image[::8, ::8].reshape(-1, 3).mean(axis=0))
+        if len(levels) < 2 * WINDOW:
+            continue
+        before, after = (np.mean(list(levels)[part], axis=0) for part in (slice(0, WINDOW), slice(WINDOW, None)))
+        first = before if first is None else first
+        change = float(np.abs(after - before).max())
+        session.bulletin.show(live=frame.image)
+        session.bulletin.post(
+            progress={"done": round(change, 3), "wanted": STEADY_GREY, "unit": "grey levels of drift"}
+        )
+        if change < STEADY_GREY:
+            return {
+                "warm_up_frames": count + 1,
+                "warm_up_grey": float(np.abs(after - first).max()),
+                "drift_grey": change,
+            }
+    raise CameraError(
+        f"the light still drifts by {change:.2f} grey levels after {LONGEST_WAIT_FRAMES} frames: "
+        "switch off automatic exposure and white balance, and keep other light away"
+    )
+
+
+def _record(session: Session, count: int) -> list[NDArray[np.uint8]]:
+    """Record frames of the gel at rest; InputError if something moves meanwhile."""
+    images: list[NDArray[np.uint8]] = []
+    watcher: Watcher | None = None
+    while len(images) < count:
+        frame = session.frame()
+        if watcher is None:
+            watcher = Watcher(frame.image.astype(np.float32), 2.0)
+            watcher.look(frame)
+        sight = watcher.look(frame)
+        if not (sight.free and sight.still):
+            raise InputError(
+                f"something moved on {max(sight.touched, sight.moved):.0%} of the gel while the reference was taken: "
+                "take your hands off and repeat"
+            )
+        images.append(frame.image)
+        session.bulletin.post(progress={"done": len(images), "wanted": count, "unit": "frames"})
+    return images
+
+
+def _averaged(images: list[NDArray[np.uint8]]) -> tuple[Floats, ImageNoise]:
+    """(H, W, 3) mean of frames, and their noise."""
+    mean = np.zeros(images[0].shape, np.float64)
+    for image in images:
+        mean += image
+    average = (mean / len(images)).astype(np.float32)
+    return average, measure_noise(images, average)
+
+
+def _ask_again(session: Session, error: InputError) -> None:
+    if session.hand:
+        raise error
+    session.bulletin.post(problem=str(error))
+    session.confirmed("Take everything off the gel, then go on.")
+
+
+def _kept(session: Session, share: float) -> bool:
+    """Ask whether to keep a reference that looks touched: light alone changes smoothly over the gel."""
+    problem = (
+        f"{share:.0%} of the untouched gel does not look like smooth light: something lies on it or presses it; take "
+        "it off, or clean the gel, and go on"
+    )
+    if session.hand:
+        raise InputError(problem)
+    return session.questioned(f"{problem}; accept it if the gel has printed marks", retry=True)
+
+
+def foreign_share(image: Floats) -> float:
+    """Return the share of blocks of (H, W, 3) that lie off the smooth light of the rest.
+
+    The light is fitted robustly by polynomials of degree 7 in x and y, on means of 8 x 8 pixels.
+    """
+    blocks = block_means(block_means(image) if min(image.shape[:2]) >= 240 else image)
+    rows, columns = np.indices(blocks.shape[:2])
+    x, y = 2 * columns / (blocks.shape[1] - 1) - 1, 2 * rows / (blocks.shape[0] - 1) - 1
+    basis = np.polynomial.legendre.legvander2d(x.ravel(), y.ravel(), [_DEGREE, _DEGREE])
+    keep = [i * (_DEGREE + 1) + j for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+    basis, levels = basis[:, keep], blocks.reshape(-1, 3).astype(np.float64)
+    weight = np.ones(len(levels))
+    for _ in range(8):
+        amounts, *_ = np.linalg.lstsq(basis * weight[:, None], levels * weight[:, None], rcond=None)
+        off = np.abs(levels - basis @ amounts).max(axis=1)
+        weight = 1 / (1 + (off / 1.0) ** 2)
+    return float((off > _FOREIGN_GREY).mean())

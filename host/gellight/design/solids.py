@@ -1,0 +1,67 @@
+"""The benchmark objects as files: height maps to compute with, solids to print and press."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.design.answers import write_all
+from gellight.design.studies import benchmark_height
+from sim_reference.objects import BENCHMARK_NAMES
+
+Array = NDArray[np.float64]
+FOOT_MM = 5.0
+"""of solid below the lowest point of the relief"""
+STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def write_benchmark(folder: Path, relief_mm: float, size: int) -> list[Path]:
+    """Write every object as NAME.npy, (size, size) float32 mm, and NAME.stl; raises InputError if that fails."""
+    files: dict[str, bytes | str] = {}
+    for name in BENCHMARK_NAMES:
+        height, spacing = benchmark_height(name, relief_mm, size)
+        content = io.BytesIO()
+        np.save(content, height.astype(np.float32))
+        files[f"{name}.npy"] = content.getvalue()
+        files[f"{name}.stl"] = solid_stl(np.maximum(height, -2 * relief_mm), spacing)
+    return write_all(folder, files)
+
+
+def solid_stl(height_mm: Array, spacing_mm: float) -> bytes:
+    """Return a closed solid in binary STL: the height map (H, W) on a foot, z towards the gel, y up as printed."""
+    faces = np.concatenate([_top_and_bottom(height_mm, spacing_mm), _walls(height_mm, spacing_mm)])
+    across = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    records = np.zeros(len(faces), STL_RECORD)
+    records["normal"], records["corners"] = across / np.maximum(length, 1e-12), faces
+    return b"GelLight benchmark, mm".ljust(80) + np.uint32(len(faces)).tobytes() + records.tobytes()
+
+
+def _corners(height_mm: Array, spacing_mm: float) -> tuple[Array, Array]:
+    rows, columns = height_mm.shape
+    x = (np.arange(columns) - (columns - 1) / 2) * spacing_mm
+    y = -(np.arange(rows) - (rows - 1) / 2) * spacing_mm
+    grid_x, grid_y = np.meshgrid(x, y)
+    floor = np.full(height_mm.shape, height_mm.min() - FOOT_MM)
+    return np.stack([grid_x, grid_y, height_mm], axis=-1), np.stack([grid_x, grid_y, floor], axis=-1)
+
+
+def _top_and_bottom(height_mm: Array, spacing_mm: float) -> Array:
+    top, bottom = _corners(height_mm, spacing_mm)
+    return np.concatenate([_two_triangles(top), _two_triangles(bottom)[:, ::-1]])
+
+
+def _two_triangles(corners: Array) -> Array:
+    """Split every cell of (H, W, 3) corners into two triangles, anticlockwise as seen from above."""
+    a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
+    return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
+
+
+def _walls(height_mm: Array, spacing_mm: float) -> Array:
+    top, bottom = _corners(height_mm, spacing_mm)
+    rings = [np.concatenate([c[:, 0], c[-1, 1:], c[-2::-1, -1], c[0, -2::-1]]) for c in (top, bottom)]
+    upper, lower = rings
+    first = np.stack([upper[:-1], lower[:-1], lower[1:]], axis=1)
+    second = np.stack([upper[:-1], lower[1:], upper[1:]], axis=1)
+    return np.concatenate([first, second])

@@ -1,0 +1,123 @@
+"""What every camera of the host promises: frames, and beyond them what its sensor can do."""
+
+from dataclasses import replace
+from types import TracebackType
+from typing import Protocol, Self, runtime_checkable
+
+from gellight.base.errors import CameraError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.frames import CameraFrame
+from gellight.frames.judging import FrameJudge
+from gellight.frames.timing import CameraTiming
+from gellight.ring.light_ring import LightRing
+
+
+class EndOfStream(CameraError):  # noqa: N818  (it is the end, not a fault)
+    """The camera has delivered its last frame; more will not come."""
+
+
+class ReconnectingError(CameraError):
+    """The sensor is away and looked for; reading again goes on looking, and returns frames when it is back."""
+
+
+class PressStage(Protocol):
+    """What presses objects into the gel of a simulated sensor."""
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of the objects that can be pressed."""
+
+    @property
+    def max_depth_mm(self) -> float:
+        """Deepest press allowed."""
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Press an object `depth_mm` deep at (x, y) mm from the image centre; it stays until released."""
+
+    def release(self) -> None:
+        """Lift the object off the gel."""
+
+    def take_over(self) -> None:
+        """Lift the object, and let no programme press by itself any more."""
+
+    def status(self) -> dict[str, object]:
+        """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than a programme presses."""
+
+
+class CameraControls(Protocol):
+    """The controls of a camera by name: `exposure_us`, `gain`, `white_balance_k`; automatic ones are off."""
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the controls that this camera has."""
+
+    def range(self, name: str) -> tuple[float, float, float]:
+        """Return smallest and largest value and the step; CameraError for a control that is not there."""
+
+    def read(self, name: str) -> float:
+        """Return the value in force."""
+
+    def set(self, name: str, value: float) -> float:
+        """Set a value, read it back and return what holds now.
+
+        Raises InputError for a value out of range and CameraError where the camera does not keep it.
+        """
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """A source of camera frames; a context manager that closes its device. Cameras inherit from it."""
+
+    url: str
+    """what it was opened with"""
+    image_shape: tuple[int, int]
+    """(H, W) of every frame"""
+    stage: PressStage | None
+    """the stage of a simulated sensor; None where objects are pressed by hand"""
+    ring: LightRing | None = None
+    """the light ring of the same sensor, closed with the camera; None where the light cannot be driven"""
+    controls: CameraControls | None = None
+    """exposure, gain and white balance; None where there is nothing to set"""
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When its rows are exposed, for labels of light; None where it is not known."""
+        return None
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
+        """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
+
+    def read(self) -> CameraFrame:
+        """Wait for the next frame; raises EndOfStream after the last one and CameraError on a fault."""
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the device, ready for JSON; nothing where there is none."""
+        return {}
+
+    def adopt(self, calibration: Calibration) -> None:
+        """Set and light the sensor as another bundle says; nothing where nothing can be set. Raises as opening does."""
+        return
+
+    def close(self) -> None:
+        """Release the device; reading afterwards raises CameraError."""
+
+    def __enter__(self) -> Self:
+        """Give the camera itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the camera."""
+        self.close()
+
+
+def timing_of(camera: Camera, known: CameraTiming | None = None) -> CameraTiming:
+    """Return `known` (default: what the camera tells of itself) with the exposure its controls tell, where they do.
+
+    Readout, frame period and the meaning of the stamp stay as known: `shutter_meter.measure_shutter` measures them.
+    Raises InputError where the exposure is longer than the frame period.
+    """
+    known = known or camera.timing or CameraTiming()
+    if camera.controls is None or "exposure_us" not in camera.controls.names():
+        return known
+    return replace(known, exposure_s=camera.controls.read("exposure_us") * 1e-6)

@@ -1,6 +1,0 @@
-"""Circles without clicks: where a ball touches the gel, found in the picture of a press alone."""
-
-from gellight.labelling.circle import PressCircle, find_circle
-from gellight.labelling.detection import Detection, detect, write_overlays, write_presses
-
-__all__ = ["Detection", "PressCircle", "detect", "find_circle", "write_overlays", "write_presses"]

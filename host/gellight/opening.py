@@ -1,0 +1,44 @@
+"""Cameras by URL: image files, a simulated sensor, a real one; the code that uses them cannot tell which.
+
+A file, a folder or a pattern: images. `sim://`: the simulated sensor. `auto`: the one sensor that is plugged in.
+`sensor://NAME`: the sensor with this serial number or at this USB port. `v4l2:///dev/...`: that camera, its ring only
+where `?ring=` names one. docs/capture.md lists the parameters.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from gellight.base.errors import CameraError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.camera import Camera
+from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
+
+
+def open_camera(
+    url: str | Path,
+    *,
+    geometry: Mapping[str, float | int | str] | None = None,
+    calibration: Calibration | None = None,
+) -> Camera:
+    """Open the camera that a URL names, see the top of this file.
+
+    `geometry` is how a simulated sensor differs from the paper's. A real sensor is set and lit as `calibration` was
+    made; without one its LEDs stay dark. Raises CameraError, BoardError, InputError or ConfigError with the remedy.
+    """
+    text = str(url)
+    scheme = text.partition("://")[0].partition("?")[0]
+    if scheme == "sim" and "://" in text:
+        from gellight.simulator.simulated_camera import open_simulated
+
+        return open_simulated(text, geometry or {})
+    if scheme in ("auto", "sensor", "v4l2") and not is_file(text):
+        from gellight.sensor.sensor_camera import open_sensor
+
+        return open_sensor(text, calibration=calibration)
+    if scheme == "opencv":
+        from gellight.sensor.opencv_camera import open_opencv
+
+        return open_opencv(text)
+    if "://" in text:
+        raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {KINDS}")
+    return ImageCamera(image_files(text), url=text)

@@ -1,0 +1,109 @@
+"""Depth map to contact: where the gel is touched, how deep, how large."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from gellight.frames.frames import Contact
+
+THRESHOLD_MM = 0.02
+"""Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""
+
+_NEIGHBOURS = np.ones((3, 3), np.bool_)
+
+
+def find_contact(
+    depth_mm: NDArray[np.floating],
+    pixel_size_mm: float | tuple[float, float],
+    *,
+    threshold_mm: float = THRESHOLD_MM,
+) -> Contact:
+    """Find the contact patch in a depth map.
+
+    depth_mm: (H, W) mm, 0 at rest, positive where pressed. pixel_size_mm: one number or (x, y).
+
+    The gel around an object is dragged along, so the pressed region is larger than the contact. In each connected
+    region deeper than `threshold_mm` the patch is what is at least half as deep as the region's deepest point: at the
+    rim of a sphere's contact the surface has half the indentation (Hertz; K. L. Johnson, Contact Mechanics, 1985,
+    section 4.2: u(a) = u(0) / 2). On a gel that is not thick against the contact the rim lies higher up, so the
+    patch is too small: for a 4 mm ball on 5 mm of gel its overlap with the true contact (intersection over union) is
+    0.9, 0.8 and 0.74 at 0.1, 0.5 and 1 mm. For other shapes half is a convention, and what touches without pressing
+    is not seen.
+
+    Regions are told apart on blocks of 2 x 2 pixels, each standing for its second largest depth. So one pixel that
+    sticks out of its block is never a contact and never the indentation; at the apex of a ball of radius R the
+    indentation is low by at most 1.25 (pixel size)^2 / R, 1.1 micrometres for a 4 mm ball at 0.06 mm per pixel.
+    Two contacts whose skirts meet above the threshold count as one region. NaN counts as untouched.
+    Raises ValueError for a wrong shape or a pixel size or threshold that is not above 0.
+    """
+    size_x, size_y = _checked(depth_mm, pixel_size_mm, threshold_mm)
+    blocks = _second_largest_of_blocks(depth_mm)
+    labels, count = ndimage.label(blocks > threshold_mm, structure=_NEIGHBOURS)
+    if count == 0:
+        return Contact(mask=np.zeros(depth_mm.shape, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
+    deepest = _deepest_of_regions(blocks, labels, count)
+    level = np.maximum(deepest / 2, threshold_mm)
+    level[0] = np.inf
+    mask = _at_least(depth_mm, level[labels].astype(depth_mm.dtype))
+    return Contact(
+        mask=mask,
+        area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
+        indentation_mm=float(deepest[1:].max()),
+        centroid_mm=_centroid(mask, size_x, size_y),
+    )
+
+
+def _checked(
+    depth_mm: NDArray[np.floating], pixel_size_mm: float | tuple[float, float], threshold_mm: float
+) -> tuple[float, float]:
+    """(x, y) pixel size."""
+    if depth_mm.ndim != 2 or depth_mm.size == 0:
+        raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W)")
+    if not threshold_mm > 0:
+        raise ValueError(f"threshold_mm = {threshold_mm}: it must be above 0, where the gel is at rest")
+    size_x, size_y = np.broadcast_to(np.asarray(pixel_size_mm, np.float64), 2)
+    if not (size_x > 0 and size_y > 0):
+        raise ValueError(f"pixel size {pixel_size_mm} mm: it must be above 0")
+    return float(size_x), float(size_y)
+
+
+def _second_largest_of_blocks(depth: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(H, W) to (ceil(H / 2), ceil(W / 2)); an odd last row or column is doubled."""
+    height, width = depth.shape
+    if height % 2 or width % 2:
+        depth = np.pad(depth, ((0, height % 2), (0, width % 2)), mode="edge")
+    a, b, c, d = depth[::2, ::2], depth[::2, 1::2], depth[1::2, ::2], depth[1::2, 1::2]
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    low_2, high_2 = np.minimum(c, d), np.maximum(c, d)
+    # The largest is the larger of the two highs; the second is the smaller high or the low beside the larger one.
+    second: NDArray[np.floating] = np.maximum(np.minimum(high, high_2), np.where(high > high_2, low, low_2))
+    return second
+
+
+def _deepest_of_regions(blocks: NDArray[np.floating], labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
+    """(count + 1,) largest value of each region; entry 0, the rest, is 0."""
+    deepest = np.zeros(count + 1, np.float64)
+    inside = labels > 0
+    np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
+    return deepest
+
+
+def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Compare each pixel with the level of its block."""
+    mask = np.empty(depth.shape, np.bool_)
+    for row in (0, 1):
+        for column in (0, 1):
+            pixels = depth[row::2, column::2]
+            mask[row::2, column::2] = pixels >= level[: pixels.shape[0], : pixels.shape[1]]
+    return mask
+
+
+def _centroid(mask: NDArray[np.bool_], size_x: float, size_y: float) -> tuple[float, float]:
+    """(x, y) mm of the patch from the image centre."""
+    height, width = mask.shape
+    columns = np.count_nonzero(mask, axis=0)
+    rows = np.count_nonzero(mask, axis=1)
+    total = columns.sum()
+    x = float(columns @ np.arange(width) / total) - (width - 1) / 2
+    y = float(rows @ np.arange(height) / total) - (height - 1) / 2
+    return x * size_x, y * size_y

@@ -1,0 +1,95 @@
+"""The gradient map of a distorted picture to that of the gel: square pixels of the bundle's size, slopes in mm per mm.
+
+The lens is taken out after the network, not out of the picture before it. GelNet answers pixel by pixel, so it does not
+mind where on the gel a pixel is; the network of the bundle, its presses, its reference image and the mask stay valid
+as they are, and two channels are resampled instead of three pictures.
+
+What a slope of the network means depends on what it learnt from. Contact circles of a ball of radius R, drawn in the
+picture, say of a pixel u that its normal leans by n = p (u - c) / R, p being the pixel size of the bundle; in truth it
+leans by (X(u) - X(c)) / R = J (u - c) / R, with J = dX/du. So the truth is J n / p, which is what comes out. A network
+that learnt true slopes (as that of the simulated sensor) needs no such step.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.reconstruction.lens.model import Lens
+
+Floats = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+_RIM_POINTS = 72
+_STEEPEST = 0.995
+"""sine: a normal that the lens would lean beyond 84 degrees is left there"""
+
+
+def circle_on_gel(
+    lens: Lens, pixel_size_mm: tuple[float, float], circle: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return centre x, y and radius, px, over the undistorted gel of a circle in the picture: the mean of its rim."""
+    x, y, radius = circle
+    turn = np.linspace(0, 2 * np.pi, _RIM_POINTS, endpoint=False)
+    rim = np.array([x, y]) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = lens.to_gel(rim) / np.array(pixel_size_mm) + lens.middle_px
+    centre = points.mean(axis=0)
+    return float(centre[0]), float(centre[1]), float(np.linalg.norm(points - centre, axis=1).mean())
+
+
+class Undistortion:
+    """The resampling of one lens, prepared once."""
+
+    def __init__(self, lens: Lens, pixel_size_mm: tuple[float, float], *, from_circles: bool) -> None:
+        """Prepare maps for pixels of (x, y) mm about the middle of the picture.
+
+        from_circles: the network learnt from contact circles drawn in the distorted picture.
+        """
+        gel = gel_points_mm(lens.image_shape, pixel_size_mm)
+        places = lens.to_picture(gel).astype(np.float32)
+        height, width = lens.image_shape
+        self.seen: Bools = np.all((places >= -0.5) & (places <= (width - 0.5, height - 0.5)), axis=-1)
+        """(H, W) what lies in the picture, half of an outermost pixel included; elsewhere slopes and depth are 0"""
+        self._x, self._y = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
+        turn = np.linalg.inv(lens.jacobian(gel)) / np.array(pixel_size_mm)
+        self._turn = np.ascontiguousarray(np.moveaxis(turn, (-2, -1), (0, 1)), np.float32) if from_circles else None
+
+    def apply(self, gradient_map: Floats, touched: Bools) -> tuple[Floats, Bools]:
+        """Map (H, W, 2) slopes over the picture, and where it is touched, to the same over the gel.
+
+        Half-way between pixels linear interpolation takes 2.7 % off the height of a contact of sigma 3 px; the cubic of
+        OpenCV adds 1.1 %, that of Lanczos takes 0.1 %, is slow, and serves where the gel is touched. Elsewhere slopes
+        are gentle. What is not seen is not touched.
+        """
+        moved_touch = cv2.remap(touched.astype(np.uint8), self._x, self._y, cv2.INTER_NEAREST)
+        moved = self._resampled(gradient_map, (slice(None), slice(None)), cv2.INTER_LINEAR)
+        left, top, width, height = cv2.boundingRect(moved_touch)
+        if width and height:
+            window = slice(top, top + height), slice(left, left + width)
+            moved[window] = self._resampled(gradient_map, window, cv2.INTER_LANCZOS4)
+        if self._turn is not None:
+            moved = _leaning(moved, self._turn)
+        if not self.seen.all():
+            moved[~self.seen] = 0
+        return moved, np.asarray(moved_touch, np.bool_)
+
+    def _resampled(self, gradient_map: Floats, window: tuple[slice, slice], how: int) -> Floats:
+        x, y = self._x[window], self._y[window]
+        return np.asarray(cv2.remap(gradient_map, x, y, how, borderMode=cv2.BORDER_REPLICATE), np.float32)
+
+
+def gel_points_mm(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> NDArray[np.float64]:
+    """(H, W, 2) x, y of each undistorted pixel, mm from the middle."""
+    height, width = image_shape
+    x = (np.arange(width) - (width - 1) / 2) * pixel_size_mm[0]
+    y = (np.arange(height) - (height - 1) / 2) * pixel_size_mm[1]
+    return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+def _leaning(slopes: Floats, turn: Floats) -> Floats:
+    """Multiply the horizontal parts of the unit normals of (H, W, 2) slopes by matrices (2, 2, H, W)."""
+    gx, gy = slopes[..., 0], slopes[..., 1]
+    x, y = turn[0, 0] * gx + turn[0, 1] * gy, turn[1, 0] * gx + turn[1, 1] * gy
+    # With n = g / sqrt(1 + g^2) and m = turn n, the slope m / sqrt(1 - m^2) is turn g / sqrt(1 + g^2 - (turn g)^2).
+    length2 = 1 + gx * gx + gy * gy
+    scale = 1 / np.sqrt(np.maximum(length2 - x * x - y * y, (1 - _STEEPEST**2) * length2))
+    return np.stack([x * scale, y * scale], axis=-1)

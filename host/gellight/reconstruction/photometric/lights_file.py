@@ -1,0 +1,96 @@
+"""`lights.json`: the light model of a sensor, a file of its calibration bundle."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gellight.base.errors import CalibrationError
+from gellight.bundle.bundle import Calibration, extend_calibration
+from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+
+FILE_NAME = "lights.json"
+REMEDY = "take it with `gellight calibrate lights --sensor URL --calibration BUNDLE --out NEW`, the gel untouched"
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Byte = Annotated[int, Field(ge=0, le=255)]
+
+
+class LightRecord(BundleFile):
+    """The content of the file; names and units as in `LightModel`."""
+
+    ring: dict[str, float | str]
+    colours: list[tuple[Byte, Byte, Byte]]
+    crosstalk: tuple[tuple[Number, Number, Number], ...]
+    black_grey: tuple[Number, Number, Number]
+    gamma: Annotated[float, Field(gt=0.1, lt=10)]
+    exposure_us: Annotated[float, Field(gt=0)] | None
+    brightest_grey: Annotated[float, Field(ge=0)]
+    pattern_residual: Annotated[float, Field(ge=0)]
+    patterns: dict[LightGroups, list[list[list[Number]]]]
+
+    @model_validator(mode="after")
+    def _is_one_ring(self) -> "LightRecord":
+        leds = len(str(self.ring.get("led_colours", "")))
+        if leds != len(self.colours) or len(self.crosstalk) != 3 or set(self.patterns) != set(LightGroups):
+            raise ValueError(f"{leds} LEDs, {len(self.colours)} colours, patterns for {', '.join(self.patterns)}")
+        for kind, pattern in self.patterns.items():
+            rows = {len(row) for led in pattern for row in led} | {len(led) for led in pattern}
+            if len(pattern) != leds or len(rows) != 1:
+                raise ValueError(f"{len(pattern)} patterns of {kind} for {leds} LEDs, or not all of one degree")
+        return self
+
+
+def has_lights(calibration: Calibration) -> bool:
+    """Tell whether the bundle knows its lights."""
+    return FILE_NAME in calibration.files
+
+
+def read_lights(calibration: Calibration) -> LightModel:
+    """Return the light model of a bundle; CalibrationError where it has none, or one that does not fit it."""
+    if not has_lights(calibration):
+        raise CalibrationError(f"{calibration.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
+    return _model(read_bundle_file(calibration, FILE_NAME, LightRecord, REMEDY))
+
+
+def write_lights(calibration: Calibration, model: LightModel, out: Path, *, overwrite: bool = False) -> Calibration:
+    """Write the bundle with the light model as a new one and return it; CalibrationError where that cannot be."""
+    content = json.dumps(_record(model).model_dump()) + "\n"
+    return extend_calibration(calibration, out, {FILE_NAME: content.encode()}, overwrite=overwrite)
+
+
+def _model(record: LightRecord) -> LightModel:
+    ring: dict[str, Any] = dict(record.ring)
+    return LightModel(
+        ring=RingGeometry(**ring),
+        colours=np.array(record.colours, np.uint8),
+        image_shape=(record.image_height_px, record.image_width_px),
+        patterns={kind: np.array(values) for kind, values in record.patterns.items()},
+        crosstalk=np.array(record.crosstalk),
+        black_grey=np.array(record.black_grey),
+        gamma=record.gamma,
+        exposure_us=record.exposure_us,
+        brightest_grey=record.brightest_grey,
+        pattern_residual=record.pattern_residual,
+    )
+
+
+def _record(model: LightModel) -> LightRecord:
+    return LightRecord.model_validate(
+        {
+            "ring": vars(model.ring),
+            "colours": model.colours.tolist(),
+            "image_width_px": model.image_shape[1],
+            "image_height_px": model.image_shape[0],
+            "crosstalk": model.crosstalk.round(6).tolist(),
+            "black_grey": model.black_grey.round(3).tolist(),
+            "gamma": model.gamma,
+            "exposure_us": model.exposure_us,
+            "brightest_grey": model.brightest_grey,
+            "pattern_residual": model.pattern_residual,
+            "patterns": {kind: values.round(7).tolist() for kind, values in model.patterns.items()},
+        }
+    )

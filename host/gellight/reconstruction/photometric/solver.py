@@ -1,0 +1,127 @@
+"""Near-field photometric stereo: slopes from pictures under lights whose positions are known.
+
+A Lambertian point s with the unit normal n sees LED k, at p, with d = |p - s|, as
+
+    I_k = rho R_k  f_k(z)  n . (p - s) / p_z ,    f_k(z) = (d_0 / d)^3 (a / a_0)^m
+
+where R_k is what the untouched gel showed in the same pixel (there n = (0, 0, 1), z = 0), f_k is how the light at depth
+z differs from that at depth 0 (inverse square, unit vector to the light, emission pattern cos^m about the LED's axis, a
+the cosine), and rho an unknown factor common to all lights: albedo, exposure. R_k holds whatever else differs between
+the lights: brightness, vignetting, the tint of the coating. So I = L (rho n) with the rows L_k = R_k f_k (p - s) / p_z
+(Woodham 1980; near light: Iwahori et al. 1990), solved by least squares in grey levels, in which the noise is equal.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+
+Floats = NDArray[np.floating]
+Bools = NDArray[np.bool_]
+STEEPEST = 10.0
+"""slopes are bounded to this (84 degrees): what is steeper lies in its own shadow from most of the ring"""
+LEAST_LIGHTS = 3
+SHADOW_SHARE = 0.1
+SHADOW_DEVIATIONS = 4.0
+
+
+@dataclass(frozen=True)
+class Points:
+    """N points of the gel: where they are, in mm."""
+
+    x_mm: Floats
+    y_mm: Floats
+    z_mm: Floats
+
+
+def light_rows(points: Points, references: Floats, ring: RingGeometry) -> Floats:
+    """Return the rows L (K, 3, N) at the points, for references R (K, N) in grey levels; one light an LED."""
+    rows = np.empty((len(references), 3, len(points.x_mm)), references.dtype)
+    for k, (position, axis) in enumerate(zip(ring.positions_mm().tolist(), ring.axes().tolist(), strict=True)):
+        x, y, z = position[0] - points.x_mm, position[1] - points.y_mm, position[2] - points.z_mm
+        sideways = x * x + y * y
+        ratio = (sideways + position[2] ** 2) / (sideways + z * z)
+        across = x * axis[0] + y * axis[1]
+        leaving = (across + z * axis[2]) / (across + position[2] * axis[2])
+        # (d0/d)^3 from distance and direction; the cosine to the axis has another d0/d in it, to the power m.
+        m = ring.emission_exponent
+        factor = references[k] * ratio ** ((3 + m) / 2) * np.maximum(leaving, 0) ** m / position[2]
+        rows[k, 0], rows[k, 1], rows[k, 2] = factor * x, factor * y, factor * z
+    return rows
+
+
+def solve(signals: Floats, rows: Floats, valid: Bools) -> Floats:
+    """Return the scaled normals (3, N) that fit signals (K, N) under rows (K, 3, N) best, using what is `valid` (K, N).
+
+    Where fewer than three lights are valid, all are used: the answer is then a guess from a shadowed pixel, and its
+    place can be told from `valid`. Where the lights leave a direction open, it is answered by the gel at rest.
+    """
+    used = valid | (valid.sum(axis=0) < LEAST_LIGHTS)
+    weighted = rows * used[:, None, :]
+    right = np.zeros((3, rows.shape[2]), rows.dtype)
+    for row, signal in zip(weighted, signals, strict=True):
+        right += row * signal
+    return _times(inverse(normal_matrix(weighted, rows)), right)
+
+
+def normal_matrix(weighted: Floats, rows: Floats) -> Floats:
+    """Return the upper half of the matrices (3, 3, N) of the normal equations for rows (K, 3, N)."""
+    matrix = np.zeros((3, 3, rows.shape[2]), rows.dtype)
+    for heavy, row in zip(weighted, rows, strict=True):
+        for i in range(3):
+            matrix[i, i:] += heavy[i] * row[i:]
+    return matrix
+
+
+def solve_robustly(signals: Floats, rows: Floats, valid: Bools, deviation: Floats) -> tuple[Floats, Bools]:
+    """Solve, leave out the lights that the answer shows to be shadowed, and solve these points again.
+
+    A light counts as shadowed where its signal is below the prediction by more than `SHADOW_SHARE` of it and four
+    standard deviations (`deviation`, (K,)): what darkens a picture beyond its noise is an occluder, while nothing
+    brightens it. Points that would keep fewer than three lights stay as they are. Returns (3, N) and what was
+    used (K, N).
+    """
+    scaled = solve(signals, rows, valid)
+    predicted = predict(rows, scaled)
+    missing = predicted - signals
+    dark = (missing > SHADOW_SHARE * predicted) & (missing > SHADOW_DEVIATIONS * deviation[:, None])
+    kept = valid & ~dark
+    again = np.flatnonzero((kept != valid).any(axis=0) & (kept.sum(axis=0) >= LEAST_LIGHTS))
+    if len(again):
+        scaled[:, again] = solve(signals[:, again], rows[:, :, again], kept[:, again])
+        valid = valid.copy()
+        valid[:, again] = kept[:, again]
+    return scaled, valid
+
+
+def predict(rows: Floats, scaled: Floats) -> Floats:
+    """Return the signals (K, N) that scaled normals (3, N) would give under rows (K, 3, N)."""
+    return np.asarray(rows[:, 0] * scaled[0] + rows[:, 1] * scaled[1] + rows[:, 2] * scaled[2])
+
+
+def inverse(matrix: Floats) -> Floats:
+    """Invert symmetric matrices (3, 3, N), of which the upper halves are read, by cofactors; singular ones give 0."""
+    (a, b, c), (_, d, e), (_, _, f) = matrix
+    result = np.empty_like(matrix)
+    result[0, 0], result[0, 1], result[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
+    result[1, 1], result[1, 2], result[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
+    result[1, 0], result[2, 0], result[2, 1] = result[0, 1], result[0, 2], result[1, 2]
+    determinant = a * result[0, 0] + b * result[0, 1] + c * result[0, 2]
+    # Far below the product of the diagonal it means that the lights stand in one plane with the point.
+    regular = determinant > 10 * np.finfo(matrix.dtype).eps * a * d * f
+    result *= np.divide(1, determinant, out=np.zeros_like(determinant), where=regular)
+    return result
+
+
+def _times(matrix: Floats, vector: Floats) -> Floats:
+    """(3, 3, N) times (3, N)."""
+    return np.asarray(matrix[:, 0] * vector[0] + matrix[:, 1] * vector[1] + matrix[:, 2] * vector[2])
+
+
+def slopes(scaled: Floats) -> Floats:
+    """Return (2, N) d(depth)/dx, d(depth)/dy from scaled normals (3, N), bounded by `STEEPEST`; 0 where none."""
+    sideways = np.hypot(scaled[0], scaled[1])
+    upright = np.maximum(scaled[2], sideways / STEEPEST)
+    return np.asarray(np.divide(-scaled[:2], upright, out=np.zeros_like(scaled[:2]), where=upright > 0))

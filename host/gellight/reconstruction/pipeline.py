@@ -1,0 +1,174 @@
+"""The frame path: camera frame in, tactile frame out."""
+
+import time
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
+from gellight.reconstruction.gelnet import GradientNetwork
+from gellight.reconstruction.integration import integrate, normals
+from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
+from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
+
+STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
+"""Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
+
+_CELL_PX = 8
+
+
+class FramePath(Protocol):
+    """What turns the frames of one sensor into tactile frames."""
+
+    calibration: Calibration
+
+    def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
+        """Return what the sensor feels in one frame."""
+
+    def status(self) -> dict[str, object]:
+        """Return `mode`, and what else is known of the way it is computed, ready for JSON."""
+
+
+class Reconstructor:
+    """Everything that stays the same between the frames of one sensor.
+
+    Each result owns its arrays; nothing that was returned changes later. One reconstructor serves one thread.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        *,
+        threads: int = 1,
+        smoothing_px: int = NARROWEST_PX,
+        masked: bool = True,
+        contact_threshold_mm: float = THRESHOLD_MM,
+        undistorted: bool = True,
+    ) -> None:
+        """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
+
+        threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
+        run the network only where the image differs from the reference; without, everywhere. undistorted: take the lens
+        of the bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
+        CalibrationError.
+        """
+        self.calibration = calibration
+        self.masked = masked
+        self._smoother = Smoother(smoothing_px)
+        self.contact_threshold_mm = contact_threshold_mm
+        self._reference = calibration.reference
+        self._undistortion = read_undistortion(calibration) if undistorted and has_lens(calibration) else None
+        self._network = GradientNetwork(
+            calibration.network,
+            calibration.image_shape,
+            noise_grey=calibration.manifest.noise_grey,
+            threads=threads,
+            source=calibration.source,
+        )
+
+    def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
+        """Reconstruct gradient, normal and depth map and the contact from one frame.
+
+        Depth is 0 where the gel is at rest: see `far_from_touch`, and `reconstruction.integrate` for a view that is
+        touched all over. Raises InputError for an image of another size or type than the calibration's.
+        """
+        self._check(camera_frame)
+        watch = Watch()
+        difference = np.subtract(camera_frame.image, self._reference, dtype=np.float32)
+        if self.calibration.manifest.follow_light:
+            difference -= light_drift(difference)
+        watch.lap("difference")
+        touched = self._network.touched(difference)
+        watch.lap("mask")
+        slopes = self._network.gradient_map(difference, touched if self.masked else None)
+        # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
+        slopes, noise = self._smoother.narrow(slopes)
+        watch.lap("gradient")
+        if self._undistortion is not None:
+            slopes, touched = self._undistortion.apply(slopes, touched)
+            watch.lap("lens")
+        depth_mm = integrate(
+            slopes,
+            self.calibration.pixel_size_mm,
+            at_rest=far_from_touch(touched),
+            bulge=self.calibration.manifest.bulge,
+        )
+        watch.lap("depth")
+        gradient_map = self._smoother.of_surface(
+            depth_mm, self.calibration.pixel_size_mm, slopes, noise, where=touched if self.masked else None
+        )
+        if self._undistortion is not None:
+            depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
+        normal_map = normals(gradient_map)
+        watch.lap("normals")
+        contact = find_contact(depth_mm, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
+        watch.lap("contact")
+        return TactileFrame(
+            camera_frame=camera_frame,
+            difference=difference,
+            gradient_map=gradient_map,
+            normal_map=normal_map,
+            depth_mm=depth_mm.astype(np.float32, copy=False),
+            contact=contact,
+            stage_seconds=watch.seconds,
+        )
+
+    def status(self) -> dict[str, object]:
+        """Return the mode, ready for JSON."""
+        return {"mode": "network"}
+
+    def touched(self, difference: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
+        return self._network.touched(difference)
+
+    def _check(self, camera_frame: CameraFrame) -> None:
+        image: NDArray[np.uint8] = camera_frame.image
+        name = camera_frame.source or "the image"
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")
+        if image.shape[:2] != self.calibration.image_shape:
+            height, width = self.calibration.image_shape
+            raise InputError(
+                f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {self.calibration.source} is for "
+                f"{width} x {height} px: set the camera to that size or use the calibration of this sensor"
+            )
+
+
+def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the quarter of the untouched (H, W) pixels that is farthest from any touched one.
+
+    Gel that is pressed down in one place bulges out around it, with slopes too gentle to show in the image, and comes
+    to rest some thicknesses of the gel farther out. The median over all untouched pixels would put 5 micrometres of
+    bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of 8 x 8 pixels.
+    """
+    free = ~touched
+    cells = free[4::_CELL_PX, 4::_CELL_PX]
+    if cells.all() or not cells.any():
+        return free
+    distance = ndimage.distance_transform_cdt(cells, metric="chessboard")
+    far = distance >= max(1, np.quantile(distance[cells], 0.75))
+    height, width = free.shape
+    rows = np.minimum(np.arange(height) // _CELL_PX, far.shape[0] - 1)
+    columns = np.minimum(np.arange(width) // _CELL_PX, far.shape[1] - 1)
+    return np.asarray(free & far[rows[:, None], columns[None, :]])
+
+
+class Watch:
+    """Time the stages of one frame."""
+
+    def __init__(self) -> None:
+        """Start now."""
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Book the time since the last lap."""
+        now = time.perf_counter()
+        self.seconds[stage] = now - self._last
+        self._last = now

@@ -1,0 +1,126 @@
+"""Pictures of maps, RGB: the same colour is the same depth in every picture, so pictures can be compared."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.writing import write_file
+from gellight.frames.frames import Contact, TactileFrame
+
+Picture = NDArray[np.uint8]
+
+DEPTH_SCALE_UM = 1000.0
+"""Default depth of the last colour, micrometres."""
+DIFFERENCE_SCALE_GREY = 64.0
+"""Default difference that is drawn as black or as full brightness, grey levels."""
+
+_INK, _PAPER, _FAINT = (228, 230, 235), (20, 22, 28), (130, 134, 145)
+_PANEL_WIDTH, _MARGIN, _TITLE, _GUTTER = 640, 20, 34, 96
+_FONT = cv2.FONT_HERSHEY_DUPLEX
+
+
+def difference_picture(difference: NDArray[np.floating], *, scale_grey: float = DIFFERENCE_SCALE_GREY) -> Picture:
+    """Draw a (H, W, 3) difference image: grey where nothing changed, `scale_grey` levels to each end."""
+    return np.clip(np.asarray(difference) * (127.5 / scale_grey) + 127.5, 0, 255).astype(np.uint8)
+
+
+def normal_picture(normal_map: NDArray[np.floating]) -> Picture:
+    """Draw a (H, W, 3) normal map in the usual colours: x to red, y upwards to green, z to blue."""
+    coloured = (np.asarray(normal_map) * [127.5, -127.5, 127.5] + 127.5).clip(0, 255)
+    return coloured.astype(np.uint8)
+
+
+def depth_picture(depth_mm: NDArray[np.floating], *, scale_um: float = DEPTH_SCALE_UM) -> Picture:
+    """Draw a (H, W) depth map, mm, on the fixed scale from 0 (dark) to `scale_um` micrometres (bright)."""
+    if not scale_um > 0:
+        raise ValueError(f"scale_um = {scale_um}: it must be above 0")
+    levels = np.clip(np.asarray(depth_mm) * (1000 / scale_um * 255), 0, 255).astype(np.uint8)
+    return np.ascontiguousarray(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], dtype=np.uint8)
+
+
+def depth_bar(height: int, width: int, *, scale_um: float = DEPTH_SCALE_UM) -> Picture:
+    """Draw the colour bar of `depth_picture`, deepest at the top, with numbers in micrometres on its right."""
+    bar = _paper(height, width)
+    ramp = np.linspace(scale_um / 1000, 0, height - 20)[:, None].repeat(18, axis=1)
+    bar[10 : height - 10, :18] = depth_picture(ramp, scale_um=scale_um)
+    for tick in _ticks(scale_um):
+        y = round(10 + (1 - tick / scale_um) * (height - 21))
+        cv2.line(bar, (18, y), (23, y), _INK, 1)
+        _write(bar, f"{tick:g}", (28, y + 5), _INK, 0.42)
+    return bar
+
+
+def four_panels(frame: TactileFrame, *, scale_um: float = DEPTH_SCALE_UM) -> Picture:
+    """Draw camera image, difference image, normal map and depth map with its contact patch on one sheet."""
+    depth = _enlarged(depth_picture(frame.depth_mm, scale_um=scale_um))
+    _draw_contact(depth, frame.contact)
+    panels = (
+        ("Camera", frame.camera_frame.source.split("/")[-1], _enlarged(frame.camera_frame.image)),
+        ("Difference", f"-{DIFFERENCE_SCALE_GREY:g} to +{DIFFERENCE_SCALE_GREY:g} grey levels", None),
+        ("Normals", "", _enlarged(normal_picture(frame.normal_map))),
+        ("Depth", _contact_line(frame.contact), depth),
+    )
+    height, width = depth.shape[:2]
+    sheet = _paper(2 * (height + _TITLE) + 3 * _MARGIN, 2 * width + 3 * _MARGIN + _GUTTER - _MARGIN)
+    for index, (title, note, panel) in enumerate(panels):
+        top = _MARGIN + (index // 2) * (height + _TITLE + _MARGIN) + _TITLE
+        left = _MARGIN + (index % 2) * (width + _MARGIN)
+        drawn = _enlarged(difference_picture(frame.difference)) if panel is None else panel
+        sheet[top : top + height, left : left + width] = drawn
+        _write(sheet, title, (left, top - 11), _INK, 0.62)
+        after = cv2.getTextSize(title, _FONT, 0.62, 1)[0][0] + 16
+        _write(sheet, note, (left + after, top - 11), _FAINT, 0.48)
+    bar = depth_bar(height, _GUTTER - 16, scale_um=scale_um)
+    sheet[top : top + height, left + width + 12 : left + width + 12 + bar.shape[1]] = bar
+    _write(sheet, "um", (left + width + 12, top - 11), _FAINT, 0.48)
+    return sheet
+
+
+def encode_png(picture: Picture) -> bytes:
+    """Encode a (H, W, 3) RGB picture as PNG."""
+    return cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
+
+
+def write_png(path: Path, picture: Picture) -> None:
+    """Write a (H, W, 3) RGB picture as a PNG file, whole or not at all; raises OSError."""
+    write_file(path, encode_png(picture))
+
+
+def _paper(height: int, width: int) -> Picture:
+    return np.full((height, width, 3), _PAPER, np.uint8)
+
+
+def _write(picture: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], size: float) -> None:
+    cv2.putText(picture, text, place, _FONT, size, colour, 1, cv2.LINE_AA)
+
+
+def _ticks(scale_um: float) -> NDArray[np.float64]:
+    """Four to ten round numbers from 0 to the scale."""
+    decade = 10 ** np.floor(np.log10(scale_um))
+    step = next(s for s in (0.1 * decade, 0.2 * decade, 0.5 * decade, decade, 2 * decade) if scale_um / s <= 10.001)
+    return np.arange(0, scale_um * 1.0001, step)
+
+
+def _enlarged(picture: Picture) -> Picture:
+    """Repeat each pixel so that small images fill a panel."""
+    factor = max(1, round(_PANEL_WIDTH / picture.shape[1]))
+    return picture.repeat(factor, axis=0).repeat(factor, axis=1)
+
+
+def _draw_contact(picture: Picture, contact: Contact) -> None:
+    """Outline the contact patch."""
+    factor = picture.shape[0] // contact.mask.shape[0]
+    mask = contact.mask.astype(np.uint8).repeat(factor, axis=0).repeat(factor, axis=1)
+    outlines, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, outlines, -1, (120, 220, 255), 1, cv2.LINE_AA)
+
+
+def _contact_line(contact: Contact) -> str:
+    if contact.centroid_mm is None:
+        return "no contact"
+    x, y = contact.centroid_mm
+    return (
+        f"{contact.indentation_mm * 1000:.0f} um deep, {contact.area_mm2:.1f} mm2 at ({x:+.2f}, {y:+.2f}) mm, outlined"
+    )

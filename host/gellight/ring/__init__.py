@@ -1,0 +1,11 @@
+"""Everything that speaks to the board of the light ring.
+
+protocol.py      the messages; the C header is generated from here
+enumerations.py  their named values
+wire.py          packets: framing, checksum, records to bytes and back
+transport.py     bytes to a board by URL: serial://, usb://, sim://
+light_ring.py    LightRing: typed commands, with retries
+light_groups.py  which LEDs shine together
+firmware/        from the C sources to the board
+emulator/        the firmware image in an emulated RP2040: sim://
+"""

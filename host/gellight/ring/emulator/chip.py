@@ -1,0 +1,296 @@
+"""An RP2040 with a flash chip and a ring of LEDs: PyPI's rp2040py, driven on virtual time with strict checks.
+
+Everything the emulator warns of, every access to a block in reset, every bit on the LED pin that a WS2812B might
+misread is a fault of the firmware; `faults` lists them. rp2040py is pinned: it models no PLL and no resets, and its
+own loop stamps PIO edges late, so clocks, loop and USB host are ours.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from gellight.base.errors import BoardError
+from gellight.ring.emulator import registers
+from gellight.ring.emulator.bootrom import BOOT2_RAM, Function, rom_words
+from gellight.ring.emulator.usb_host import UsbHost
+from gellight.ring.emulator.waveform import LightTimeline, WaveformDecoder
+from gellight.ring.firmware.image import boot2_crc
+
+LED_PIN, TRIGGER_PIN = 2, 3
+FLASH_BASE, FLASH_BYTES = 0x10000000, 2 << 20
+RAM_BASE, RAM_END = 0x20000000, 0x20042000
+USB_INTERRUPT = 5
+PIO0 = 0x50200
+"""window (address >> 12)"""
+NEVER_DUE = 1 << 62
+"""of the emulator's PIO: no state machine runs, or all of them wait"""
+MOST_FAULTS = 50
+UNIQUE_ID = bytes.fromhex("e6605838833a5d2f")
+TEMPERATURE_CHANNEL = 4
+ROOM_C = 25.0
+
+
+def temperature_reading(temperature_c: float) -> int:
+    """Return what the converter reads of the chip's sensor: 0.706 V at 27 degrees, -1.721 mV a degree (4.9.5)."""
+    return round((0.706 - 0.001721 * (temperature_c - 27)) / 3.3 * 4096)
+
+
+class _Log:
+    """The emulator's logger: a warning is a fault."""
+
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
+
+    def debug(self, *_: object) -> None:
+        """Ignore."""
+
+    info = debug
+
+    def warning(self, *words: object) -> None:
+        """Report."""
+        self._report("emulator: " + " ".join(map(str, words)))
+
+    warn = error = warning
+
+
+class EmulatedBoard:
+    """A board with power; `run` lets virtual time pass."""
+
+    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, flash: bytes | None = None) -> None:
+        """Flash an image (or take over a whole flash) and switch the power on."""
+        try:
+            import rp2040py  # noqa: F401
+        except ImportError as error:
+            raise BoardError("the simulated board needs rp2040py: pip install rp2040py==0.3.6") from error
+        self.unique_id = unique_id
+        self.flash = bytearray(flash or image.ljust(FLASH_BYTES, b"\xff"))
+        self.faults: list[str] = []
+        self.timeline = LightTimeline()
+        self.waveform = WaveformDecoder(self.timeline, self.fault)
+        self.resets = 0
+        self.in_bootloader = False
+        self.cut_after: int | None = None
+        """power fails after so many bytes of flash were erased or programmed"""
+        self.powered = False
+        self.temperature_c = ROOM_C
+        self._past_ns = 0.0
+        self.power_on()
+
+    def fault(self, text: str) -> None:
+        """Note something that real silicon or real LEDs would not forgive."""
+        if len(self.faults) < MOST_FAULTS:
+            self.faults.append(f"{self.now_us:.1f} us: {text}")
+
+    @property
+    def now_us(self) -> float:
+        """Virtual time since the first power-on."""
+        return (self._past_ns + self._chip_ns) / 1e3
+
+    @property
+    def uptime_us(self) -> float:
+        """Virtual time since the last start of the chip: what the firmware's own clock shows."""
+        return self._chip_ns / 1e3
+
+    _chip_ns = 0.0
+
+    def power_on(self) -> None:
+        """Start the chip; RAM, scratch registers and the colours of the LEDs are lost."""
+        self.powered = True
+        self._start()
+
+    def power_off(self) -> None:
+        """Take the power away from chip and LEDs; the flash keeps what it has."""
+        self._past_ns += self._chip_ns
+        self._chip_ns = 0.0
+        self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
+        self.powered = False
+        self.waveform.lose_power(self._past_ns)
+
+    def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
+        from rp2040py.rp2040 import RP2040
+        from rp2040py.simulator import Simulator
+
+        chip = self.chip = RP2040()
+        chip.logger = _Log(self.fault)
+        chip.load_bootrom(rom_words())
+        chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(self.temperature_c)
+        chip.flash[:FLASH_BYTES] = self.flash
+        self._simulator = Simulator(rp2040=chip)
+        chip.on_break = self._rom_function
+        self._watchdog_fired = self._halted = False
+        chip.watchdog.on_watchdog_trigger = self._note_watchdog
+        if scratch:
+            chip.watchdog.scratch_data[:] = scratch
+        chip.watchdog._reason = reason
+        self._cycle_ns = 1e9 / registers.RING_OSCILLATOR_HZ
+        self._install_registers(chip)
+        self._pio_ns, self._pio_busy, self._pio_behind = 0.0, True, 0
+        chip.gpio[LED_PIN].add_listener(lambda new, _old: self._pin_changed(int(new)))
+        self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_enabled)
+        self._boot()
+
+    def _install_registers(self, chip: Any) -> None:
+        self.resets_block = registers.Resets()
+        self.pll = registers.Pll(self._reclock)
+        self.clocks = registers.Clocks(self._reclock)
+        blocks = chip.peripherals
+        blocks[0x4000C], blocks[0x40008], blocks[0x4002C] = self.resets_block, self.clocks, self.pll
+        flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id)
+        chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))
+        for window, bit in registers.RESET_BITS.items():
+            blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
+        blocks[PIO0] = registers.Guard(blocks[PIO0].inner, self._pio_held, self.fault)
+        self._usb = registers.UsbGuard(
+            chip.usb_ctrl, lambda: self._held(24), self.fault, chip.clock,
+            lambda on: chip.set_interrupt(USB_INTERRUPT, on))  # fmt: skip
+        blocks[0x50110] = self._usb
+
+    def _held(self, bit: int) -> bool:
+        return bool(self.resets_block.held >> bit & 1)
+
+    def _pio_held(self) -> bool:
+        self._wake_pio()
+        return self._held(registers.RESET_BITS[PIO0])
+
+    def _reclock(self) -> None:
+        self._cycle_ns = 1e9 / self.clocks.system_hz(self.pll)
+
+    def _boot(self) -> None:
+        """Do what the boot ROM does: accept boot2 by its checksum, copy it to RAM and call it."""
+        boot2 = bytes(self.flash[:256])
+        if boot2_crc(boot2[:252]) != int.from_bytes(boot2[252:], "little"):
+            self.in_bootloader = True
+            return
+        self.in_bootloader = False
+        for offset in range(0, 256, 4):
+            self.chip.write_uint32(BOOT2_RAM + offset, int.from_bytes(boot2[offset : offset + 4], "little"))
+        core = self.chip.core
+        core.sp, core.pc = BOOT2_RAM, BOOT2_RAM
+        core.registers[14] = 0
+
+    def _note_watchdog(self) -> None:
+        self._watchdog_fired = self._halted = True
+
+    def _pin_changed(self, level: int) -> None:
+        if level in (0, 1):
+            self.waveform.edge(self._past_ns + (self._pio_ns if self._pio_busy else self._chip_ns), bool(level))
+
+    def _rom_function(self, number: int) -> None:
+        if number == Function.UB:
+            self.in_bootloader = self._halted = True
+        elif number in (Function.RE, Function.RP):
+            self._change_flash(number)
+        elif number not in set(Function):
+            self.fault(f"breakpoint {number}")
+
+    def _change_flash(self, number: int) -> None:
+        values = self.chip.core.registers
+        if not RAM_BASE <= values[14] < RAM_END:
+            self.fault(f"the flash was changed by code at 0x{values[14]:x}, which is not RAM")
+        if not self.chip.core.pm:
+            self.fault("interrupts were on while the flash did not answer")
+        offset, count = (values[0], values[1]) if number == Function.RE else (values[0], values[2])
+        for i in range(count):
+            if self.cut_after is not None and self.cut_after <= 0:
+                self._cut = self._halted = True
+                return
+            if self.cut_after is not None:
+                self.cut_after -= 1
+            old = self.chip.flash[offset + i]
+            self.chip.flash[offset + i] = 0xFF if number == Function.RE else old & self.chip.read_uint8(values[1] + i)
+
+    _cut = False
+
+    def set_temperature(self, temperature_c: float) -> None:
+        """Warm the chip; it stays so warm when it starts anew."""
+        self.temperature_c = temperature_c
+        self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
+
+    def set_trigger(self, high: bool) -> None:
+        """Drive the trigger pin."""
+        self._wake_pio()
+        self.chip.gpio[TRIGGER_PIN].set_input_value(high)
+
+    def suspend(self) -> None:
+        """Let the bus fall silent."""
+        self._usb.suspend()
+
+    def run(self, duration_us: float) -> None:
+        """Let virtual time pass."""
+        self.run_until(lambda: False, duration_us)
+
+    def run_until(self, reached: Callable[[], object], timeout_us: float) -> bool:
+        """Run until the condition holds, looked at after every few instructions; False if time is up first."""
+        end_us = self.now_us + timeout_us
+        while True:
+            if reached():
+                return True
+            left_us = end_us - self.now_us
+            if left_us <= 0:
+                return False
+            if self.in_bootloader or not self.powered:
+                self._chip_ns += left_us * 1e3
+            else:
+                self._run_slice(left_us * 1e3)
+            self.waveform.settle(self._past_ns + self._chip_ns)
+
+    def _run_slice(self, most_ns: float, steps: int = 32) -> None:
+        """Execute some instructions, or sleep until something is due."""
+        core, pio, tick = self.chip.core, self.chip.pio[0], self.chip.clock.tick
+        execute, chip_ns = core.execute_instruction, self._chip_ns
+        end_ns = chip_ns + most_ns
+        for _ in range(steps):
+            cycle_ns, asleep = self._cycle_ns, core.waiting
+            cycles = self._sleep_cycles(core, pio, end_ns) if asleep else execute()
+            elapsed_ns = cycles * cycle_ns
+            tick(elapsed_ns)
+            if self._pio_busy:
+                self._advance_pio(pio, cycles, cycle_ns)
+            else:
+                self._pio_behind += cycles
+            self._chip_ns = chip_ns = chip_ns + elapsed_ns
+            if asleep or chip_ns >= end_ns or self._halted:
+                break
+        if self._watchdog_fired:
+            self._restart()
+        elif self._cut:
+            self._cut, self.cut_after = False, None
+            self.power_off()
+
+    def _sleep_cycles(self, core: Any, pio: Any, end_ns: float) -> int:
+        if core.pending_interrupts & core.enabled_interrupts:
+            core.waiting = False  # an interrupt that was pending before the WFI ends it at once
+            return 1
+        clock = self.chip.clock
+        sleep = max(1, int((end_ns - self._chip_ns) // self._cycle_ns) + 1)
+        if clock.has_scheduled_alarm:
+            sleep = min(sleep, max(1, -int(-clock.nanos_to_next_alarm // self._cycle_ns)))
+        due = pio.next_due_fp - pio.cycle_fp
+        return max(1, -(-due >> 8)) if due < sleep << 8 else sleep
+
+    def _advance_pio(self, pio: Any, cycles: int, cycle_ns: float) -> None:
+        """Hand the PIO its cycles up to each instruction, so that every edge is stamped on its own cycle."""
+        self._pio_ns = self._chip_ns
+        while cycles:
+            due = pio.next_due_fp - pio.cycle_fp
+            step = cycles if due >= cycles << 8 else max(1, -(-due >> 8))
+            self._pio_ns += step * cycle_ns
+            pio.advance(step)
+            cycles -= step
+        self._pio_busy = pio.next_due_fp < NEVER_DUE
+
+    def _wake_pio(self) -> None:
+        """Give the PIO the cycles that passed while it had nothing to do, before somebody gives it something."""
+        if not self._pio_busy:
+            self._pio_ns, self._pio_busy = self._chip_ns, True
+            self.chip.pio[0].advance(self._pio_behind)
+            self._pio_behind = 0
+
+    def _restart(self) -> None:
+        """Start a new chip after the watchdog: flash and scratch registers stay, and so do the LEDs."""
+        self.resets += 1
+        self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
+        scratch, reason = list(self.chip.watchdog.scratch_data), self.chip.watchdog.read_uint32(0x08)
+        self._past_ns += self._chip_ns
+        self._chip_ns = 0.0
+        self._start(scratch, reason or 1)

@@ -1,0 +1,168 @@
+"""Bring an image onto a board: into its boot loader, then by UF2 copy or by PICOBOOT through pyusb."""
+
+import logging
+import os
+import struct
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from gellight.base.errors import BoardError, InputError
+from gellight.ring.firmware import uf2
+from gellight.ring.firmware.image import image_crc
+
+logger = logging.getLogger(__name__)
+
+DRIVES = ("/media/*/*", "/run/media/*/*", "/Volumes/*")
+MARK = "INFO_UF2.TXT"
+BOARD_MARK = "RPI-RP2"
+VENDOR, PRODUCT = 0x2E8A, 0x0003
+INTERFACE, OUT, IN = 1, 0x03, 0x84
+MAGIC = 0x431FD10B
+EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x84
+SECTOR = 4096
+TIMEOUT_MS = 5000
+WAIT_S = 10.0
+TOUCH_BAUD = 1200
+
+
+def drives(patterns: Iterable[str] = DRIVES) -> list[Path]:
+    """Return where boards in their boot loader are mounted."""
+    found = []
+    for pattern in patterns:
+        root, _, rest = pattern.partition("*")
+        for path in Path(root).glob("*" + rest):
+            mark = path / MARK
+            if mark.is_file() and BOARD_MARK in mark.read_text(errors="replace"):
+                found.append(path)
+    return found
+
+
+def copy_uf2(image: bytes, drive: Path) -> None:
+    """Copy an image to the drive of a boot loader, which starts it."""
+    mark = drive / MARK
+    if not mark.is_file() or BOARD_MARK not in mark.read_text(errors="replace"):
+        raise InputError(f"{drive} is not the drive of an RP2040 in its boot loader ({MARK} is missing)")
+    image_crc(image)
+    try:
+        with (drive / "gellight-rp2040.uf2").open("wb") as file:
+            file.write(uf2.pack(image))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise BoardError(f"copying to {drive} failed ({error}): hold BOOTSEL, plug the board in, try again") from error
+
+
+def touch(port: str) -> None:
+    """Open a serial port at 1200 baud and close it, which asks the board for its boot loader."""
+    import serial
+
+    try:
+        serial.Serial(port, TOUCH_BAUD, exclusive=True).close()
+    except OSError as error:
+        raise BoardError(f"cannot open {port} ({error}): is the board plugged in and the port free?") from error
+
+
+def wait_for(find: Callable[[], Any], what: str, wait_s: float = WAIT_S) -> Any:
+    """Return what `find` finds within a time; BoardError if it finds nothing."""
+    end = time.monotonic() + wait_s
+    while time.monotonic() < end:
+        found = find()
+        if found:
+            return found
+        time.sleep(0.1)
+    raise BoardError(f"{what} did not appear within {wait_s:.0f} s: hold BOOTSEL while you plug the board in")
+
+
+class Picoboot:
+    """A board in its boot loader, driven through pyusb (RP2040 data sheet 2.8.5)."""
+
+    def __init__(self, *, backend: Any = None) -> None:
+        """Claim the interface of the only board in its boot loader."""
+        import usb.core
+        import usb.util
+
+        self._usb = usb
+        self._device = usb.core.find(idVendor=VENDOR, idProduct=PRODUCT, backend=backend)
+        if self._device is None:
+            raise BoardError("no board is in its boot loader: hold BOOTSEL while you plug it in")
+        self._token = 0
+        try:
+            usb.util.claim_interface(self._device, INTERFACE)
+            self._device.ctrl_transfer(0x41, 0x41, 0, INTERFACE, None, TIMEOUT_MS)
+        except usb.core.USBError as error:
+            raise BoardError(f"cannot use the boot loader ({error}): install the udev rule or copy the UF2") from error
+
+    def _command(self, command: int, arguments: bytes, *, data: bytes = b"", count: int = 0) -> bytes:
+        """Send a command with its bytes, or take what it returns; both ends say when they are done."""
+        self._token += 1
+        length = len(data) or count
+        head = struct.pack("<IIBBHI16s", MAGIC, self._token, command, len(arguments), 0, length, arguments)
+        try:
+            self._device.write(OUT, head, TIMEOUT_MS)
+            if data:
+                self._device.write(OUT, data, TIMEOUT_MS)
+            answer = bytes(self._device.read(IN, count or 1, TIMEOUT_MS))
+            if count:
+                self._device.write(OUT, b"", TIMEOUT_MS)
+        except self._usb.core.USBError as error:
+            status = struct.unpack_from("<I", bytes(self._device.ctrl_transfer(0xC1, 0x42, 0, INTERFACE, 16)), 4)[0]
+            raise BoardError(f"the boot loader refused command 0x{command:02x} (status {status}): {error}") from error
+        return answer
+
+    def flash(self, image: bytes, progress: Callable[[float], None] = lambda _: None) -> None:
+        """Erase, write and read back an image, sector by sector; BoardError if it reads back differently."""
+        image_crc(image)
+        padded = image + b"\xff" * (-len(image) % SECTOR)
+        self._command(EXCLUSIVE, b"\1")
+        self._command(EXIT_XIP, b"")
+        for at in range(0, len(padded), SECTOR):
+            sector, address = padded[at : at + SECTOR], uf2.FLASH_BASE + at
+            where = struct.pack("<II", address, SECTOR)
+            self._command(ERASE, where)
+            self._command(WRITE, where, data=sector)
+            if self._command(READ, where, count=SECTOR) != sector:
+                raise BoardError(f"the flash at 0x{address:08x} reads back differently: it may be worn out")
+            progress((at + SECTOR) / len(padded))
+
+    def reboot(self) -> None:
+        """Start what is in flash."""
+        self._command(REBOOT, struct.pack("<III", 0, 0, 500))
+
+    def close(self) -> None:
+        """Let go of the board."""
+        self._usb.util.dispose_resources(self._device)
+
+
+def flash_board(image: bytes, *, port: str | None = None, patterns: Iterable[str] = DRIVES, backend: Any = None,
+                wait_s: float = WAIT_S) -> str:  # fmt: skip
+    """Flash the board behind a serial port, or the one that waits in its boot loader; return how it was done."""
+    if port:
+        touch(port)
+    kinds = tuple(patterns)
+
+    def find() -> Any:
+        mounted = drives(kinds)
+        return mounted or _picoboot(backend)
+
+    found = wait_for(find, "a board in its boot loader", wait_s)
+    if isinstance(found, list):
+        copy_uf2(image, found[0])
+        return f"copied to {found[0]}"
+    try:
+        found.flash(image)
+        found.reboot()
+    finally:
+        found.close()
+    return "written by PICOBOOT"
+
+
+def _picoboot(backend: Any) -> Picoboot | None:
+    try:
+        return Picoboot(backend=backend)
+    except BoardError:
+        return None
+    except Exception as error:  # pyusb raises its own NoBackendError where libusb is missing
+        logger.debug("no PICOBOOT: %s", error)
+        return None

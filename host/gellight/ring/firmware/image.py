@@ -1,0 +1,70 @@
+"""From the linker's ELF file to the bytes of the flash: segments laid out, checksums filled in."""
+
+import struct
+import zlib
+
+from gellight.base.errors import InputError
+from gellight.ring.firmware.uf2 import FLASH_BASE
+
+BOOT2_BYTES = 256
+HEADER_OFFSET = BOOT2_BYTES + 8
+"""after stack pointer and start address"""
+HEADER = struct.Struct("<3I")
+HEADER_MAGIC = 0x474C494D
+_ELF_HEAD = struct.Struct("<16sHHIIIIIHHHHHH")
+_SEGMENT = struct.Struct("<8I")
+_ARM = 40
+_LOAD = 1
+
+
+def flash_image(elf: bytes) -> bytes:
+    """Return what lies in flash from its first byte on, checksums of boot2 and image included."""
+    image = bytearray(_load(elf))
+    image += bytes(-len(image) % 4)
+    image[BOOT2_BYTES - 4 : BOOT2_BYTES] = boot2_crc(bytes(image[: BOOT2_BYTES - 4])).to_bytes(4, "little")
+    magic, _, _ = HEADER.unpack_from(image, HEADER_OFFSET)
+    if magic != HEADER_MAGIC:
+        raise InputError(f"the image has 0x{magic:08x} where its header belongs: check board.ld")
+    body = bytes(image[HEADER_OFFSET + HEADER.size :])
+    HEADER.pack_into(image, HEADER_OFFSET, HEADER_MAGIC, len(body), zlib.crc32(body))
+    return bytes(image)
+
+
+def image_crc(image: bytes) -> int:
+    """Return the checksum that the firmware of this image reports in HELLO; InputError if it is damaged."""
+    if len(image) < HEADER_OFFSET + HEADER.size:
+        raise InputError(f"{len(image)} bytes are too few for a firmware image")
+    magic, count, crc = HEADER.unpack_from(image, HEADER_OFFSET)
+    body = image[HEADER_OFFSET + HEADER.size :][:count]
+    if magic != HEADER_MAGIC or zlib.crc32(body) != crc:
+        raise InputError("the firmware image is damaged, its checksum does not fit: build or download it again")
+    return int(crc)
+
+
+def boot2_crc(boot2: bytes) -> int:
+    """Return the checksum that the boot ROM demands: polynomial 0x04C11DB7, not reflected, not inverted at the end."""
+    crc = 0xFFFFFFFF
+    for byte in boot2:
+        crc ^= byte << 24
+        for _ in range(8):
+            crc = ((crc << 1) ^ 0x04C11DB7 if crc & 0x80000000 else crc << 1) & 0xFFFFFFFF
+    return crc
+
+
+def _load(elf: bytes) -> bytes:
+    """Place the segments by their load addresses; gaps are erased flash."""
+    if elf[:6] != b"\x7fELF\x01\x01" or int.from_bytes(elf[18:20], "little") != _ARM:
+        raise InputError("the linker's output is not a 32-bit little-endian ELF file for Arm")
+    head = _ELF_HEAD.unpack_from(elf)
+    offset, size, count = head[5], head[9], head[10]
+    image = bytearray()
+    for number in range(count):
+        kind, at, _, address, filed, *_ = _SEGMENT.unpack_from(elf, offset + number * size)
+        if kind != _LOAD or not filed:
+            continue
+        start = address - FLASH_BASE
+        if start < 0:
+            raise InputError(f"a segment would be loaded to 0x{address:08x}, which is not flash: check board.ld")
+        image.extend(b"\xff" * (start + filed - len(image)))
+        image[start : start + filed] = elf[at : at + filed]
+    return bytes(image)

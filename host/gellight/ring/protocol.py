@@ -1,0 +1,388 @@
+"""The protocol of the light ring: the one definition, from which the C header and the document are generated.
+
+A packet is ``type u8, sequence u8, payload, CRC-16/CCITT-FALSE u16`` (little endian), COBS encoded, ended by a zero
+byte. A request of type T is answered by type ``T | REPLY`` with the same sequence number; the reply's payload is
+``status u8, value u32`` and, where the status is OK, the reply record. A request that is sent again unchanged gets
+the reply of its first execution and is not executed twice. Events have types of their own, from EVENT up.
+
+Change a message here, then run ``gellight firmware generate``: a test compares the generated files. The checksum of
+the schema travels in HELLO, whose layout never changes, so that any two versions can tell that they differ.
+"""
+
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Annotated, NamedTuple
+
+from gellight.ring.enumerations import (
+    BoardKind,
+    Capability,
+    Check,
+    Dark,
+    Edge,
+    Policy,
+    ResetReason,
+    State,
+    Status,
+    SyncMode,
+)
+from gellight.ring.wire import (
+    COLOUR_BYTES,
+    LED_COUNT,
+    PACKET_BYTES,
+    Bytes8,
+    Bytes16,
+    Colours,
+    Record,
+    i32,
+    layout,
+    u8,
+    u16,
+    u32,
+    u64,
+)
+
+VERSION = (1, 1)
+GROUP_COUNT = 16
+STEP_COUNT = 32
+REPLY = 0x80
+EVENT = 0x40
+TICK_HZ = 1_000_000
+WIRE_US = 360
+"""12 LEDs of 24 bits of 1.25 us"""
+DWELL_MIN_US = 2_000
+"""the light takes 660 us on the wire and to latch, and the longest command holds the board up for less than the rest"""
+DWELL_MAX_US = 60_000_000
+CURRENT_CAP_MA = 450
+"""the most that a USB port may be asked for, unless the board has its own supply"""
+CURRENT_CAP_EXTERNAL_MA = 2_000
+TRIM_MAX = 42_949_673
+"""one per cent"""
+RESET_MAGIC = 0x52534554
+BOOTLOADER_MAGIC = 0x424F4F54
+NO_STEP = 0xFF
+FULL_SCALE = 0xFFFF
+
+CONSTANTS = {
+    "LED_COUNT": LED_COUNT,
+    "COLOUR_BYTES": COLOUR_BYTES,
+    "GROUP_COUNT": GROUP_COUNT,
+    "STEP_COUNT": STEP_COUNT,
+    "PACKET_BYTES": PACKET_BYTES,
+    "REPLY": REPLY,
+    "EVENT": EVENT,
+    "TICK_HZ": TICK_HZ,
+    "WIRE_US": WIRE_US,
+    "DWELL_MIN_US": DWELL_MIN_US,
+    "DWELL_MAX_US": DWELL_MAX_US,
+    "CURRENT_CAP_MA": CURRENT_CAP_MA,
+    "CURRENT_CAP_EXTERNAL_MA": CURRENT_CAP_EXTERNAL_MA,
+    "TRIM_MAX": TRIM_MAX,
+    "RESET_MAGIC": RESET_MAGIC,
+    "BOOTLOADER_MAGIC": BOOTLOADER_MAGIC,
+    "NO_STEP": NO_STEP,
+    "FULL_SCALE": FULL_SCALE,
+}
+
+
+ENUMS: tuple[type[IntEnum] | type[IntFlag], ...] = (
+    Status, SyncMode, Edge, Policy, State, Dark, ResetReason, BoardKind, Capability, Check)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Empty(Record):
+    """Nothing."""
+
+
+@dataclass(frozen=True)
+class HelloReply(Record):
+    """Who answers. This layout never changes."""
+
+    protocol_major: u8
+    protocol_minor: u8
+    schema_crc: Annotated[u32, "CRC-32 of the schema the firmware was generated from"]
+    firmware_major: u8
+    firmware_minor: u8
+    firmware_patch: u8
+    board: Annotated[u8, "enum board_kind"]
+    reset_reason: Annotated[u8, "enum reset_reason"]
+    unique_id: Annotated[Bytes8, "of the flash chip"]
+    capabilities: Annotated[u32, "bits of enum capability"]
+    led_count: u8
+    group_count: u8
+    step_count: u8
+    packet_bytes: u8
+    tick_hz: Annotated[u32, "of every time on the wire"]
+    image_crc: Annotated[u32, "CRC-32 of the running image, 0 where there is none"]
+
+
+@dataclass(frozen=True)
+class ClockRequest(Record):
+    """A time of the host, to be sent back."""
+
+    host_us: u64
+
+
+@dataclass(frozen=True)
+class ClockReply(Record):
+    """The times from which the host learns offset and drift of the board's clock."""
+
+    host_us: u64
+    received_us: Annotated[u64, "board clock when the packet was complete"]
+    sent_us: Annotated[u64, "board clock when the reply was queued"]
+    sof_us: Annotated[u64, "board clock at the start of USB frame sof_number; 0: none was noted yet"]
+    sof_number: Annotated[u16, "11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second"]
+
+
+@dataclass(frozen=True)
+class SetLeds(Record):
+    """A light for all LEDs at once; refused while a sequence runs."""
+
+    colours: Annotated[Colours, "red, green, blue of LED 0, of LED 1, ..."]
+
+
+@dataclass(frozen=True)
+class LightReply(Record):
+    """What will be lit."""
+
+    light_id: Annotated[u32, "the LIGHT event of this light carries it"]
+    current_ma: Annotated[u16, "by the current model, after scaling"]
+    scale: Annotated[u16, "0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF"]
+
+
+@dataclass(frozen=True)
+class SetGroup(Record):
+    """One of the 16 light groups, staged until COMMIT."""
+
+    group: u8
+    colours: Colours
+
+
+@dataclass(frozen=True)
+class GroupReply(Record):
+    """What the group draws."""
+
+    current_ma: Annotated[u16, "after scaling, where the policy is SCALE"]
+    scale: Annotated[u16, "as in LightReply"]
+
+
+@dataclass(frozen=True)
+class SetStep(Record):
+    """One of the 32 steps of the sequence, staged until COMMIT."""
+
+    step: u8
+    group: u8
+    repeat: Annotated[u16, "how often the step is shown, at least 1"]
+    dwell_us: Annotated[u32, "how long it is lit; 0 (HOLD, EXT): until the next step"]
+    blank_us: Annotated[u32, "how long it is dark after that (FREE); 0: not at all"]
+
+
+@dataclass(frozen=True)
+class Commit(Record):
+    """Make the staged groups and steps the sequence, at once or, while one runs, when its pass ends."""
+
+    table_crc: Annotated[u32, "CRC-32 over all 16 groups, then the first step_count SET_STEP records"]
+    loops: Annotated[u16, "passes through the steps, 0: endless"]
+    step_count: Annotated[u8, "1 to 32"]
+
+
+@dataclass(frozen=True)
+class SetSync(Record):
+    """What moves the sequence on."""
+
+    mode: Annotated[u8, "enum sync_mode"]
+    edge: Annotated[u8, "enum edge"]
+    divider: Annotated[u16, "every how many edges of the trigger, at least 1"]
+    delay_us: Annotated[u32, "from that edge to the first bit of the light"]
+    timeout_us: Annotated[u32, "without an edge for so long: dark and counted; 0: never"]
+
+
+@dataclass(frozen=True)
+class Trim(Record):
+    """Move a FREE sequence against a camera; takes effect at the next step."""
+
+    phase_us: Annotated[i32, "added once"]
+    period: Annotated[i32, "added to every duration, in 2^-32 of it; at most TRIM_MAX either way"]
+
+
+@dataclass(frozen=True)
+class SetLimits(Record):
+    """The current limit; refused while a sequence runs."""
+
+    limit_ma: u16
+    policy: Annotated[u8, "enum policy"]
+
+
+@dataclass(frozen=True)
+class StatusReply(Record):
+    """What the board is doing; also the payload of TELEMETRY events."""
+
+    time_us: u64
+    light_id: Annotated[u32, "of the last light latched"]
+    config_saves: Annotated[u32, "how often the configuration was written in its life"]
+    current_ma: Annotated[u16, "of the light that is on"]
+    limit_ma: u16
+    temperature: Annotated[u16, "raw 12-bit reading of the chip's sensor, 0xFFFF: none"]
+    repetition: u16
+    loop: u16
+    events_dropped: u16
+    state: Annotated[u8, "enum state"]
+    dark: Annotated[u8, "enum dark"]
+    policy: Annotated[u8, "enum policy"]
+    mode: Annotated[u8, "enum sync_mode"]
+    step: Annotated[u8, "0xFF: no sequence"]
+
+
+@dataclass(frozen=True)
+class CountersReply(Record):
+    """What went wrong since the start, and how often."""
+
+    packets: Annotated[u32, "received and well formed"]
+    bad_crc: u32
+    bad_framing: u32
+    oversize: u32
+    bad_length: u32
+    unknown_command: u32
+    refused: Annotated[u32, "any other status than OK"]
+    repeated: Annotated[u32, "requests answered from the cache"]
+    replies_dropped: u32
+    events_dropped: u32
+    lights: Annotated[u32, "latched"]
+    lights_disturbed: Annotated[u32, "transfers that had to be sent again"]
+    late_steps: u32
+    triggers: Annotated[u32, "edges that should light a step"]
+    triggers_missed: Annotated[u32, "of these, while no step was ready"]
+    trigger_timeouts: u32
+    dark_faults: Annotated[u32, "times the LEDs were darkened for safety"]
+    flash_retries: u32
+
+
+@dataclass(frozen=True)
+class Configuration(Record):
+    """What the board remembers without power."""
+
+    host_timeout_ms: Annotated[u16, "silence after which the LEDs go dark, 100 to 60000"]
+    limit_ma: u16
+    quiescent_ua: Annotated[u16, "of a dark LED"]
+    channel_ua: Annotated[u16, "of one colour of one LED at 255; 20000: WS2812B, 12000: WS2812B-V5"]
+    latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 500"]
+    policy: Annotated[u8, "enum policy"]
+    external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]
+    name: Annotated[Bytes16, "of the sensor, UTF-8, padded with zeros"]
+    bundle: Annotated[Bytes8, "identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none"] = bytes(8)
+
+
+@dataclass(frozen=True)
+class Telemetry(Record):
+    """Ask for a TELEMETRY event every so often."""
+
+    period_ms: Annotated[u16, "0: none"]
+
+
+@dataclass(frozen=True)
+class Magic(Record):
+    """A number that says that this is meant."""
+
+    magic: u32
+
+
+@dataclass(frozen=True)
+class SelfTestReply(Record):
+    """What was tested and what failed."""
+
+    image_crc: u32
+    stack_free: Annotated[u32, "bytes of the stack never used"]
+    tested: Annotated[u16, "bits of enum check"]
+    failed: Annotated[u16, "bits of enum check"]
+
+
+@dataclass(frozen=True)
+class LightEvent(Record):
+    """A light was latched by the LEDs."""
+
+    first_bit_us: Annotated[u64, "board clock when its transfer began"]
+    latched_us: Annotated[u64, "board clock when the last LED had taken it; it shows within one PWM period of the LED"]
+    sof_us: Annotated[u64, "as in ClockReply"]
+    light_id: u32
+    sof_number: u16
+    repetition: u16
+    loop: u16
+    events_dropped: Annotated[u16, "events lost before this one, since the start"]
+    step: Annotated[u8, "0xFF: not of a sequence"]
+    group: Annotated[u8, "0xFF: dark or not of a sequence"]
+
+
+@dataclass(frozen=True)
+class DarkEvent(Record):
+    """The board made its LEDs dark by itself."""
+
+    time_us: u64
+    events_dropped: u16
+    dark: Annotated[u8, "enum dark"]
+
+
+class Exchange(NamedTuple):
+    """A request, its reply, and what it is for."""
+
+    code: int
+    request: type[Record]
+    reply: type[Record]
+    meaning: str
+
+
+COMMANDS: dict[str, Exchange] = {
+    "HELLO": Exchange(0x01, Empty, HelloReply, "Who are you? Always executed, never answered from the cache."),
+    "CLOCK": Exchange(0x02, ClockRequest, ClockReply, "What is the time? Also what keeps the LEDs lit."),
+    "SET_LEDS": Exchange(0x03, SetLeds, LightReply, "Light the LEDs."),
+    "SET_GROUP": Exchange(0x04, SetGroup, GroupReply, "Stage a light group."),
+    "SET_STEP": Exchange(0x05, SetStep, Empty, "Stage a step."),
+    "COMMIT": Exchange(0x06, Commit, Empty, "Take over what is staged."),
+    "SET_SYNC": Exchange(0x07, SetSync, Empty, "Choose what moves the sequence on; refused while one runs."),
+    "TRIM": Exchange(0x08, Trim, Empty, "Shift and stretch a running FREE sequence."),
+    "START": Exchange(0x09, Empty, Empty, "Begin the committed sequence."),
+    "STEP": Exchange(0x0A, Empty, LightReply, "Show the next step of a HOLD sequence."),
+    "STOP": Exchange(0x0B, Empty, Empty, "End the sequence; what is lit stays lit."),
+    "BLANK": Exchange(0x0C, Empty, Empty, "End the sequence and make the LEDs dark."),
+    "SET_LIMITS": Exchange(0x0D, SetLimits, Empty, "Limit the current."),
+    "STATUS": Exchange(0x0E, Empty, StatusReply, "What are you doing?"),
+    "COUNTERS": Exchange(0x0F, Empty, CountersReply, "What went wrong?"),
+    "TELEMETRY": Exchange(0x10, Telemetry, Empty, "Report the status by itself."),
+    "GET_CONFIG": Exchange(0x11, Empty, Configuration, "Read the configuration."),
+    "SET_CONFIG": Exchange(0x12, Configuration, Empty, "Change it until the next start; the LEDs have to be dark."),
+    "SAVE_CONFIG": Exchange(0x13, Empty, Empty, "Write it to flash, if it differs; the LEDs have to be dark."),
+    "FACTORY": Exchange(0x14, Empty, Empty, "Return to the built-in configuration, not yet saved."),
+    "RESET": Exchange(0x15, Magic, Empty, "Start anew."),
+    "BOOTLOADER": Exchange(0x16, Magic, Empty, "Start the boot loader of the chip."),
+    "SELFTEST": Exchange(0x17, Empty, SelfTestReply, "Test yourself; the LEDs have to be dark."),
+}
+
+EVENTS: dict[str, tuple[int, type[Record]]] = {
+    "LIGHT": (0x40, LightEvent),
+    "DARK": (0x41, DarkEvent),
+    "TELEMETRY": (0x42, StatusReply),
+}
+
+
+def records() -> list[type[Record]]:
+    """Return every record once, in the order of the messages."""
+    found: dict[type[Record], None] = {}
+    for exchange in COMMANDS.values():
+        found |= {exchange.request: None, exchange.reply: None}
+    found |= {record: None for _, record in EVENTS.values()}
+    return [record for record in found if record is not Empty]
+
+
+def schema() -> str:
+    """Return what two sides have to agree on, as text: numbers, names, fields and their types, in order."""
+    rows = [f"constant {name} {value}" for name, value in CONSTANTS.items()]
+    rows += [f"enum {enum.__name__} " + " ".join(f"{m.name}={m.value}" for m in enum) for enum in ENUMS]
+    for record in records():
+        rows.append(f"record {record.__name__} " + " ".join(f"{name}:{s.code}" for name, s, _ in layout(record)))
+    rows += [f"command {n} {e.code} {e.request.__name__} {e.reply.__name__}" for n, e in COMMANDS.items()]
+    rows += [f"event {name} {code} {record.__name__}" for name, (code, record) in EVENTS.items()]
+    return "\n".join(rows)
+
+
+def schema_crc() -> int:
+    """Return the CRC-32 of the schema, which HELLO carries."""
+    return zlib.crc32(schema().encode())

@@ -1,0 +1,194 @@
+"""Ways to the board of the light ring, chosen by URL; what uses them cannot tell which.
+
+``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://SERIALNUMBER``: the port of the board with this number, or
+``serial://`` of the only one there is. ``usb://`` or ``usb://SERIALNUMBER``: the same endpoints through pyusb, without
+a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own.
+"""
+
+import errno
+import logging
+from typing import Any, Protocol
+
+from gellight.base.errors import BoardError
+from gellight.base.holders import holders_text
+
+logger = logging.getLogger(__name__)
+
+VENDOR, PRODUCT = 0x1209, 0x0001
+USB_TIMEOUT_MS = 1000
+OUT_ENDPOINT, IN_ENDPOINT, DATA_INTERFACE = 0x02, 0x82, 1
+SET_CONTROL_LINE_STATE = 0x22
+
+
+class Transport(Protocol):
+    """A stream of bytes in both directions."""
+
+    url: str
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes, or raise BoardError."""
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, waiting for the first byte at most so long; b"" if nothing came."""
+
+    def close(self) -> None:
+        """Close; the board then darkens its LEDs."""
+
+
+def open_transport(url: str) -> Transport:
+    """Open the way that a URL names; BoardError if there is no board."""
+    scheme, _, rest = url.partition("://")
+    if scheme == "sim" and not rest:
+        from gellight.ring.emulator.child import SimulatedBoard
+
+        board: Transport = SimulatedBoard()
+        return board
+    if scheme == "serial" and rest != url:
+        return SerialTransport(find_port(rest), url=url)
+    if scheme == "usb" and rest != url:
+        return UsbTransport(rest, url=url)
+    if "://" not in url and url:
+        return SerialTransport(url, url=url)
+    raise BoardError(f"{url!r} names no board: give /dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")
+
+
+def find_port(number: str) -> str:
+    """Return the serial port of the board with a serial number, or of the only board if the number is empty."""
+    from serial.tools import list_ports
+
+    boards = [port for port in list_ports.comports() if (port.vid, port.pid) == (VENDOR, PRODUCT)]
+    chosen = [port for port in boards if not number or port.serial_number == number]
+    if len(chosen) == 1:
+        return str(chosen[0].device)
+    found = ", ".join(f"{port.serial_number} at {port.device}" for port in boards) or "none"
+    what = f"no board with serial number {number}" if number else "not exactly one board"
+    raise BoardError(f"{what} is connected (found: {found}): check the cable, or try sim://")
+
+
+class SerialTransport:
+    """A serial port, through pyserial."""
+
+    def __init__(self, port: str, *, url: str) -> None:
+        """Open the port, which raises DTR."""
+        import serial
+
+        self.url = url
+        try:
+            self._port = serial.Serial(port, 115200, timeout=0, write_timeout=1.0, exclusive=True)
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise BoardError(_why_closed(port, error)) from error
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes."""
+        try:
+            self._port.write(data)
+        except OSError as error:  # SerialException is one
+            raise BoardError(f"the board at {self.url} takes no bytes ({error}): unplug it and plug it in") from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """Wait for the first byte, then take what is there."""
+        try:
+            self._port.timeout = timeout_s
+            first = bytes(self._port.read(1))
+            return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
+        except OSError as error:
+            raise BoardError(f"the board at {self.url} is gone ({error}): plug it in again") from error
+
+    def close(self) -> None:
+        """Close the port, which drops DTR."""
+        self._port.close()
+
+
+def _why_closed(port: str, error: Exception) -> str:
+    """Return why a port cannot be opened, and what to do; pyserial wraps the errno and the failed lock alike."""
+    number = getattr(error, "errno", None)
+    if number == errno.ENOENT:
+        return f"there is no {port}: plug the light ring in, or let `gellight find` list what is there"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"you may not use {port}: run `sudo gellight install-udev` once, then unplug the sensor and plug it in"
+    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
+        return f"{port} is in use by {holders_text(port)}: end that programme"
+    return f"cannot open {port} ({error}): unplug the light ring and plug it in again"
+
+
+class UsbTransport:
+    """The bulk endpoints of the board, through pyusb."""
+
+    def __init__(self, number: str, *, url: str, backend: Any = None) -> None:
+        """Claim the data interface of the board and raise DTR; `backend` is pyusb's."""
+        import usb.core
+        import usb.util
+
+        self.url = url
+        self._usb = usb
+        devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend) or [])
+        chosen = [device for device in devices if not number or device.serial_number == number]
+        if len(chosen) != 1:
+            raise BoardError(f"{len(chosen)} of {len(devices)} connected boards are {url}: check cable and number")
+        self._device = chosen[0]
+        try:
+            for interface in (0, DATA_INTERFACE):
+                if self._device.is_kernel_driver_active(interface):
+                    self._device.detach_kernel_driver(interface)
+            usb.util.claim_interface(self._device, DATA_INTERFACE)
+            self._lines(3)
+        except usb.core.USBError as error:
+            raise BoardError(f"cannot use {url} ({error}): install the udev rule or use serial://") from error
+
+    def _lines(self, state: int) -> None:
+        self._device.ctrl_transfer(0x21, SET_CONTROL_LINE_STATE, state, 0, None, USB_TIMEOUT_MS)
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes."""
+        try:
+            self._device.write(OUT_ENDPOINT, data, USB_TIMEOUT_MS)
+        except self._usb.core.USBError as error:
+            raise BoardError(f"the board at {self.url} takes no bytes ({error}): plug it in again") from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """Take one USB packet."""
+        try:
+            return bytes(self._device.read(IN_ENDPOINT, 64, max(1, int(timeout_s * 1e3))))
+        except self._usb.core.USBTimeoutError:
+            return b""
+        except self._usb.core.USBError as error:
+            raise BoardError(f"the board at {self.url} is gone ({error}): plug it in again") from error
+
+    def close(self) -> None:
+        """Drop DTR and let go of the interface."""
+        try:
+            self._lines(0)
+        except self._usb.core.USBError as error:
+            logger.debug("the board went before it was closed: %s", error)
+        self._usb.util.dispose_resources(self._device)
+
+
+class VirtualTransport:
+    """An emulated board in this process, on virtual time: a timeout passes in no time. For tests and experiments."""
+
+    url = "virtual"
+
+    def __init__(self, board: Any) -> None:
+        """Take an `EmulatedBoard`, wait for its USB, and raise DTR."""
+        self.board = board
+        if not board.run_until(lambda: board.host.configured, 200_000):
+            raise BoardError(f"the firmware did not enumerate: {board.faults or 'no fault was noticed'}")
+        board.host.open()
+        board.run_until(lambda: board.host.opened, 100_000)
+
+    def write(self, data: bytes) -> None:
+        """Queue the bytes for the bus."""
+        self.board.host.send(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Let virtual time pass until bytes arrive."""
+        self.board.run_until(lambda: self.board.host.received, timeout_s * 1e6)
+        data = bytes(self.board.host.received)
+        self.board.host.received.clear()
+        return data
+
+    def close(self) -> None:
+        """Drop DTR and give the board time to notice."""
+        if self.board.powered:
+            self.board.host.close()
+            self.board.run(5_000)

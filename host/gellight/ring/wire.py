@@ -1,0 +1,131 @@
+"""Records and packets: how a message of the light ring becomes bytes, and back."""
+
+import binascii
+import struct
+from dataclasses import fields
+from typing import Annotated, NamedTuple, Self, get_args, get_origin, get_type_hints
+
+from gellight.base.errors import BoardError
+
+LED_COUNT = 12
+COLOUR_BYTES = 3 * LED_COUNT
+PACKET_BYTES = 128
+"""of a decoded packet, its CRC included"""
+
+
+class Scalar(NamedTuple):
+    """How a field lies in a packet: its `struct` code and its C type; `length` > 0 makes it an array of bytes."""
+
+    code: str
+    c_type: str
+    length: int = 0
+
+
+u8 = Annotated[int, Scalar("B", "uint8_t")]
+u16 = Annotated[int, Scalar("H", "uint16_t")]
+u32 = Annotated[int, Scalar("I", "uint32_t")]
+u64 = Annotated[int, Scalar("Q", "uint64_t")]
+i32 = Annotated[int, Scalar("i", "int32_t")]
+Colours = Annotated[bytes, Scalar(f"{COLOUR_BYTES}s", "uint8_t", COLOUR_BYTES)]
+Bytes8 = Annotated[bytes, Scalar("8s", "uint8_t", 8)]
+Bytes16 = Annotated[bytes, Scalar("16s", "uint8_t", 16)]
+
+
+class Record:
+    """A packed little-endian structure; subclasses are frozen dataclasses of annotated fields."""
+
+    @classmethod
+    def codec(cls) -> struct.Struct:
+        """Return the layout of the record."""
+        if cls not in _CODECS:
+            _CODECS[cls] = struct.Struct("<" + "".join(scalar.code for _, scalar, _ in layout(cls)))
+        return _CODECS[cls]
+
+    def pack(self) -> bytes:
+        """Return the bytes of the record; a value that does not fit is a ValueError."""
+        values = [getattr(self, name) for name, _, _ in layout(type(self))]
+        try:
+            return self.codec().pack(*values)
+        except struct.error as error:
+            raise ValueError(f"{self} does not fit its packet: {error}") from error
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """Read the record from exactly its bytes."""
+        if len(payload) != cls.codec().size:
+            raise BoardError(
+                f"{cls.__name__} has {cls.codec().size} bytes, the board sent {len(payload)}: "
+                "flash the firmware that belongs to this host with `gellight firmware flash`"
+            )
+        return cls(*cls.codec().unpack(payload))
+
+
+def layout(record: type[Record]) -> tuple[tuple[str, Scalar, str], ...]:
+    """Return name, scalar and meaning of each field in the order of the wire."""
+    hints = get_type_hints(record, include_extras=True)
+    rows = []
+    for field in fields(record):  # type: ignore[arg-type]
+        annotation = hints[field.name]
+        extras = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
+        rows.append((field.name, extras[0], extras[1] if len(extras) > 1 else ""))
+    return tuple(rows)
+
+
+_CODECS: dict[type, struct.Struct] = {}
+
+
+class Packet(NamedTuple):
+    """A decoded packet."""
+
+    type: int
+    sequence: int
+    payload: bytes
+
+
+def encode(packet: Packet) -> bytes:
+    """Return the bytes for the wire, the zero at the end included."""
+    body = bytes([packet.type, packet.sequence]) + packet.payload
+    if len(body) + 2 > PACKET_BYTES:
+        raise ValueError(f"a packet has at most {PACKET_BYTES} bytes, this one {len(body) + 2}")
+    return cobs_encode(body + crc16(body).to_bytes(2, "little")) + b"\0"
+
+
+def decode(stuffed: bytes) -> Packet:
+    """Return the packet of the bytes between two zeros; ValueError if they are damaged."""
+    body = cobs_decode(stuffed)
+    if not 4 <= len(body) <= PACKET_BYTES:
+        raise ValueError(f"a packet has 4 to {PACKET_BYTES} bytes, not {len(body)}")
+    if crc16(body[:-2]) != int.from_bytes(body[-2:], "little"):
+        raise ValueError("the checksum of the packet is wrong")
+    return Packet(body[0], body[1], body[2:-2])
+
+
+def crc16(body: bytes) -> int:
+    """CRC-16/CCITT-FALSE: polynomial 0x1021, initial value 0xFFFF, not reflected."""
+    return binascii.crc_hqx(body, 0xFFFF)
+
+
+def cobs_encode(body: bytes) -> bytes:
+    """Replace the zeros: each group begins with the distance to the next zero (Cheshire and Baker, 1999)."""
+    out = bytearray()
+    for group in body.split(b"\0"):
+        while len(group) >= 254:
+            out += b"\xff" + group[:254]
+            group = group[254:]
+        out += bytes([len(group) + 1]) + group
+    return bytes(out)
+
+
+def cobs_decode(stuffed: bytes) -> bytes:
+    """Restore the zeros; ValueError if the distances do not add up."""
+    out, at = bytearray(), 0
+    while at < len(stuffed):
+        code = stuffed[at]
+        group = stuffed[at + 1 : at + code]
+        if code == 0 or len(group) != code - 1 or 0 in group:
+            raise ValueError(f"framing broken at byte {at} of {len(stuffed)}")
+        out += group
+        at += code
+        if code < 255 and at < len(stuffed):
+            out.append(0)
+    return bytes(out)

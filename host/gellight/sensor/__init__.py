@@ -1,0 +1,14 @@
+"""The only room with devices: finds them, opens them, sets and lights them.
+
+discovery.py       what is plugged in, and which camera and ring are one sensor
+sensor_camera.py   the camera of a real sensor, found again after it was unplugged
+connection.py      its camera and ring while they are there
+series_cameras.py  cameras that light the ring: series of exposures
+opencv_camera.py   the fallback by OpenCV
+doctor.py          what stands between this computer and good frames
+sensor_checks.py   what stands between a sensor and good frames
+findings.py        what both find, each with its remedy
+udev.py            the rule that lets a user open the devices
+v4l2/              the kernel's cameras
+lighting/          which light a frame was taken under
+"""

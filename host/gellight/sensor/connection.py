@@ -1,0 +1,216 @@
+"""A sensor as long as it is plugged in: its camera set and its ring lit as the calibration bundle says.
+
+`sensor_camera.py` opens one, and another one when the sensor is back after it was unplugged. A board makes its LEDs
+dark by itself when this computer was too busy to speak to it for a second, or for safety; then they are lit again, and
+no frame that came after such a silence is delivered without asking the board.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BoardError, CameraError, GellightError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.frames import CameraFrame
+from gellight.ring.enumerations import Dark
+from gellight.ring.light_ring import LightRing, Ping, connect
+from gellight.ring.protocol import DarkEvent
+from gellight.ring.wire import Record
+from gellight.sensor.discovery import DEV, SYSFS, Discovery, Sensor, discover
+from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
+from gellight.sensor.v4l2.kernel import Kernel
+from gellight.sensor.v4l2.options import CaptureOptions
+from gellight.sensor.v4l2.video_camera import V4l2Camera
+
+logger = logging.getLogger(__name__)
+
+WATCH_S = 2.0
+"""how often ring and controls are looked at while frames come"""
+SILENCE_S = 0.5
+"""so long after its last word a board is asked before a frame is believed to be lit; it waits 1 s for the host"""
+OLD_S = 5.0
+"""so long frames from before the light are waited out"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """Where devices are and how they are opened; tests give others."""
+
+    kernel: Kernel
+    sysfs: Path = SYSFS
+    dev: Path = DEV
+    open_ring: Callable[[str], LightRing] = connect
+    wait: Callable[[threading.Event, float], object] = threading.Event.wait
+
+    def look(self) -> Discovery:
+        """Look at what is plugged in now."""
+        return discover(sysfs=self.sysfs, dev=self.dev)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a sensor is to be set and lit."""
+
+    options: CaptureOptions
+    """of the URL and, where it does not say, of the bundle"""
+    calibration: Calibration | None
+    """None: the LEDs stay dark"""
+
+    @classmethod
+    def of(cls, given: CaptureOptions, calibration: Calibration | None) -> "Setup":
+        """Return what a URL and a bundle say together; InputError where the bundle's settings are out of range."""
+        return cls(given.over(calibration.manifest.camera if calibration else {}), calibration)
+
+
+class Connection:
+    """The open camera and ring of one sensor; `close` makes the LEDs dark."""
+
+    ring: LightRing | None
+
+    def __init__(self, sensor: Sensor, setup: Setup, *, url: str, around: Surroundings) -> None:
+        """Open, set and light `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark."""
+        self.sensor = sensor
+        self._named_ring = setup.options.ring
+        self._clock = around.kernel.clock
+        self._colours: NDArray[np.uint8] | None = None
+        self._gone_dark: Dark | None = None
+        self.ring = self._open_ring(around)
+        try:
+            self.camera = V4l2Camera(
+                sensor.camera.path,
+                setup.options,
+                shape=setup.calibration.image_shape if setup.calibration else None,
+                url=url,
+                kernel=around.kernel,
+                sysfs=around.sysfs,
+            )
+        except BaseException:
+            _darken(self.ring)
+            raise
+        try:
+            self._light(setup.calibration)
+        except BaseException:
+            self.close()
+            raise
+        self._lit_s = self._watched_s = self._heard_s = self._clock()
+        if self.ring is not None:
+            self.ring.event_listeners.append(self._note)
+            self.ring.ping_listeners.append(self._hear)
+
+    def _open_ring(self, around: Surroundings) -> LightRing | None:
+        """Open the ring that the URL names, or else the one beside the camera, which has to be the board it was."""
+        if self._named_ring is not None:
+            return around.open_ring(self._named_ring)
+        node = self.sensor.ring
+        if node is None:
+            return None
+        ring = around.open_ring(node.path)
+        found, expected = ring.hello.unique_id.hex().upper(), node.usb.serial if node.usb else ""
+        if _is_board_number(expected) and expected.upper() != found:
+            ring.close()
+            raise BoardError(
+                f"the ring at {ring.transport.url} is {found}, the one beside the camera is {expected}: ring and "
+                "camera are of different sensors; unplug both and plug them in again"
+            )
+        return ring
+
+    def _light(self, calibration: Calibration | None) -> None:
+        """Light the LEDs as they were when the bundle was made, and wait until they are."""
+        if self.ring is None or calibration is None:
+            return
+        if not calibration.manifest.led:
+            logger.warning("%s does not tell the colours of its LEDs: they stay dark", calibration.source)
+            return
+        self._colours = np.array([led.rgb for led in calibration.manifest.led], np.uint8)
+        self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
+
+    def _hear(self, ping: Ping) -> None:
+        self._heard_s = self._clock()
+
+    def _note(self, event: Record) -> None:
+        """Note that the board has made our light dark; who has shown another one meanwhile looks after it himself."""
+        shown = self.ring.still if self.ring else None
+        if shown is None or self._colours is None or not isinstance(event, DarkEvent):
+            return
+        if np.array_equal(shown, self._colours):
+            self._gone_dark = Dark(event.dark)
+
+    def _keep_lit(self) -> None:
+        """Light the LEDs again where the board has made them dark; BoardError where it has died."""
+        if self.ring is None:
+            return
+        if self._clock() - self._heard_s > SILENCE_S:
+            self.ring.clock()  # what it has to tell comes with the answer
+            self._heard_s = self._clock()
+        why, self._gone_dark = self._gone_dark, None
+        if why is not None and self._colours is not None:
+            logger.warning("the board made its LEDs dark (%s); they are lit again", why.name.replace("_", " ").lower())
+            self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
+            self._lit_s = self._clock()
+
+    def apply(self, setup: Setup) -> None:
+        """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
+        options = setup.options
+        self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
+        if self.ring is not None and not (setup.calibration and setup.calibration.manifest.led):
+            self._colours = None
+            self.ring.blank()
+        self._light(setup.calibration)
+        self._lit_s = self._clock()
+
+    def newest(self) -> CameraFrame:
+        """Wait for the newest frame that was exposed after the LEDs were lit.
+
+        Raises UnpluggedError, StalledError or BoardError where the sensor cannot go on as it is.
+        """
+        while True:
+            frame = self.camera.read()
+            self._watch()
+            self._keep_lit()
+            # How late a camera stamps its frames is often not known: a frame counts once it was lit in any case.
+            if frame.time_s - self.camera.timing.stamp_error_s > self._lit_s:
+                return frame
+            if self._clock() > self._lit_s + OLD_S:
+                break
+        raise StalledError(f"{self.sensor.camera.stable}: its time stamps stand still; it is started anew")
+
+    def _watch(self) -> None:
+        """Look now and then whether ring and controls are as they have to be."""
+        now_s = self._clock()
+        if now_s - self._watched_s < WATCH_S:
+            return
+        self._watched_s = now_s
+        node = self.sensor.ring.path if self.sensor.ring else None
+        if node is not None and self._named_ring is None and not Path(node).exists():
+            raise UnpluggedError(f"the light ring at {node} was unplugged: plug it in again")
+        wrong = self.camera.controls.deviations()
+        if wrong:
+            raise StalledError(
+                f"somebody changed the camera: {', '.join(map(str, wrong))}; it is set anew, end other programmes"
+            )
+
+    def close(self) -> None:
+        """Make the LEDs dark and close the camera; what is gone cannot object."""
+        _darken(self.ring)
+        try:
+            self.camera.close()
+        except CameraError as error:
+            logger.warning("%s", error)
+
+
+def _darken(ring: LightRing | None) -> None:
+    """Close a ring, whatever state it is in: its board darkens the LEDs by itself when the host is silent."""
+    if ring is not None:
+        try:
+            ring.close()
+        except GellightError as error:
+            logger.warning("%s", error)
+
+
+def _is_board_number(serial: str) -> bool:
+    return len(serial) == 16 and all(digit in "0123456789abcdefABCDEF" for digit in serial)

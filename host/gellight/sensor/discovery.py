@@ -1,0 +1,282 @@
+"""Which sensors are plugged in: cameras and light rings that share a USB parent, read from sysfs.
+
+A sensor is either one USB device with a camera and a serial port, or a camera and a ring board behind one hub of their
+own. What hangs at the root hub of the computer shares it with everything else there, a built-in webcam for example, so
+that alone makes no pair. Nothing is opened here, so nothing can be busy and no permission is needed.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gellight.base.errors import CameraError
+from gellight.ring.transport import PRODUCT, VENDOR
+from gellight.sensor.v4l2.errors import UnpluggedError
+
+SYSFS, DEV = Path("/sys"), Path("/dev")
+_LIST = "`gellight find` lists what is there"
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsbDevice:
+    """One device on the bus, as sysfs describes it."""
+
+    port: str
+    """bus and ports on the way to it, such as 1-1.4: the same socket has the same name after unplugging"""
+    vendor: int
+    product: int
+    serial: str
+    """empty where it has none"""
+    name: str
+    speed_mbps: float
+    parent: str
+    """port of the hub it hangs at; usb1 and the like is the root hub of a bus"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Node:
+    """A device node of a camera or of a ring."""
+
+    path: str
+    """such as /dev/video0"""
+    stable: str
+    """the link below by-id or by-path that stays the same, or else `path`"""
+    name: str
+    usb: UsbDevice | None
+    """None where it is not on USB"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor:
+    """A camera, and the ring that lights what it sees."""
+
+    camera: Node
+    ring: Node | None
+
+    @property
+    def serial(self) -> str:
+        """Serial number: the ring's where it is a device of its own, since cameras often share theirs; may be empty."""
+        nodes = [self.ring, self.camera]
+        return next((node.usb.serial for node in nodes if node and node.usb and node.usb.serial), "")
+
+    @property
+    def port(self) -> str:
+        """USB port of the camera; the node where it is not on USB."""
+        return self.camera.usb.port if self.camera.usb else self.camera.path
+
+    @property
+    def name(self) -> str:
+        """How to call it: the serial number, or the USB port."""
+        return self.serial or self.port
+
+
+@dataclass(frozen=True, kw_only=True)
+class Discovery:
+    """Everything that was found."""
+
+    sensors: tuple[Sensor, ...]
+    cameras: tuple[Node, ...]
+    """without a ring"""
+    rings: tuple[Node, ...]
+    """without a camera"""
+    ambiguities: tuple[str, ...]
+
+    def called(self, name: str) -> Sensor:
+        """Return the sensor with a serial number or at a USB port; UnpluggedError or CameraError with what is there."""
+        by_port = [sensor for sensor in self.sensors if sensor.port == name]
+        by_serial = [sensor for sensor in self.sensors if name in _serials(sensor)]
+        found = by_port or by_serial
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise CameraError(
+                f"{len(found)} sensors have the serial number {name}: name the USB port, {_either(found, by_port=True)}"
+            )
+        there = _either(self.sensors) or "none is plugged in"
+        raise UnpluggedError(f"no sensor is called {name} (there: {there}): check the cable; {_LIST}")
+
+    def url_of(self, sensor: Sensor) -> str:
+        """Return the URL that opens this sensor and no other that is plugged in."""
+        named = [other for other in self.sensors if sensor.name in {other.port, *_serials(other)}]
+        return f"sensor://{sensor.name if len(named) == 1 else sensor.port}"
+
+    def only(self) -> Sensor:
+        """Return the one sensor there is; CameraError says what else is there and how to name it."""
+        if len(self.sensors) == 1:
+            return self.sensors[0]
+        if self.sensors:
+            choice = " or ".join(self.url_of(sensor) for sensor in self.sensors)
+            raise CameraError(f"{len(self.sensors)} sensors are plugged in: choose {choice}")
+        if not self.cameras and not self.rings:
+            raise UnpluggedError("no camera and no light ring are plugged in: check the cable, or try --sensor sim://")
+        raise UnpluggedError(f"no camera shares a USB parent with a light ring: {self._single()}; {_LIST}")
+
+    def _single(self) -> str:
+        cameras = ", ".join(node.stable for node in self.cameras) or "none"
+        rings = ", ".join(node.stable for node in self.rings) or "none"
+        remedy = "plug both into one hub of their own"
+        if self.cameras and self.rings:
+            remedy += f", or name them with v4l2://{self.cameras[0].stable}?ring={self.rings[0].stable}"
+        return f"cameras {cameras}, rings {rings}: {remedy}"
+
+    def of_camera(self, path: str) -> Sensor:
+        """Return the sensor, or the camera alone, at a device node or a link to one; UnpluggedError without one."""
+        node = str(Path(path).resolve())
+        for sensor in self._all():
+            if node == str(Path(sensor.camera.path).resolve()):
+                return sensor
+        raise UnpluggedError(f"no camera at {path}: plug it in; {_LIST}")
+
+    def has_own_serial(self, sensor: Sensor) -> bool:
+        """Whether no other sensor or camera that is plugged in has the same serial number."""
+        return bool(sensor.serial) and len(self._alike(sensor)) == 1
+
+    def again(self, sensor: Sensor, *, by_serial: bool) -> Sensor:
+        """Find the same physical sensor by its serial number, or by its USB port where that number is not its own.
+
+        Raises UnpluggedError while it is not there.
+        """
+        alike = self._alike(sensor)
+        found = alike if by_serial and len(alike) == 1 else [other for other in alike if other.port == sensor.port]
+        if not found:
+            raise UnpluggedError(f"sensor {sensor.name} is not there: plug it in again")
+        return found[0]
+
+    def _alike(self, sensor: Sensor) -> list[Sensor]:
+        """Everything of the kind and the serial number of `sensor`; rings do not count where it has none."""
+        known = self._all() if sensor.ring else [replace(other, ring=None) for other in self._all()]
+        return [other for other in known if _same_kind(other, sensor) and other.serial == sensor.serial]
+
+    def _all(self) -> list[Sensor]:
+        return [*self.sensors, *(Sensor(camera=camera, ring=None) for camera in self.cameras)]
+
+
+def discover(*, sysfs: Path = SYSFS, dev: Path = DEV) -> Discovery:
+    """Look at everything that is plugged in now."""
+    cameras = tuple(_cameras(sysfs, dev))
+    rings = tuple(_rings(sysfs, dev))
+    sensors, ambiguities = _paired(cameras, rings)
+    paired = {node.path for sensor in sensors for node in (sensor.camera, sensor.ring) if node}
+    return Discovery(
+        sensors=sensors,
+        cameras=tuple(node for node in cameras if node.path not in paired),
+        rings=tuple(node for node in rings if node.path not in paired),
+        ambiguities=(*ambiguities, *_shared_serials(sensors)),
+    )
+
+
+def _paired(cameras: tuple[Node, ...], rings: tuple[Node, ...]) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
+    """Pair what is one USB device, then what is alone together behind a hub."""
+    sensors: list[Sensor] = []
+    ambiguities: list[str] = []
+    for key in (_port, _hub):
+        taken = {node.path for sensor in sensors for node in (sensor.camera, sensor.ring) if node}
+        groups: dict[str, tuple[list[Node], list[Node]]] = {}
+        for index, nodes in enumerate((cameras, rings)):
+            for node in nodes:
+                if node.path not in taken and key(node):
+                    groups.setdefault(key(node), ([], []))[index].append(node)
+        for place, (seen, lit) in groups.items():
+            if len(seen) == len(lit) == 1:
+                sensors.append(Sensor(camera=seen[0], ring=lit[0]))
+            elif seen and lit:
+                nodes_text = ", ".join(node.stable for node in (*seen, *lit))
+                ambiguities.append(
+                    f"at USB {place} are {len(seen)} cameras and {len(lit)} rings ({nodes_text}), and which belong "
+                    "together cannot be told: give each sensor a hub of its own, or name them with v4l2://...?ring="
+                )
+    return tuple(sensors), tuple(ambiguities)
+
+
+def _port(node: Node) -> str:
+    return node.usb.port if node.usb else ""
+
+
+def _hub(node: Node) -> str:
+    return node.usb.parent if node.usb and not node.usb.parent.startswith("usb") else ""
+
+
+def _shared_serials(sensors: tuple[Sensor, ...]) -> Iterator[str]:
+    counted = Counter(sensor.serial for sensor in sensors if sensor.serial)
+    for serial, count in counted.items():
+        if count > 1:
+            alike = [sensor for sensor in sensors if sensor.serial == serial]
+            yield f"{count} sensors have the serial number {serial}: tell them apart as {_either(alike, by_port=True)}"
+
+
+def _serials(sensor: Sensor) -> set[str]:
+    nodes = (sensor.camera, sensor.ring)
+    return {node.usb.serial for node in nodes if node and node.usb and node.usb.serial}
+
+
+def _same_kind(one: Sensor, other: Sensor) -> bool:
+    """Whether both have the same vendor and product; what is not on USB is alike if its node is."""
+    a, b = one.camera.usb, other.camera.usb
+    if a is None or b is None:
+        return a is b and one.camera.path == other.camera.path
+    return (a.vendor, a.product) == (b.vendor, b.product) and (one.ring is None) == (other.ring is None)
+
+
+def _either(sensors: tuple[Sensor, ...] | list[Sensor], *, by_port: bool = False) -> str:
+    return " or ".join(f"sensor://{sensor.port if by_port else sensor.name}" for sensor in sensors)
+
+
+# ---- sysfs ----
+
+
+def _cameras(sysfs: Path, dev: Path) -> Iterator[Node]:
+    """Yield the nodes that deliver pictures: a UVC camera's node with index 1 delivers only data about them."""
+    for entry in _class(sysfs, "video4linux", "video"):
+        if _text(entry / "index") in ("0", ""):
+            yield _node(entry, dev, dev / "v4l", name=_text(entry / "name"))
+
+
+def _rings(sysfs: Path, dev: Path) -> Iterator[Node]:
+    for entry in _class(sysfs, "tty", "ttyACM"):
+        node = _node(entry, dev, dev / "serial", name="")
+        if node.usb and (node.usb.vendor, node.usb.product) == (VENDOR, PRODUCT):
+            yield node
+
+
+def _class(sysfs: Path, name: str, prefix: str) -> list[Path]:
+    entries = [entry for entry in (sysfs / "class" / name).glob(f"{prefix}*") if entry.name[len(prefix) :].isdigit()]
+    return sorted(entries, key=lambda entry: int(entry.name[len(prefix) :]))
+
+
+def _node(entry: Path, dev: Path, links: Path, *, name: str) -> Node:
+    usb = _usb_device(entry.resolve())
+    path = dev / entry.name
+    return Node(path=str(path), stable=_stable(path, links), name=name or (usb.name if usb else ""), usb=usb)
+
+
+def _stable(path: Path, links: Path) -> str:
+    for kind in ("by-id", "by-path"):
+        for link in sorted((links / kind).glob("*")):
+            if link.resolve() == path.resolve():
+                return str(link)
+    return str(path)
+
+
+def _usb_device(place: Path) -> UsbDevice | None:
+    """Return the USB device that a folder of sysfs belongs to."""
+    for folder in (place, *place.parents):
+        if (folder / "idVendor").is_file() and (folder / "idProduct").is_file():
+            return UsbDevice(
+                port=folder.name,
+                vendor=int(_text(folder / "idVendor") or "0", 16),
+                product=int(_text(folder / "idProduct") or "0", 16),
+                serial=_text(folder / "serial"),
+                name=" ".join(filter(None, (_text(folder / "manufacturer"), _text(folder / "product")))),
+                speed_mbps=float(_text(folder / "speed") or 0),
+                parent=folder.parent.name,
+            )
+    return None
+
+
+def _text(path: Path) -> str:
+    """Return the content of an attribute; empty where there is none, or where its device goes in this moment."""
+    try:
+        return path.read_text(errors="replace").strip()
+    except OSError:
+        return ""

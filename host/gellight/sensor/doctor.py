@@ -1,0 +1,139 @@
+"""What stands between a sensor and good frames: each finding with its remedy.
+
+The checks here look at the computer; `sensor_checks.py` opens the sensor.
+"""
+
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from gellight.base.errors import GellightError
+from gellight.base.holders import holders
+from gellight.sensor import udev
+from gellight.sensor.connection import Surroundings
+from gellight.sensor.discovery import Discovery, Node, Sensor
+from gellight.sensor.findings import Finding, Level, failure, ok, problem, warning
+
+HIGH_SPEED_MBPS = 480.0
+LEAST_DISK_BYTES = 1_000_000_000
+EARLIEST_YEAR = 2025
+SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies")
+
+
+def examine(
+    name: str | None = None, *, surroundings: Surroundings, folder: Path, rules: Path = udev.FOLDER
+) -> Iterator[Finding]:
+    """Check the computer, then every sensor, or what `name` says: a serial number, a USB port, a camera's node.
+
+    `folder` is where recordings go.
+    """
+    from gellight.sensor.sensor_checks import check_sensor
+
+    yield check_rule(rules)
+    yield check_disk(folder)
+    yield from check_clock(surroundings.sysfs)
+    found = surroundings.look()
+    yield from check_found(found, name)
+    for sensor in _chosen(found, name):
+        yield from check_speed(found, sensor)
+        reachable = [check_permission(node) for node in (sensor.camera, sensor.ring) if node]
+        yield from reachable
+        if all(finding.level is not Level.PROBLEM for finding in reachable):
+            yield from check_sensor(sensor, surroundings)
+
+
+def _chosen(found: Discovery, name: str | None) -> list[Sensor]:
+    """Return the sensors to examine: all, or the one with a name, a USB port, or a camera at a path."""
+    alone = [Sensor(camera=camera, ring=None) for camera in found.cameras]
+    if name is None:
+        return list(found.sensors)
+    return [
+        sensor for sensor in (*found.sensors, *alone)
+        if name in (sensor.name, sensor.port, sensor.camera.path, sensor.camera.stable)
+    ]  # fmt: skip
+
+
+def check_rule(folder: Path) -> Finding:
+    """Look whether the udev rule is installed."""
+    if udev.installed(folder=folder):
+        return ok("udev rule", f"{folder / udev.RULE.name} is installed")
+    return warning("udev rule", f"{folder / udev.RULE.name} is missing or old", "run `sudo gellight install-udev`")
+
+
+def check_disk(folder: Path) -> Finding:
+    """Look whether recordings and bundles find room."""
+    free = shutil.disk_usage(folder).free
+    text = f"{free / 1e9:.1f} GB free in {folder}"
+    if free < LEAST_DISK_BYTES:
+        return warning("disk", text, "make room: a bundle with its presses takes up to 500 MB")
+    return ok("disk", text)
+
+
+def check_clock(sysfs: Path) -> Iterator[Finding]:
+    """Look whether the date is plausible and the clock of the time stamps is quick to read."""
+    year = time.gmtime().tm_year
+    if year < EARLIEST_YEAR:
+        yield problem("clock", f"the computer believes it is {year}", "set the date, for example with NTP")
+    else:
+        yield ok("clock", f"the date is plausible ({time.strftime('%Y-%m-%d')})")
+    try:
+        source = (sysfs / "devices/system/clocksource/clocksource0/current_clocksource").read_text().strip()
+    except OSError:
+        return
+    if source in SLOW_CLOCKS:
+        yield warning("clock", f"the kernel counts time by {source}, which is slow", "boot with tsc as clock source")
+    else:
+        yield ok("clock", f"the kernel counts time by {source}")
+
+
+def check_found(found: Discovery, name: str | None) -> Iterator[Finding]:
+    """Tell which sensors there are, and what cannot be told apart."""
+    for text in found.ambiguities:
+        what, _, remedy = text.rpartition(": ")
+        yield problem("sensors", what, remedy)
+    chosen = _chosen(found, name)
+    if not chosen:
+        try:
+            _ = found.called(name) if name else found.only()
+        except GellightError as error:
+            yield failure("sensors", error)
+    for sensor in {*found.sensors, *chosen}:
+        ring = sensor.ring.stable if sensor.ring else "none"
+        yield ok("sensors", f"{sensor.name} at USB {sensor.port}: camera {sensor.camera.stable}, ring {ring}")
+
+
+def check_permission(node: Node) -> Finding:
+    """Look whether this user may use a node, and whether somebody else does."""
+    if not os.access(node.path, os.R_OK | os.W_OK):
+        return problem(
+            "permission", f"you may not use {node.path}",
+            "run `sudo gellight install-udev`, then unplug the sensor and plug it in; over ssh also `sudo usermod -aG "
+            "video $USER`, then log in again",
+        )  # fmt: skip
+    others = holders(node.path)
+    if others:
+        names = ", ".join(f"{command} (process {number})" for number, command in others)
+        return warning("permission", f"{node.path} is also open in {names}", "end that programme if frames do not come")
+    return ok("permission", f"{node.path} may be used and is free")
+
+
+def check_speed(found: Discovery, sensor: Sensor) -> Iterator[Finding]:
+    """Look at the speed of the connection and at who shares the bus."""
+    usb = sensor.camera.usb
+    if usb is None:
+        return
+    text = f"{sensor.name} is connected at {usb.speed_mbps:g} Mbit/s"
+    if usb.speed_mbps < HIGH_SPEED_MBPS:
+        yield problem("usb", text, "use another cable, another port or no hub: a camera needs 480 Mbit/s")
+    else:
+        yield ok("usb", text)
+    bus = usb.port.partition("-")[0]
+    nodes = [*(other.camera for other in found.sensors), *found.cameras]
+    others = [node for node in nodes if node.usb and node.usb.port.partition("-")[0] == bus and node != sensor.camera]
+    if others and usb.speed_mbps <= HIGH_SPEED_MBPS:
+        yield warning(
+            "usb", f"{len(others)} more cameras share USB bus {bus} with {sensor.name}",
+            "use format=MJPG, or ports of different controllers, if frames are lost",
+        )  # fmt: skip

@@ -1,0 +1,94 @@
+"""Phase lock: move a FREE sequence so that its lights change between two frames of a camera that runs by itself.
+
+The camera's frames are a line through stamps over sequence numbers; the light's changes are told by the board. Both
+are in the host's time. The period of the light is k frame periods by the board's clock, and its changes are put where
+the slack that k leaves is the same before and after each frame.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from gellight.frames.timing import CameraTiming
+from gellight.ring import protocol
+from gellight.sensor.lighting.clock import Interval
+from gellight.sensor.lighting.hold_time import settle_s
+
+FEWEST_FRAMES = 12
+MOST_FRAMES = 600
+TOLERANCE = 0.1
+"""of the slack; smaller phase errors are left alone"""
+FINEST_S = 100e-6
+"""so are errors below this: the scatter of stamps"""
+
+
+@dataclass(frozen=True)
+class Trim:
+    """What to tell the board."""
+
+    phase_us: int
+    """to be added once to the begin of the next light"""
+    period: float
+    """by which all durations are longer, as a fraction"""
+
+
+class PhaseLock:
+    """Learns the camera's frames and says how to trim; the lights stay for `frames` frame periods each."""
+
+    def __init__(self, timing: CameraTiming, *, frames: int) -> None:
+        """Begin without knowledge."""
+        self._timing, self._frames = timing, frames
+        self.dwell_us = 0
+        """how long the sequence shows each light, by the board's clock"""
+        self._stamps: deque[tuple[int, float]] = deque(maxlen=MOST_FRAMES)
+        self._trimmed_at = -FEWEST_FRAMES
+        self.phase_error_s = float("nan")
+        """of the last look; 0: the changes are where they should be"""
+        self.trims = 0
+
+    def note_frame(self, sequence: int, time_s: float) -> None:
+        """Take in the stamp of a frame."""
+        if not self._stamps or sequence > self._stamps[-1][0]:
+            self._stamps.append((sequence, time_s))
+
+    @property
+    def ready(self) -> bool:
+        """Whether there are frames enough."""
+        return len(self._stamps) >= FEWEST_FRAMES
+
+    def line(self) -> tuple[float, float]:
+        """Return when the newest frame began and the frame period, s, from all stamps; ValueError for too few."""
+        if not self.ready:
+            raise ValueError(f"{len(self._stamps)} frames do not tell the frame period: {FEWEST_FRAMES} are needed")
+        sequence, stamp = np.array(self._stamps).T
+        period, begin = np.polyfit(sequence - sequence[-1], stamp - stamp[-1], 1)
+        return float(begin + stamp[-1]), float(period)
+
+    def trim(self, latched_s: Interval, drift: Interval) -> Trim | None:
+        """Return what to tell the board, given when the last light was latched; None where nothing is to be done.
+
+        After a trim it takes a light and some frames until another one can make sense.
+        """
+        newest = self._stamps[-1][0] if self._stamps else 0
+        if not self.ready or newest - self._trimmed_at < 2 * self._frames + 2:
+            return None
+        begin_s, period_s = self.line()
+        slack_s = max(self.slack_s(period_s, latched_s.error), 0.0)
+        shows_s = latched_s.middle + latched_s.error + self._timing.pulse_period_s + self._timing.stamp_error_s
+        wanted_s = begin_s + self._timing.stamp_delay_s - slack_s / 2
+        self.phase_error_s = (wanted_s - shows_s + period_s / 2) % period_s - period_s / 2
+        if abs(self.phase_error_s) < max(TOLERANCE * slack_s, FINEST_S):
+            return None
+        self._trimmed_at = newest
+        self.trims += 1
+        # Earlier than planned is not possible for a light that is already on its way.
+        forward_s = self.phase_error_s if self.phase_error_s > -0.001 else self.phase_error_s + period_s
+        stretched = self._frames * period_s * 1e6 * (1 + drift.middle) / self.dwell_us - 1
+        most = protocol.TRIM_MAX / 2**32
+        return Trim(round(forward_s * 1e6), float(np.clip(stretched, -most, most)))
+
+    def slack_s(self, period_s: float, clock_error_s: float) -> float:
+        """Return how much longer a light stays than settling and one frame take; negative: too short."""
+        timing = self._timing
+        return self._frames * period_s - settle_s(timing, clock_error_s) - timing.readout_s - timing.exposure_s

@@ -1,0 +1,204 @@
+"""A camera whose light follows a sequence, and whose frames know their light.
+
+with SequencedCamera(camera, colour_triples(colours)) as sequenced:
+    frame = sequenced.read()
+    if frame.label.state is LightState.CLEAN: ... frame.label.group
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.frames.camera import Camera, timing_of
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
+from gellight.frames.judging import FrameJudge
+from gellight.frames.timing import CameraTiming
+from gellight.ring import protocol
+from gellight.ring.enumerations import Edge, State, SyncMode
+from gellight.ring.light_ring import Step
+from gellight.sensor.lighting.content import ContentCheck
+from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.lighting.hold_time import hold_frames
+from gellight.sensor.lighting.label import UNKNOWN_LABEL
+from gellight.sensor.lighting.light_watch import LightWatch
+from gellight.sensor.lighting.lock import PhaseLock, Trim
+from gellight.sensor.lighting.timeline import REPEAT_US
+
+logger = logging.getLogger(__name__)
+CLOCK_ERROR_S = 0.001
+"""what the host is assumed to be off about the board's clock when the hold is chosen"""
+EDGES_MISSED = 4
+TRIM_LIGHTS = 4
+"""a trim has taken effect so many lights later"""
+
+
+class LightMode(StrEnum):
+    """What moves the light on."""
+
+    HOLD = "hold"
+    """every `read` shows the next group and waits for a frame of it: always clean, slow"""
+    FREE = "free"
+    """the board's clock, locked to the frames; frames come at the camera's rate and some are mixed"""
+    EXT = "ext"
+    """the strobe of the camera on the trigger pin of the board; no frame need be mixed"""
+
+
+@dataclass
+class LightCounters:
+    """What became of the frames."""
+
+    clean: int = 0
+    mixed: int = 0
+    unknown: int = 0
+    slips: int = 0
+    """the picture showed another light than the times said; such a frame is unknown"""
+    trims: int = 0
+
+
+class SequencedCamera(Camera):
+    """Wraps a camera that has a ring; `read` gives its frames with their label. Closing it closes the camera."""
+
+    def __init__(
+        self, camera: Camera, groups: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], *,
+        mode: LightMode = LightMode.FREE, timing: CameraTiming | None = None, check: ContentCheck | None = None,
+        frames: int | None = None, strobe_edge: Edge = Edge.RISING, strobe_to_end_s: float | None = None,
+    ) -> None:  # fmt: skip
+        """Show `groups` (n, 12, 3) uint8 RGB in turn, `frames` frame periods each (default: the fewest that can do).
+
+        `timing` is by default what `timing_of` tells. `check` compares every frame with the reference images.
+        `strobe_to_end_s` (EXT) is from the edge of the strobe
+        to the end of the last row; default: the strobe's edge is the start of the frame. Raises CameraError without a
+        ring, BoardError where the board refuses, InputError for a number of groups that it cannot hold.
+        """
+        if not 1 <= len(groups) <= protocol.GROUP_COUNT:
+            raise InputError(f"{len(groups)} light groups: the board holds 1 to {protocol.GROUP_COUNT}")
+        if camera.ring is None:
+            raise CameraError(f"{camera.url} has no light ring to run a sequence on: connect the ring's board")
+        self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
+        self.ring = self._ring = camera.ring
+        self.controls, self._camera, self.mode = camera.controls, camera, mode
+        self._timing, self._check = timing or timing_of(camera), check
+        self._groups = [np.asarray(group, np.uint8) for group in groups]
+        error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
+        self.frames = frames or hold_frames(self.timing, locked=True, clock_error_s=error_s)
+        self.counters = LightCounters()
+        self._before, self._next, self._trim = self._ring.still, 0, Trim(0, 0.0)
+        self._trimmed_light = -TRIM_LIGHTS
+        self._lock = PhaseLock(self.timing, frames=self.frames)
+        self._hold = Hold(camera, timing=self.timing, check=check)
+        self._strobe = (
+            strobe_edge,
+            self.timing.duration_s + self.timing.stamp_delay_s if strobe_to_end_s is None else strobe_to_end_s,
+        )
+        self.watch: LightWatch | None = None
+        self._start()
+
+    def _start(self) -> None:
+        if self._ring.status().state == State.RUNNING:
+            raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
+        if self.mode is LightMode.HOLD:
+            return
+        free = self.mode is LightMode.FREE
+        period_s = self._learn_period_s() if free else self.timing.period_s
+        self._lock.dwell_us = max(round(self.frames * period_s * 1e6), protocol.DWELL_MIN_US)
+        self.watch = LightWatch(self._ring, self.timing, **({"plan": self._planned_us} if free else {}))
+        steps = [Step(group=k, dwell_us=self._lock.dwell_us if free else 0) for k in range(len(self._groups))]
+        self._ring.load_sequence(self._groups, steps)
+        if free:
+            self._ring.set_sync(SyncMode.FREE)
+        else:
+            edge, to_end_s = self._strobe
+            margin_s = self.timing.stamp_error_s + CLOCK_ERROR_S + REPEAT_US * 1e-6
+            missed_us = round(EDGES_MISSED * self.frames * self.timing.period_s * 1e6)
+            self._ring.set_sync(SyncMode.EXT, edge=edge, divider=self.frames, timeout_us=missed_us,
+                               delay_us=round((to_end_s + margin_s) * 1e6))  # fmt: skip
+        self._ring.start()
+
+    def _learn_period_s(self) -> float:
+        """Look at some frames: a sequence that is to be locked has to have nearly the camera's period."""
+        while not self._lock.ready:
+            frame = self._camera.read()
+            self._lock.note_frame(frame.sequence, frame.time_s)
+        _, period_s = self._lock.line()
+        replace(self.timing, period_s=period_s)  # refuses an exposure that is longer
+        return period_s
+
+    def _planned_us(self, _last: protocol.LightEvent, event: protocol.LightEvent) -> float | None:
+        """How long after the last light one was to begin; a few lights may have been planned before a trim or after."""
+        if event.light_id <= self._trimmed_light + TRIM_LIGHTS:
+            return None
+        return self._lock.dwell_us * (1 + self._trim.period)
+
+    # ---- a camera like every other ----
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
+        """Return the judge of the camera inside."""
+        return self._camera.selfcheck(pixel_size_mm)
+
+    def read(self) -> CameraFrame:
+        """Return the next frame with its label; what the camera and the board raise comes through."""
+        if self.watch is None:
+            frame = self._hold.expose(self._groups[self._next], self._next)
+            self._next = (self._next + 1) % len(self._groups)
+        else:
+            frame = self._camera.read()
+            timed = self.watch.label(frame.time_s, self.image_shape[0])
+            seen = self._check.label(frame.image) if self._check else None
+            frame = replace(frame, label=self._agree(timed, seen))
+            if self.watch.silenced():
+                self._start_again()
+            elif self.mode is LightMode.FREE:
+                self._steer(frame)
+        assert frame.label is not None
+        setattr(self.counters, frame.label.state, getattr(self.counters, frame.label.state) + 1)
+        return frame
+
+    def _start_again(self) -> None:
+        """Go on after this program was held up for so long that the board ended the sequence."""
+        logger.warning("the board heard nothing from here and ended its sequence (machine busy?); it is started again")
+        self._ring.start()
+        self._trim = Trim(0, 0.0)  # a start forgets the trim
+
+    def _agree(self, timed: LightLabel, seen: LightLabel | None) -> LightLabel:
+        """Let the picture doubt what the times say; it never makes an uncertain frame clean."""
+        if seen is None or seen.state == LightState.UNKNOWN or seen == timed:
+            return timed
+        if timed.state == LightState.CLEAN:
+            self.counters.slips += 1
+            logger.warning("a frame timed as group %s shows %s light (group %s)", timed.group, seen.state, seen.group)
+            return UNKNOWN_LABEL
+        return seen if seen.state == LightState.MIXED else timed
+
+    def _steer(self, frame: CameraFrame) -> None:
+        """Keep the changes of the light between the frames."""
+        assert self.watch is not None
+        self._lock.note_frame(frame.sequence, frame.time_s)
+        changes = self.watch.changes()
+        trim = self._lock.trim(changes[-1].latched_s, self.watch.clock.drift) if changes else None
+        if trim is not None:
+            self._trimmed_light = changes[-1].light_id
+            self._ring.trim(phase_us=trim.phase_us, period=trim.period)
+            self._trim = trim
+            self.counters.trims += 1
+
+    @property
+    def timing(self) -> CameraTiming:
+        """Exposure, readout and period that the labels go by."""
+        return self._timing
+
+    def stop(self) -> None:
+        """End the sequence and give back the light of before (dark if there was none); the camera stays open."""
+        if self.watch is not None:
+            self.watch.close()
+        self._ring.blank()
+        if self._before is not None:
+            self._ring.wait_for_light(self._ring.set_leds(self._before).light_id)
+
+    def close(self) -> None:
+        """Close the camera, with its LEDs dark."""
+        self._camera.close()

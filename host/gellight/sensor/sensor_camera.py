@@ -1,0 +1,251 @@
+"""A real sensor: its camera set and its ring lit as the calibration bundle says, found again after it was unplugged.
+
+What is read is always from the sensor that was opened first, known by its serial number or else its USB port, and was
+exposed after its ring was lit. While the sensor is away, `read` raises ReconnectingError and looks for it; frames go on
+with rising sequence numbers, so nothing that was taken before is ever taken for new.
+"""
+
+import logging
+import os
+import threading
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+from gellight.base.errors import BoardError, CameraError, GellightError, InputError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.camera import Camera, CameraControls, ReconnectingError
+from gellight.frames.frames import CameraFrame
+from gellight.frames.timing import CameraTiming
+from gellight.sensor.connection import Connection, Setup, Surroundings
+from gellight.sensor.discovery import Discovery, Node, Sensor
+from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
+from gellight.sensor.v4l2.kernel import LinuxKernel
+from gellight.sensor.v4l2.options import CaptureOptions, parse_url
+from gellight.sensor.v4l2.stream import Counts
+
+logger = logging.getLogger(__name__)
+
+LOOK_S = 0.5
+"""so long one `read` looks for a sensor that is away"""
+RETRY_S = 0.1
+
+
+@dataclass(frozen=True)
+class Absence:
+    """Since when, and why, a sensor is away."""
+
+    since_s: float
+    why: str
+
+
+class SensorCamera(Camera):
+    """The camera of a real sensor, with its ring where it has one; closing it makes the LEDs dark."""
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        options: CaptureOptions | None = None,
+        *,
+        calibration: Calibration | None = None,
+        url: str,
+        by_serial: bool,
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        """Open `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark.
+
+        `by_serial`: its serial number is its own, so it is found again at any port.
+        """
+        self.url = url
+        self.stage = None
+        self._sensor, self._by_serial = sensor, by_serial
+        self._given = options or CaptureOptions()
+        self._setup = Setup.of(self._given, calibration)
+        self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
+        self._clock = self._surroundings.kernel.clock
+        self._closing = threading.Event()
+        self._past = Counts()
+        self._last, self._reconnections = -1, 0
+        self._absence: Absence | None = None
+        self._connection: Connection | None = None
+        self._connect(sensor)
+
+    def _connect(self, sensor: Sensor) -> None:
+        connection = Connection(sensor, self._setup, url=self.url, around=self._surroundings)
+        self._sensor, self._connection = sensor, connection
+        self.ring = connection.ring
+        self.controls: CameraControls | None = connection.camera.controls
+        self.image_shape = connection.camera.image_shape
+        self._offset = self._last + 1
+        self._first: int | None = None
+
+    def adopt(self, calibration: Calibration) -> None:
+        """Set and light the sensor as another bundle of the same image size says, from now on.
+
+        Frames are of the new light after that; a sensor that is away gets it when it is back. Raises CameraError,
+        BoardError or InputError; then the sensor is set as before, or looked for.
+        """
+        before, self._setup = self._setup, Setup.of(self._given, calibration)
+        connection = self._connection  # the thread that reads may let go of it at any time
+        if connection is None:
+            return
+        try:
+            connection.apply(self._setup)
+        except GellightError:
+            self._setup = before
+            try:
+                connection.apply(before)
+            except GellightError as error:
+                logger.warning("the sensor is not set as before: %s", error)
+            raise
+
+    # ---- reading ----
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When its rows are exposed; None while the sensor is away."""
+        connection = self._connection
+        return connection.camera.timing if connection else None
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        """Return None: nobody knows what was really pressed."""
+
+    def read(self) -> CameraFrame:
+        """Wait for the newest frame that was exposed after the LEDs were lit.
+
+        Raises ReconnectingError while the sensor is away, at once when it goes and then every half second; CameraError
+        after `close`.
+        """
+        if self._connection is None:
+            self._return()
+        if self._closing.is_set() or self._connection is None:
+            self._release()  # it may have come back in the moment in which it was closed
+            raise CameraError(f"camera {self.url} is closed: open it again")
+        try:
+            return self._numbered(self._connection.newest())
+        except (UnpluggedError, StalledError, BoardError) as error:
+            raise self._left(error) from error
+
+    def _numbered(self, frame: CameraFrame) -> CameraFrame:
+        """Continue the numbers of the frames before a reconnection."""
+        if self._first is None:
+            self._first = frame.sequence
+        self._last = self._offset + (frame.sequence - self._first) % 2**32
+        return replace(frame, sequence=self._last)
+
+    # ---- away and back ----
+
+    def _left(self, error: GellightError) -> ReconnectingError:
+        """Let go of the sensor and remember since when and why."""
+        logger.warning("%s", error)
+        self._absence = absence = Absence(self._clock(), str(error))
+        self._release()
+        return self._reconnecting(absence)
+
+    def _reconnecting(self, absence: Absence) -> ReconnectingError:
+        away_s = self._clock() - absence.since_s
+        return ReconnectingError(f"reconnecting to sensor {self._sensor.name} since {away_s:.1f} s: {absence.why}")
+
+    def _return(self) -> None:
+        """Look for the sensor for a while; ReconnectingError if it is not back."""
+        deadline_s = self._clock() + LOOK_S
+        absence = self._absence or Absence(self._clock(), "it was unplugged")
+        while not self._closing.is_set():
+            try:
+                self._connect(self._surroundings.look().again(self._sensor, by_serial=self._by_serial))
+            except GellightError as error:
+                self._absence = absence = replace(absence, why=str(error))
+            else:
+                self._absence, self._reconnections = None, self._reconnections + 1
+                logger.warning("sensor %s is back at USB %s", self._sensor.name, self._sensor.port)
+                return
+            if self._clock() >= deadline_s:
+                raise self._reconnecting(absence)
+            self._surroundings.wait(self._closing, RETRY_S)
+
+    def _release(self) -> None:
+        """Make the LEDs dark and close what is open."""
+        connection, self._connection = self._connection, None
+        self.ring = self.controls = None
+        if connection is not None:
+            self._past = _sum(self._past, connection.camera.counts)
+            connection.close()
+
+    def status(self) -> dict[str, object]:
+        """Return name, connection and counts over all connections, ready for JSON."""
+        connection, absence = self._connection, self._absence
+        camera = connection.camera if connection else None
+        counts = _sum(self._past, camera.counts) if camera else self._past
+        return {
+            "name": self._sensor.name,
+            "node": self._sensor.camera.path,
+            "connection": "reconnecting" if absence else "connected",
+            "reconnecting_s": round(self._clock() - absence.since_s, 2) if absence else None,
+            "why": absence.why if absence else None,
+            "reconnections": self._reconnections,
+            "mode": str(camera.mode) if camera else None,
+            **counts.as_json(),
+        }
+
+    def close(self) -> None:
+        """Make the LEDs dark and close the camera; reading afterwards raises CameraError."""
+        self._closing.set()
+        self._release()
+
+
+def open_sensor(
+    url: str, *, calibration: Calibration | None = None, surroundings: Surroundings | None = None
+) -> SensorCamera:
+    """Open `auto`, `sensor://NAME` or `v4l2:///dev/...`, each with the parameters of `CaptureOptions`.
+
+    Raises CameraError, BoardError or InputError, naming what is there and what to do.
+    """
+    around = surroundings or Surroundings(kernel=LinuxKernel())
+    place, options = parse_url(url)
+    if not place:
+        raise InputError(
+            f"{url} names no sensor: give auto, sensor://NAME or v4l2:///dev/video0; `gellight find` lists all"
+        )
+    found = around.look()
+    if url.startswith("v4l2://"):
+        sensor = _camera_alone(found, place)
+    elif url.startswith("sensor://"):
+        sensor = found.called(place)
+    else:
+        sensor = found.only()
+    _check_ring(found, sensor, options)
+    return SensorCamera(
+        sensor, options, calibration=calibration, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
+    )
+
+
+def _camera_alone(found: Discovery, path: str) -> Sensor:
+    """Return the camera at `path`, without a ring: a v4l2:// URL takes the one it names, or none."""
+    try:
+        return replace(found.of_camera(path), ring=None)
+    except UnpluggedError:
+        if not os.path.exists(path):  # noqa: PTH110  (Path.exists raises for a name that is too long)
+            raise
+    node = Node(path=str(Path(path).resolve()), stable=path, name="", usb=None)  # no camera: opening it will say so
+    return Sensor(camera=node, ring=None)
+
+
+def _check_ring(found: Discovery, sensor: Sensor, options: CaptureOptions) -> None:
+    """Refuse a ring that is named in the URL and belongs to another camera."""
+    named = options.ring
+    for other in found.sensors:
+        if named and other.ring and other.camera.path != sensor.camera.path and _names(named, other):
+            raise CameraError(
+                f"ring and camera are of different sensors: {named} belongs to the camera {other.camera.stable}, not "
+                f"to {sensor.camera.stable}; use sensor://{other.name}, or the ring of this camera"
+            )
+
+
+def _names(ring_url: str, sensor: Sensor) -> bool:
+    assert sensor.ring is not None
+    serial = sensor.ring.usb.serial if sensor.ring.usb else ""
+    by_number = bool(serial) and ring_url in (f"serial://{serial}", f"usb://{serial}")
+    return by_number or str(Path(ring_url).resolve()) == str(Path(sensor.ring.path).resolve())
+
+
+def _sum(one: Counts, other: Counts) -> Counts:
+    return Counts(**{field.name: asdict(one)[field.name] + asdict(other)[field.name] for field in fields(Counts)})

@@ -1,0 +1,189 @@
+"""The checks of `gellight doctor` that open the sensor: board, LEDs, formats, settings, frames as they really come."""
+
+import math
+from collections.abc import Iterator
+from contextlib import closing
+
+import numpy as np
+
+from gellight.base.errors import GellightError
+from gellight.ring.light_ring import LightRing
+from gellight.sensor.connection import Surroundings
+from gellight.sensor.discovery import Sensor
+from gellight.sensor.findings import Finding, failure, ok, problem, warning
+from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.errors import CorruptPictureError
+from gellight.sensor.v4l2.options import CaptureOptions
+from gellight.sensor.v4l2.stamps import cadence
+from gellight.sensor.v4l2.stream import Picture
+from gellight.sensor.v4l2.video_camera import V4l2Camera
+
+ISOCHRONOUS_BYTES_S = 3 * 1024 * 8000
+"""the most that one USB 2 endpoint reserves: three packets of 1024 bytes in each of 8000 microframes"""
+FRAMES = 60
+SETTLE_FRAMES = 6
+"""frames that a camera may take to come regularly after its start, or to show a new light"""
+RATE_TOLERANCE = 0.05
+SEEN_GREY = 2.0
+"""mean grey levels by which the LEDs have to brighten the picture"""
+TEST_BRIGHTNESS = 40
+SLOW_ROUND_TRIP_S = 0.02
+
+
+def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding]:
+    """Open ring and camera and check both; the LEDs are dark in the end."""
+    try:
+        with closing(_camera(sensor, surroundings)) as camera:
+            yield from check_formats(camera)
+            pictures = [camera.picture() for _ in range(SETTLE_FRAMES + FRAMES)][SETTLE_FRAMES:]
+            yield from check_settings(camera)
+            yield check_rate(camera, pictures)
+            yield check_stamps(camera, pictures)
+            yield check_bandwidth(camera, pictures)
+            yield check_losses(camera, pictures)
+            if sensor.ring is not None:
+                with surroundings.open_ring(sensor.ring.path) as ring:
+                    yield check_board(ring)
+                    yield check_ring_clock(ring, surroundings)
+                    yield check_leds(ring, camera)
+    except GellightError as error:
+        yield failure("sensor", error)
+
+
+def _camera(sensor: Sensor, surroundings: Surroundings) -> V4l2Camera:
+    return V4l2Camera(sensor.camera.path, CaptureOptions(), kernel=surroundings.kernel, sysfs=surroundings.sysfs)
+
+
+def check_formats(camera: V4l2Camera) -> Iterator[Finding]:
+    """List what the camera offers; raw pictures at the same rate would be free of JPEG's artefacts."""
+    offered = camera.offers
+    yield ok("formats", "; ".join(str(offer) for offer in offered))
+    mode = camera.mode
+    fitting = [
+        offer for offer in offered if offer.has(mode.width, mode.height) and max(offer.rates, default=0) >= mode.fps
+    ]
+    raw = [offer.letters for offer in fitting if offer.letters in ("YUYV", "RGB3")]
+    if raw and mode.letters == "MJPG":
+        text = f"{raw[0]} comes at {mode.fps:g} fps too, without JPEG's artefacts"
+        yield ok("formats", f"{text}: use ?format={raw[0]} where the camera has its bus for itself")
+
+
+def check_settings(camera: V4l2Camera) -> Iterator[Finding]:
+    """Look whether everything automatic is off and stays off while pictures come."""
+    controls = camera.controls
+    missing = [name for name in ("exposure_us", "gain", "white_balance_k") if name not in controls.names()]
+    if "exposure_us" in missing:
+        yield problem("settings", "the exposure of this camera cannot be fixed", "use another camera")
+    elif missing:
+        yield warning(
+            "settings", f"this camera has no {' and no '.join(missing)}", "use another camera if colours drift"
+        )
+    free = [name for name, locked in controls.locked().items() if not locked]
+    wrong = [str(deviation) for deviation in controls.deviations()]
+    if free or wrong:
+        yield problem("settings", f"not locked: {', '.join(free + wrong)}", "end other programmes that use the camera")
+    elif "exposure_us" not in missing:
+        exposure_ms = controls.read("exposure_us") / 1e3
+        yield ok("settings", f"exposure locked at {exposure_ms:g} ms of a period of {1e3 / camera.mode.fps:.1f} ms")
+
+
+def check_rate(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
+    """Compare the rate that the kernel's time stamps show with the one the camera promised."""
+    fps = 1 / cadence(pictures).period_s
+    text = f"{fps:.2f} frames/s by the kernel's stamps, {camera.mode.fps:g} promised"
+    if abs(fps / camera.mode.fps - 1) > RATE_TOLERANCE:
+        return warning("rate", text, "shorten the exposure, or ask for a rate that the camera keeps with ?fps=")
+    return ok("rate", text)
+
+
+def check_stamps(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
+    """Look how far the time stamps wander: the light of a frame is told by them, within `stamp_error_us`."""
+    found, allowed_s = cadence(pictures), camera.dating.stamp_error_s
+    text = f"jitter of the time stamps {found.wander_s * 1e3:.2f} ms (95 %), at most {found.farthest_s * 1e3:.2f} ms"
+    if found.farthest_s > allowed_s:
+        return warning(
+            "stamps", f"{text}: more than the {allowed_s * 1e3:g} ms that labels of light allow for",
+            "end what keeps the processor busy, use a USB port without a hub, or let labels allow for it with "
+            f"?stamp_error_us={math.ceil(found.farthest_s * 1e4) * 100}",
+        )  # fmt: skip
+    return ok("stamps", text)
+
+
+def check_bandwidth(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
+    """Compare what the pictures take with what USB 2 reserves for one camera at most."""
+    rate = float(np.mean([len(picture.data) for picture in pictures])) * camera.mode.fps
+    text = f"{camera.mode} takes {rate / 1e6:.1f} MB/s, {rate / ISOCHRONOUS_BYTES_S:.0%} of what USB 2 reserves at most"
+    if rate > 0.8 * ISOCHRONOUS_BYTES_S:
+        return warning("bandwidth", text, "no second camera fits on this bus: use format=MJPG for that")
+    return ok("bandwidth", text)
+
+
+def check_losses(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
+    """Look at what was counted while the pictures came, and whether they are whole."""
+    counts, few = camera.counts, FRAMES // 20
+    if counts.wrong_stamps:
+        return problem("clock", f"{counts.wrong_stamps} of {counts.delivered} time stamps cannot be true",
+                       "unload and load uvcvideo without hwtimestamps=1, or use another camera")  # fmt: skip
+    if counts.identical > few:
+        return warning("frames", f"{counts.identical} of {counts.delivered} pictures repeat the one before",
+                       "shorten the exposure or lower the rate: the camera fills gaps with old pictures")  # fmt: skip
+    found = cadence(pictures)
+    if found.left_out > few and found.wander_s < found.period_s / 8:  # else a late picture looks like a missing one
+        return warning("frames", f"{found.left_out} pictures are missing without a gap in the driver's numbers",
+                       "lower the rate or the size, or use another camera: this one leaves pictures out")  # fmt: skip
+    corrupt = sum(not _whole(picture, camera) for picture in pictures)
+    bad = counts.lost + counts.damaged + corrupt + counts.duplicated
+    text = (f"{counts.lost} lost, {counts.damaged} damaged, {corrupt} not whole, {counts.duplicated} duplicated of "
+            f"{counts.delivered + bad - corrupt}")  # fmt: skip
+    if bad > few:
+        return warning("frames", text, "use another cable, another port or no hub")
+    return ok("frames", text)
+
+
+def _whole(picture: Picture, camera: V4l2Camera) -> bool:
+    try:
+        decode(picture.data, camera.mode)
+    except CorruptPictureError:
+        return False
+    return True
+
+
+def check_board(ring: LightRing) -> Finding:
+    """Look at firmware and counters of the board; its protocol was checked when it was opened."""
+    hello, counters = ring.hello, ring.counters()
+    version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
+    return ok("board", f"{hello.unique_id.hex().upper()} with firmware {version}, {counters.packets} packets")
+
+
+def check_ring_clock(ring: LightRing, surroundings: Surroundings) -> Finding:
+    """Measure how long the board takes to answer: light and frames are tied together through it."""
+    times = []
+    for _ in range(20):
+        begun_s = surroundings.kernel.clock()
+        ring.clock()
+        times.append(surroundings.kernel.clock() - begun_s)
+    median_s = float(np.median(times))
+    text = f"the board answers within {median_s * 1e3:.2f} ms (median)"
+    if median_s > SLOW_ROUND_TRIP_S:
+        return warning("clock", text, "use a port of its own: the light of a frame is known less surely")
+    return ok("clock", text)
+
+
+def check_leds(ring: LightRing, camera: V4l2Camera) -> Finding:
+    """Light the ring and look whether the camera sees it."""
+    dark = _mean_grey(camera)
+    reply = ring.set_leds(np.full((12, 3), TEST_BRIGHTNESS, np.uint8))
+    ring.wait_for_light(reply.light_id)
+    lit = _mean_grey(camera)
+    ring.blank()
+    text = (
+        f"the picture is {dark:.1f} grey levels with dark LEDs and {lit:.1f} with all lit at {TEST_BRIGHTNESS} of 255"
+    )
+    if lit - dark < SEEN_GREY:
+        return problem("leds", text, "check the ring's 5 V and data wire, and that this camera looks at this ring")
+    return ok("leds", text)
+
+
+def _mean_grey(camera: V4l2Camera) -> float:
+    frames = [camera.read() for _ in range(SETTLE_FRAMES)]
+    return float(frames[-1].image.mean())

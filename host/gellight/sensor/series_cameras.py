@@ -1,0 +1,270 @@
+"""Cameras that drive the light ring: what they deliver are series of exposures, or frames with a series now and then.
+
+Both wrap the camera of a sensor and stand in for it. The frames that were spent on changing the light are not counted
+as lost: the sequence numbers go on as if the camera had rested meanwhile.
+"""
+
+import logging
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BoardError, CameraError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.camera import Camera, CameraControls, ReconnectingError
+from gellight.frames.frames import CameraFrame
+from gellight.frames.judging import FrameJudge
+from gellight.frames.series import ExposureSeries
+from gellight.frames.timing import CameraTiming
+from gellight.reconstruction.photometric.static_scene import block_means, repetition_limit
+from gellight.ring.light_ring import LightRing
+from gellight.sensor.lighting.hold import MOST_ATTEMPTS, Hold, still_lit
+
+logger = logging.getLogger(__name__)
+EXPOSURE = "exposure_us"
+SETTLING_FRAMES = 4
+"""a camera may show up to so many more frames with the exposure of before"""
+LOOK_EVERY = 5
+"""frames between two looks at whether the scene rests"""
+LOOKS_AT_REST = 3
+"""so many looks in a row without a change are a scene at rest"""
+MEASURE_EVERY_S = 10.0
+"""from the end of one series to the next: what the stream pauses for stays a small share"""
+
+
+class RingCamera(Camera):
+    """A camera that passes everything on to the one it wraps; base of those that light the ring."""
+
+    def __init__(self, camera: Camera, groups: NDArray[np.uint8], *, exposure_us: float | None, frames: int) -> None:
+        """Take over `camera`, and light `groups` (G, 12, 3) uint8 in turn, `frames` of each, exposed `exposure_us`.
+
+        Without `exposure_us` the exposure is left as it is. Raises CameraError for a camera without a light ring.
+        """
+        if camera.ring is None:
+            raise CameraError(
+                f"{camera.url} has no light ring that can be driven, and photometric stereo needs one light after the "
+                "other: connect the ring's board, or use --mode network"
+            )
+        self._camera = camera
+        self._groups = groups
+        self._frames = frames
+        self._bright_us = exposure_us
+        self._skipped = 0
+        self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
+
+    @property
+    def ring(self) -> LightRing | None:  # type: ignore[override]  # another one after the sensor was unplugged
+        """The ring of the camera inside."""
+        return self._camera.ring
+
+    @property
+    def controls(self) -> CameraControls | None:  # type: ignore[override]  # as the ring
+        """The controls of the camera inside."""
+        return self._camera.controls
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When the camera inside exposes its rows."""
+        return self._camera.timing
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside."""
+        return self._camera.status()
+
+    def adopt(self, calibration: Calibration) -> None:
+        """Let the camera inside go by another bundle."""
+        self._camera.adopt(calibration)
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
+        """Return the judge of the camera."""
+        return self._camera.selfcheck(pixel_size_mm)
+
+    def close(self) -> None:
+        """Close the camera, with the LEDs dark."""
+        self._camera.close()
+
+    def _expose(self, hold: Hold, index: int) -> tuple[CameraFrame, ...]:
+        """Take the frames of one group; the light stays on after the first."""
+        return frames_under(hold, self._camera, self._groups[index], index, self._frames)
+
+    def _set_exposure(self, exposure_us: float | None) -> float | None:
+        """Set it, wait until frames show it, and return what holds now; None where the camera does not tell."""
+        controls = self._camera.controls
+        if controls is None or EXPOSURE not in controls.names():
+            return None
+        if exposure_us is None or abs(exposure_us - controls.read(EXPOSURE)) < 1:
+            return controls.read(EXPOSURE)
+        held = controls.set(EXPOSURE, exposure_us)
+        for _ in range(SETTLING_FRAMES):
+            self._camera.read()
+        return held
+
+    def _numbered(self, frame: CameraFrame) -> int:
+        return frame.sequence - self._skipped
+
+
+class SeriesCamera(RingCamera):
+    """Delivers one series of exposures after the other; the repetition of the first light opens the next series."""
+
+    _hold: Hold | None = None
+    _next: CameraFrame | None = None
+    _exposure_us: float | None = None
+    _taken = 0
+    """series so far, which is how they are numbered"""
+
+    def read(self) -> ExposureSeries:
+        """Take the exposures of all groups; raises what they raise, ReconnectingError while they are away."""
+        try:
+            return self._take()
+        except (BoardError, ReconnectingError):
+            self._hold = self._next = None  # what they knew of the light is over
+            self._camera.read()  # while the sensor is away this says so; else the ring alone has failed
+            raise
+
+    def _take(self) -> ExposureSeries:
+        hold = self._begun()
+        first = (self._next,) if self._next and self._frames == 1 else self._expose(hold, 0)
+        opening = first[0]
+        frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
+        self._next = closing = hold.expose(self._groups[0], 0)
+        self._taken += 1
+        return as_series(opening, closing, frames, self._groups, number=self._taken, exposure_us=self._exposure_us)
+
+    def close(self) -> None:
+        """Give the ring back and close the camera."""
+        hold, self._hold = self._hold, None
+        if hold is not None:
+            hold.__exit__()
+        super().close()
+
+    def _begun(self) -> Hold:
+        if self._hold is None:
+            self._exposure_us = self._set_exposure(self._bright_us)
+            self._hold = Hold(self._camera).__enter__()
+        return self._hold
+
+
+class RestingCamera(RingCamera):
+    """Delivers the frames of its camera, and a series when the scene rests and something touches the gel.
+
+    A series opens and closes with a frame under the light of the stream, by which motion is found out. While it is
+    taken no other frame comes: some two periods of the camera for each exposure.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        groups: NDArray[np.uint8],
+        *,
+        exposure_us: float | None,
+        frames: int,
+        untouched: NDArray[np.float32],
+        noise_grey: float,
+    ) -> None:
+        """As the base; `untouched` (H, W, 3) is the reference image, `noise_grey` that of a pixel of one frame."""
+        super().__init__(camera, groups, exposure_us=exposure_us, frames=frames)
+        self._untouched = _small(untouched)
+        self._limit = repetition_limit(noise_grey) * 2
+        """the picture is thinned out by 2 in both directions, which leaves a quarter of the pixels in a block"""
+        self._seen = self._untouched
+        self._looks_at_rest = 0
+        self._read = 0
+        self._due_s = time.monotonic()
+
+    def read(self) -> CameraFrame:
+        """Return the next frame, or a series; raises what camera and ring raise."""
+        frame = self._camera.read()
+        self._read += 1
+        if self._read % LOOK_EVERY == 0:
+            self._look(frame)
+        if self._looks_at_rest < LOOKS_AT_REST or time.monotonic() < self._due_s:
+            return replace(frame, sequence=self._numbered(frame))
+        series = self._try_series(frame)
+        self._due_s = time.monotonic() + MEASURE_EVERY_S
+        return series
+
+    def _try_series(self, frame: CameraFrame) -> ExposureSeries:
+        try:
+            return self._series(frame)
+        except BoardError:
+            self._camera.read()  # while the sensor is away this says so; else the ring alone has failed
+            raise
+
+    def _look(self, frame: CameraFrame) -> None:
+        small = _small(frame.image)
+        moved = np.abs(small - self._seen).max() > self._limit
+        touched = np.abs(small - self._untouched).max() > self._limit
+        self._seen = small
+        self._looks_at_rest = 0 if moved or not touched else self._looks_at_rest + 1
+
+    def _series(self, opening: CameraFrame) -> ExposureSeries:
+        before = self._set_exposure(None)
+        assert self._camera.ring is not None
+        whole_ring = self._camera.ring.still
+        if whole_ring is None:
+            raise CameraError(f"{self.url} streams without a still light: set one before hybrid mode starts")
+        try:
+            held = self._set_exposure(self._bright_us)
+            with Hold(self._camera) as hold:
+                frames = tuple(self._expose(hold, index) for index in range(len(self._groups)))
+        finally:
+            self._set_exposure(before)
+        with Hold(self._camera) as hold:
+            closing = hold.expose(whole_ring, len(self._groups))
+        number = self._numbered(opening)
+        self._skipped += closing.sequence - opening.sequence
+        return as_series(opening, closing, frames, self._groups, number=number, exposure_us=held)
+
+
+def frames_under(
+    hold: Hold, camera: Camera, group: NDArray[np.uint8], index: int, frames: int
+) -> tuple[CameraFrame, ...]:
+    """Light `group` (12, 3) and take frames wholly under it, of which the first is waited for.
+
+    Raises BoardError where the light does not stay on, and what `Hold.expose` raises.
+    """
+    assert camera.ring is not None
+    for _ in range(MOST_ATTEMPTS):
+        first = hold.expose(group, index)
+        light_id = camera.ring.status().light_id
+        more = tuple(replace(camera.read(), label=first.label) for _ in range(frames - 1))
+        if not more or still_lit(camera.ring, light_id):
+            return first, *more
+        logger.warning("light group %d went out while %d frames of it were taken; they are taken again", index, frames)
+    raise BoardError(
+        f"light group {index} did not stay on for {frames} frames in {MOST_ATTEMPTS} attempts: does another program "
+        "use the ring?"
+    )
+
+
+def as_series(
+    opening: CameraFrame,
+    closing: CameraFrame,
+    frames: tuple[tuple[CameraFrame, ...], ...],
+    groups: NDArray[np.uint8],
+    *,
+    number: int,
+    exposure_us: float | None,
+) -> ExposureSeries:
+    """Put frames together; what the series shows as a camera frame is `opening`, with the sequence number `number`."""
+    return ExposureSeries(
+        image=opening.image,
+        time_s=opening.time_s,
+        sequence=number,
+        source=opening.source,
+        light=opening.light,
+        label=opening.label,
+        truth=opening.truth,
+        groups=groups,
+        frames=frames,
+        opening=replace(opening, sequence=number),
+        closing=closing,
+        exposure_us=exposure_us,
+    )
+
+
+def _small(image: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
+    """(3, H / 16, W / 16) means over blocks of every other pixel."""
+    return block_means(np.ascontiguousarray(np.moveaxis(image[::2, ::2], 2, 0), np.float32))

@@ -1,0 +1,74 @@
+"""What can be wrong with a V4L2 camera, told apart because the cure differs."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from gellight.base.errors import CameraError
+from gellight.base.holders import holders_text
+
+GONE = {errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN}
+_DISTURBED = {errno.EIO, errno.EPROTO, errno.EPIPE, errno.ETIMEDOUT, errno.EILSEQ, errno.EOVERFLOW}
+"""what USB says of a transfer that went wrong"""
+
+
+class UnpluggedError(CameraError):
+    """The camera is no longer there; it may come back."""
+
+
+class StalledError(CameraError):
+    """The camera is there, but no usable frame comes."""
+
+
+class BusyError(CameraError):
+    """Another programme uses the camera."""
+
+
+class DeniedError(CameraError):
+    """The user may not open the camera."""
+
+
+class CorruptPictureError(ValueError):
+    """A picture is not whole; the text says how. It is counted, and the next one taken."""
+
+
+@contextmanager
+def told(path: str, doing: str) -> Iterator[None]:
+    """Turn an OSError of the kernel into the error of this module that says what to do."""
+    try:
+        yield
+    except OSError as error:
+        raise explained(path, doing, error) from error
+
+
+def no_camera(path: str) -> str:
+    """Return the message for a file that is something else."""
+    return f"{path} is no V4L2 camera: `gellight find` lists those that are there"
+
+
+def explained(path: str, doing: str, error: OSError) -> CameraError:
+    """Return the error that belongs to an errno."""
+    if error.errno == errno.ENOENT:
+        return UnpluggedError(f"no camera at {path}: plug it in, or let `gellight find` list what is there")
+    if error.errno in GONE:
+        return UnpluggedError(f"the camera at {path} was unplugged: plug it in again")
+    if error.errno == errno.EISDIR:
+        return CameraError(no_camera(path))
+    if error.errno == errno.EBADF:
+        return CameraError(f"the camera at {path} is closed: open it again")
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return DeniedError(
+            f"you may not use {path} ({os.strerror(error.errno)}): run `sudo gellight install-udev` once, then unplug "
+            "the sensor and plug it in"
+        )
+    if error.errno == errno.EBUSY:
+        return BusyError(f"{path} is in use by {holders_text(path)}: end that programme")
+    if error.errno == errno.ENOSPC:
+        return CameraError(
+            f"the USB bus of {path} has no bandwidth left: use format=MJPG, a lower fps or size, or a port of another "
+            "USB controller than the other cameras"
+        )
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    kind = StalledError if error.errno in _DISTURBED else CameraError
+    return kind(f"{path} fails {doing} ({reason}): unplug the sensor and plug it in, then try `gellight doctor`")

@@ -1,0 +1,193 @@
+"""What a camera offers, and the choice from it: pixel format, size, frame rate."""
+
+import errno
+from collections.abc import Callable, Iterator, Sequence
+from ctypes import Structure
+from dataclasses import dataclass, replace
+
+from gellight.base.errors import CameraError
+from gellight.sensor.v4l2 import structures as v
+
+Ask = Callable[[int, Structure], None]
+"""an ioctl on one open device; raises OSError"""
+
+DECODABLE = ("MJPG", "YUYV", "RGB3", "GREY")
+"""in order of preference: MJPG lets several sensors share one bus, and grey cannot tell the lights apart"""
+USUAL_FPS = 30.0
+RATE_TOLERANCE = 0.01
+"""share by which a rate may differ from the one that is asked for"""
+_TOO_MANY = 4096
+
+
+@dataclass(frozen=True, kw_only=True)
+class Offer:
+    """One pixel format in one size, or in a range of sizes, with its frame rates."""
+
+    letters: str
+    width: int
+    height: int
+    """the largest, where a range is offered"""
+    rates: tuple[float, ...]
+    """frames per second, highest first; empty where the camera does not tell"""
+    smallest: tuple[int, int] | None = None
+    """(width, height) of the smallest, where a range is offered"""
+    step: tuple[int, int] = (1, 1)
+    any_rate: bool = False
+    """every rate between the highest and the lowest is offered, not these two alone"""
+
+    def has(self, width: int, height: int) -> bool:
+        """Whether it comes in this size."""
+        if self.smallest is None:
+            return (width, height) == (self.width, self.height)
+        inside = self.smallest[0] <= width <= self.width and self.smallest[1] <= height <= self.height
+        return (
+            inside and not (width - self.smallest[0]) % self.step[0] and not (height - self.smallest[1]) % self.step[1]
+        )
+
+    def rate_near(self, fps: float) -> float:
+        """Return the offered rate nearest to `fps`; `fps` itself where the camera does not tell its rates."""
+        if not self.rates:
+            return fps
+        if self.any_rate:
+            return min(max(fps, self.rates[-1]), self.rates[0])
+        return min(self.rates, key=lambda rate: abs(rate - fps))
+
+    def __str__(self) -> str:
+        """In words: MJPG 640x480 at 30, 15 fps."""
+        first = f"{self.smallest[0]}x{self.smallest[1]} to " if self.smallest else ""
+        rates = (" to " if self.any_rate else ", ").join(f"{rate:g}" for rate in self.rates) or "?"
+        return f"{self.letters} {first}{self.width}x{self.height} at {rates} fps"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What is asked of a camera; None leaves it to the choice."""
+
+    width: int | None = None
+    height: int | None = None
+    letters: str | None = None
+    fps: float | None = None
+
+    def __str__(self) -> str:
+        """In words."""
+        size = f"{self.width}x{self.height}" if self.width else "any size"
+        return f"{self.letters or ' or '.join(DECODABLE)} {size}" + (f" at {self.fps:g} fps" if self.fps else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode:
+    """What a camera is set to."""
+
+    letters: str
+    width: int
+    height: int
+    fps: float
+    line_bytes: int = 0
+    """of a picture line in memory; 0 for compressed pictures"""
+
+    def __str__(self) -> str:
+        """In words."""
+        return f"{self.letters} {self.width}x{self.height} at {self.fps:g} fps"
+
+
+def offers(ask: Ask) -> tuple[Offer, ...]:
+    """List everything the camera offers, in its own order."""
+    return tuple(
+        offer
+        for letters in _pixel_formats(ask)
+        for size in _sizes(ask, letters)
+        for offer in [_with_rates(ask, letters, size)]
+    )
+
+
+def choose(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> tuple[Offer, Mode]:
+    """Return the best offer that is what was wanted; CameraError lists what is offered where none is."""
+    fitting = [
+        (offer, mode)
+        for offer in offered
+        if offer.letters in ([wanted.letters] if wanted.letters else DECODABLE)
+        for mode in [_mode_of(offer, wanted)]
+        if mode is not None
+    ]
+    if not fitting or (wanted.letters or DECODABLE[0]) not in DECODABLE:
+        raise CameraError(not_offered(offered, wanted, path=path))
+    usual = wanted.fps or USUAL_FPS
+    return min(fitting, key=lambda pair: (_rank(pair[1].letters), -_area(pair[1]) if not wanted.width else 0,
+                                          abs(pair[1].fps - usual)))  # fmt: skip
+
+
+def not_offered(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> str:
+    """Return the message that lists what a camera offers instead."""
+    usable = "; ".join(str(offer) for offer in offered if offer.letters in DECODABLE)
+    other = ", ".join(sorted({offer.letters for offer in offered} - set(DECODABLE)))
+    listed = usable or "nothing that can be decoded"
+    return (
+        f"{path} does not offer {wanted}; it offers {listed}{f' (and {other}, not decoded)' if other else ''}: choose "
+        "one of these with ?width=&height=&format=&fps=, and the calibration bundle that was made with it"
+    )
+
+
+def _rank(letters: str) -> int:
+    return DECODABLE.index(letters)
+
+
+def _area(mode: Mode) -> int:
+    return mode.width * mode.height
+
+
+def _mode_of(offer: Offer, wanted: Wanted) -> Mode | None:
+    width, height = wanted.width or offer.width, wanted.height or offer.height
+    if not offer.has(width, height):
+        return None
+    fps = offer.rate_near(wanted.fps or USUAL_FPS) if wanted.fps or offer.rates else 0.0
+    if wanted.fps and abs(fps - wanted.fps) > RATE_TOLERANCE * wanted.fps:
+        return None
+    return Mode(letters=offer.letters, width=width, height=height, fps=fps)
+
+
+def _entries(ask: Ask, request: int, entry: Callable[[int], Structure]) -> Iterator[Structure]:
+    """Yield the entries of a list that the kernel numbers and ends with EINVAL (ENOTTY: it has no such list)."""
+    for index in range(_TOO_MANY):
+        found = entry(index)
+        try:
+            ask(request, found)
+        except OSError as error:
+            if error.errno in (errno.EINVAL, errno.ENOTTY):
+                return
+            raise
+        yield found
+
+
+def _pixel_formats(ask: Ask) -> list[str]:
+    described = _entries(ask, v.ENUM_FMT, lambda index: v.FormatDescription(index=index, type=v.CAPTURE))
+    return [v.fourcc(entry.pixelformat) for entry in described]
+
+
+def _sizes(ask: Ask, letters: str) -> list[Offer]:
+    code = v.code_of(letters)
+    found = []
+    for entry in _entries(ask, v.ENUM_FRAMESIZES, lambda index: v.FrameSize(index=index, pixel_format=code)):
+        values = list(entry.size.values)
+        if entry.type == v.FRAME_DISCRETE:
+            found.append(Offer(letters=letters, width=values[0], height=values[1], rates=()))
+        else:
+            low_x, high_x, step_x, low_y, high_y, step_y = values
+            found.append(Offer(letters=letters, width=high_x, height=high_y, rates=(), smallest=(low_x, low_y),
+                               step=(max(step_x, 1), max(step_y, 1))))  # fmt: skip
+            break  # a range is the only entry, whatever is asked for further
+    return found
+
+
+def _with_rates(ask: Ask, letters: str, size: Offer) -> Offer:
+    code, rates, any_rate = v.code_of(letters), set(), False
+    for entry in _entries(
+        ask, v.ENUM_FRAMEINTERVALS,
+        lambda index: v.FrameInterval(index=index, pixel_format=code, width=size.width, height=size.height),
+    ):  # fmt: skip
+        values = list(entry.values)
+        any_rate = entry.type != v.FRAME_DISCRETE
+        intervals = [values[:2], values[2:4]] if any_rate else [values[:2]]
+        rates |= {round(below / above, 3) for above, below in intervals if above and below}
+        if any_rate:
+            break  # a range is the only entry, whatever is asked for further
+    return replace(size, rates=tuple(sorted(rates, reverse=True)), any_rate=any_rate)

@@ -1,0 +1,117 @@
+"""When a picture's exposure began, from what the driver's time stamp means.
+
+What a stamp means differs:
+
+- `start`: the stamp is the start of the exposure. Drivers of sensors say so by a flag, and uvcvideo with hardware time
+  stamps (its module parameter `hwtimestamps`), which come from the camera's own clock.
+- `first packet`: uvcvideo says the same by flag, but stamps the first USB packet of the picture. A rolling shutter
+  sends its first row when that row's exposure has ended, so the exposure began one exposure earlier, or `delay_us` more
+  where the camera compresses or stores the picture first.
+- `end`: the stamp is the end of the frame: one readout and one exposure after its start.
+- `arrival`: no stamp that can be true; the time at which the picture was taken from the driver stands in for `end`.
+
+`delay_us` and `readout_us` are not known to the driver: they are measured against the light ring. Without them the
+delay is taken as 0, and the readout as a whole frame period where it is needed. How far a stamp may be off is
+`stamp_error_us`; `cadence` shows what stamps really do.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gellight.frames.timing import CameraTiming
+from gellight.sensor.v4l2.stream import Picture
+
+STAMP_ERROR_S = 0.002
+"""of a stamp whose meaning is known, where nothing else is said: scheduling of the USB and of the interrupt"""
+START, FIRST_PACKET, END, ARRIVAL = "start", "first packet", "end", "arrival"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How to get from a stamp to the start of the exposure of the first row."""
+
+    hardware_stamps: bool
+    """a stamp that is said to be the start of the exposure is that, not the first packet"""
+    period_s: float
+    exposure_s: float | None = None
+    """None where the camera does not tell: then a whole period is taken, the longest it can be"""
+    delay_s: float | None = None
+    """None where it was not measured: then 0 is taken, the shortest it can be"""
+    readout_s: float | None = None
+    """None where it was not measured: then a whole period is taken, the longest it can be"""
+    stamp_error_s: float = STAMP_ERROR_S
+    """that a stamp may be off by, either way"""
+
+    def meaning(self, picture: Picture) -> str:
+        """Return what the stamp of a picture means."""
+        if not picture.stamp_is_sound:
+            return ARRIVAL
+        if not picture.stamp_is_start:
+            return END
+        return START if self.hardware_stamps else FIRST_PACKET
+
+    def start_s(self, picture: Picture) -> float:
+        """Return when the exposure of the first row began, s on the clock of `time.monotonic`."""
+        exposure_s = self.period_s if self.exposure_s is None else self.exposure_s
+        readout_s = self.period_s if self.readout_s is None else self.readout_s
+        delay_s = self.delay_s or 0.0
+        meaning = self.meaning(picture)
+        if meaning == START:
+            return picture.stamp_s - delay_s
+        if meaning == FIRST_PACKET:
+            return picture.stamp_s - exposure_s - delay_s
+        end_s = picture.stamp_s if meaning == END else picture.arrived_s
+        return end_s - readout_s - exposure_s - delay_s
+
+    def for_light(self) -> CameraTiming:
+        """Return what the labels of frames go by: a whole period of doubt for each time that was not measured.
+
+        Cameras hold a picture back for at most about a period; a camera that stamps the start needs no delay.
+        """
+        unknown = [self.exposure_s, self.readout_s, 0.0 if self.hardware_stamps else self.delay_s].count(None)
+        return CameraTiming(
+            exposure_s=self.period_s if self.exposure_s is None else self.exposure_s,
+            readout_s=self.period_s if self.readout_s is None else self.readout_s,
+            period_s=self.period_s,
+            stamp_error_s=self.stamp_error_s + unknown * self.period_s,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cadence:
+    """How regularly the stamps of a camera come."""
+
+    period_s: float
+    """the usual one"""
+    wander_s: float
+    """95 % of the stamps are at most so far from a steady rate"""
+    farthest_s: float
+    """all of them are"""
+    left_out: int
+    """pictures that are missing between stamps although the driver numbered the others without a gap"""
+
+
+def cadence(pictures: Sequence[Picture]) -> Cadence:
+    """Compare the stamps of at least two pictures with the steady rate that fits them best (least squares)."""
+    stamps_s = np.array([picture.stamp_s for picture in pictures])
+    steps = np.maximum(np.diff([picture.sequence for picture in pictures]), 1)
+    period_s = max(float(np.median(np.diff(stamps_s) / steps)), 1e-6)
+    periods = np.maximum(np.rint(np.diff(stamps_s) / period_s), steps)
+    places = np.concatenate([[0.0], np.cumsum(periods)])
+    off_s = np.abs(stamps_s - np.polyval(np.polyfit(places, stamps_s, 1), places))
+    return Cadence(period_s=period_s, wander_s=float(np.percentile(off_s, 95)), farthest_s=float(off_s.max()),
+                   left_out=int((periods - steps).sum()))  # fmt: skip
+
+
+def hardware_stamps(driver: str, *, sysfs: Path = Path("/sys")) -> bool:
+    """Whether a stamp of `driver` that is said to be the start of the exposure is taken at its word."""
+    if driver != "uvcvideo":
+        return True
+    try:
+        setting = (sysfs / "module/uvcvideo/parameters/hwtimestamps").read_text().strip()
+    except OSError:
+        return False
+    return setting not in ("0", "N")

@@ -1,0 +1,142 @@
+"""The camera of `v4l2://`: the newest picture, decoded, with the time at which its exposure began."""
+
+from pathlib import Path
+
+from gellight.base.errors import CameraError
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame
+from gellight.frames.timing import CameraTiming
+from gellight.sensor.v4l2.controls import V4l2Controls
+from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.device import Device
+from gellight.sensor.v4l2.errors import CorruptPictureError, StalledError
+from gellight.sensor.v4l2.formats import Offer
+from gellight.sensor.v4l2.kernel import Kernel
+from gellight.sensor.v4l2.options import CaptureOptions, parse_url
+from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, Timing, hardware_stamps
+from gellight.sensor.v4l2.stream import BAD_LIMIT, Picture
+
+FIRST_FRAME_S = 5.0
+STALL_S = 2.0
+"""so long without a picture is a stall, or ten frame periods, if that is longer"""
+
+
+class V4l2Camera(Camera):
+    """A V4L2 camera with everything automatic switched off; it neither reconnects nor drives light."""
+
+    controls: V4l2Controls
+
+    def __init__(
+        self,
+        path: str,
+        options: CaptureOptions | None = None,
+        *,
+        shape: tuple[int, int] | None = None,
+        url: str | None = None,
+        kernel: Kernel | None = None,
+        sysfs: Path = Path("/sys"),
+    ) -> None:
+        """Open, set and start the camera at `path`.
+
+        `shape` (H, W) is what a calibration bundle was made with; `options` are stronger. Raises CameraError and its
+        children of `v4l2.errors`, and InputError for a control out of range.
+        """
+        self.url = url or f"v4l2://{path}"
+        self.stage = None
+        self.ring = None
+        self._options = options or CaptureOptions()
+        self._device = Device(path, kernel=kernel)
+        try:
+            self.mode = self._device.configure(self._options.wanted(shape))
+            self._device.controls.lock(self._options.controls(), power_line_hz=int(self._options.power_line_hz))
+            self._stream = self._device.start(buffers=self._options.buffers)
+        except BaseException:
+            self._device.close()
+            raise
+        self.image_shape = (self.mode.height, self.mode.width)
+        self.controls = self._device.controls
+        self.counts = self._stream.counts
+        self._hardware_stamps = hardware_stamps(self._device.identity.driver, sysfs=sysfs)
+        self._proven = self._closed = False
+
+    @property
+    def path(self) -> str:
+        """The device node."""
+        return self._device.path
+
+    @property
+    def dating(self) -> Timing:
+        """How the start of an exposure follows from a time stamp, as the camera is set now."""
+        error_s = _seconds(self._options.stamp_error_us)
+        return Timing(
+            hardware_stamps=self._hardware_stamps,
+            period_s=1 / self.mode.fps,
+            exposure_s=_seconds(self.controls.exposure_us),
+            delay_s=_seconds(self._options.delay_us),
+            readout_s=_seconds(self._options.readout_us),
+            stamp_error_s=STAMP_ERROR_S if error_s is None else error_s,
+        )
+
+    @property
+    def timing(self) -> CameraTiming:
+        """Exposure, readout and period as they are now, with the doubt about each frame's start."""
+        return self.dating.for_light()
+
+    @property
+    def offers(self) -> tuple[Offer, ...]:
+        """What the camera offers."""
+        return self._device.offers()
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        """Return None: nobody knows what was really pressed."""
+
+    def picture(self) -> Picture:
+        """Wait for the newest picture and return it undecoded; raises as `read` does."""
+        if self._closed:
+            raise CameraError(f"camera {self.url} is closed: open it again")
+        return self._stream.newest(max(STALL_S, 10 / self.mode.fps) if self._proven else FIRST_FRAME_S)
+
+    def read(self) -> CameraFrame:
+        """Wait for the newest whole picture.
+
+        Raises UnpluggedError where the camera went, StalledError where it is there and nothing usable comes, and
+        CameraError where its controls do not stay as they were set.
+        """
+        for _ in range(BAD_LIMIT):
+            picture = self.picture()
+            try:
+                image = decode(picture.data, self.mode)
+            except CorruptPictureError:
+                self.counts.corrupt += 1
+                continue
+            self._prove()
+            time_s = self.dating.start_s(picture)
+            return CameraFrame(image=image, time_s=time_s, sequence=picture.sequence, source=self.url)
+        raise StalledError(
+            f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
+        )
+
+    def _prove(self) -> None:
+        """Look once, when pictures come, whether the controls hold: some cameras reset them as they start."""
+        if not self._proven:
+            self.controls.verify()
+            self._proven = True
+
+    def status(self) -> dict[str, object]:
+        """Return mode, card and counts, ready for JSON."""
+        return {"mode": str(self.mode), "card": self._device.identity.card, **self.counts.as_json()}
+
+    def close(self) -> None:
+        """Stop and close; reading afterwards raises CameraError."""
+        self._closed = True
+        self._device.close()
+
+
+def open_v4l2(url: str, *, kernel: Kernel | None = None) -> V4l2Camera:
+    """Open the camera of a `v4l2://` URL, without reconnection or light; raises as `V4l2Camera` does."""
+    path, options = parse_url(url)
+    return V4l2Camera(path, options, url=url, kernel=kernel)
+
+
+def _seconds(microseconds: float | None) -> float | None:
+    return None if microseconds is None else microseconds * 1e-6

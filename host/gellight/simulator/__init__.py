@@ -1,0 +1,10 @@
+"""The sensor that needs no hardware: a gel computed by `sim_reference`, lit by the emulated board.
+
+simulated_camera.py    the camera of sim://, and the stage that presses objects
+simulated_controls.py  its exposure, gain and white balance
+scene.py               what it looks at, computed once for a press
+shutter.py             a rolling shutter under pulsed LEDs
+selfcheck.py           the host judged by the simulator
+virtual_hand.py        presses for the user in a calibration
+usb/                   the same sensor as a USB device that a Linux kernel takes for real
+"""

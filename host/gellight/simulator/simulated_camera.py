@@ -1,0 +1,326 @@
+"""The simulated sensor: a camera that looks at a simulated gel, and a stage on which objects are pressed into it.
+
+`sim://` opens it. What it shows is computed by the reference simulator: the gel's deformation by elastic contact, its
+picture under the ring of LEDs with shadows, then the camera's crosstalk, gamma, noise and 8 bit. The ring is lit by the
+firmware's very image, emulated: what its data pin says, pulsed and seen by a rolling shutter. Frames come at the
+camera's rate while the scene rests; a scene that changes takes as long as it takes to compute, and the frames carry the
+time at which it was ready, so their age is true.
+
+Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board); and what makes one
+sensor differ from another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
+the LEDs' brightness, as a share), `dim` (all LEDs darker by this share).
+"""
+
+import itertools
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from gellight.base.allowed import query_of
+from gellight.base.errors import CameraError, ConfigError, InputError
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.emulator.waveform import LED_COUNT
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import open_transport
+from gellight.simulator.scene import Array, Press, Scene
+from gellight.simulator.selfcheck import SelfCheck
+from gellight.simulator.shutter import Shutter, row_weights
+from gellight.simulator.simulated_controls import SimulatedControls
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
+
+RETURN_FRAMES = 300
+"""so long after a visitor's last touch the programme goes on"""
+
+
+PROGRAMME = (
+    Press("BALL", 1.0, 0.0, 0.0),
+    Press("BALL", 1.5, -9.0, 4.0),
+    Press("TSTEP", 0.8, 0.0, 0.0),
+    Press("BALL", 0.7, 10.0, -5.0),
+    Press("SINWAVE", 0.9, 0.0, 0.0),
+    Press("CCONVEX", 0.9, 0.0, 0.0),
+)
+
+
+def programme_of_presses() -> Iterator[Press | None]:
+    """Yield what a virtual hand does in each frame, for ever: press in, hold, release, pause."""
+    for press in itertools.cycle(PROGRAMME):
+        steps = np.linspace(0, 1, 6)[1:]
+        ramp = [replace(press, depth_mm=round(float(press.depth_mm * step), 3)) for step in steps]
+        yield from (step for step in ramp for _ in range(2))
+        yield from itertools.repeat(press, 90)
+        yield from (step for step in reversed(ramp[:-1]) for _ in range(2))
+        yield from itertools.repeat(None, 15)
+
+
+class Stage:
+    """Presses objects into the gel, on behalf of a visitor or of the programme."""
+
+    objects: tuple[str, ...] = OBJECT_NAMES
+    probes: tuple[str, ...] = PROBE_NAMES
+    """pressed as objects are, to calibrate"""
+
+    def __init__(self, geometry: SensorGeometry, *, programme: bool = True) -> None:
+        """Start with nothing in the gel; `programme` lets the virtual hand play while no visitor presses."""
+        self._geometry = geometry
+        self._lock = threading.Lock()
+        self._wanted: Press | None = None
+        self._programme = programme_of_presses() if programme else None
+        self._frames_until_programme = 0
+
+    @property
+    def max_depth_mm(self) -> float:
+        """Deepest press offered: the elastic layer is a small-strain model."""
+        return 0.4 * self._geometry.gel_thickness_mm
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Press `object_name` `depth_mm` into the gel at (x, y) from the image centre, until told otherwise.
+
+        Raises InputError for an unknown object, a depth outside 0..max_depth_mm, or a place off the gel.
+        """
+        self._want(self._checked(object_name, depth_mm, x_mm, y_mm))
+
+    def hold(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Press for good: no programme plays afterwards. Raises as `press` does."""
+        self._want(self._checked(object_name, depth_mm, x_mm, y_mm))
+        self._programme = None
+
+    def _checked(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> Press | None:
+        known = self.objects + self.probes
+        if object_name not in known:
+            raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
+        if not 0 <= depth_mm <= self.max_depth_mm:
+            raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
+        if not hypot(x_mm, y_mm) <= self._geometry.gel_diameter_mm / 2:
+            raise InputError(
+                f"a press at ({x_mm}, {y_mm}) mm is off the gel: stay within "
+                f"{self._geometry.gel_diameter_mm / 2:g} mm of the centre"
+            )
+        return Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None
+
+    def release(self) -> None:
+        """Lift the object off the gel."""
+        self._want(None)
+
+    def take_over(self) -> None:
+        """Lift the object; no programme plays afterwards."""
+        self._want(None)
+        self._programme = None
+
+    def status(self) -> dict[str, object]:
+        """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays)."""
+        with self._lock:
+            press, visitor = self._wanted, self._frames_until_programme > 0
+        shown = press or Press("", 0.0)
+        return {
+            "object": shown.object_name,
+            "depth_mm": shown.depth_mm,
+            "x_mm": shown.x_mm,
+            "y_mm": shown.y_mm,
+            "visitor": visitor,
+        }
+
+    def next_press(self) -> Press | None:
+        """Return what is in the gel during the next frame."""
+        with self._lock:
+            if self._frames_until_programme > 0:
+                self._frames_until_programme -= self._wanted is None
+            elif self._programme is not None:
+                self._wanted = next(self._programme)
+            return self._wanted
+
+    def _want(self, press: Press | None) -> None:
+        with self._lock:
+            self._wanted = press
+            self._frames_until_programme = RETURN_FRAMES
+
+
+class SimulatedCamera(Camera):
+    """A camera on the simulated gel; a context manager like every camera."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        stage: Stage,
+        *,
+        ring: LightRing | None = None,
+        url: str = "sim://",
+        fps: float = 30.0,
+        seed: int = 0,
+    ) -> None:
+        """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
+
+        `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
+        steady.
+        """
+        self.url = url
+        self.stage = stage
+        self.image_shape = scene.geometry.image_shape
+        self._scene = scene
+        self.ring = ring
+        self._shutter = Shutter()
+        self._response = scene.response
+        self._judges: list[SelfCheck] = []
+        self.controls = SimulatedControls(self._take_controls)
+        self._period_s = 1 / fps
+        self._rng = np.random.default_rng(seed)
+        self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
+        self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
+        self._sequence = 0
+        self._due_s = time.monotonic()
+        self._closed = False
+
+    def close(self) -> None:
+        """Stop, with the LEDs dark; `read` raises CameraError from now on."""
+        self._closed = True
+        if self.ring is not None:
+            self.ring.close()
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
+        """Return the judge of what is reconstructed from these frames: the simulator that made them."""
+        scene = self._scene
+        judge = SelfCheck(scene.geometry, scene.response, pixel_size_mm, led_gain=scene.led_gain)
+        self._judges.append(judge)
+        return judge
+
+    def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
+        """Expose for so long from the next frame on, each channel amplified; the noise is amplified with it."""
+        base = self._response
+        ratio = exposure_us / Shutter().exposure_us
+        rows = np.array(base.crosstalk) * np.array(channel_gain)[:, None]
+        self._scene.response = replace(
+            base,
+            exposure=base.exposure * ratio,
+            crosstalk=tuple(tuple(row) for row in rows.tolist()),
+            noise_grey=base.noise_grey * channel_gain[1],
+        )
+        self._shutter = replace(self._shutter, exposure_us=exposure_us)
+        for judge in self._judges:
+            judge.response = self._scene.response
+
+    def read(self) -> CameraFrame:
+        """Wait until the next frame is due, expose it and return it with its truth."""
+        if self._closed:
+            raise CameraError(f"{self.url} is closed: open it again")
+        press = self.stage.next_press()
+        self._scene.prepare(press)
+        self._due_s = max(self._due_s + self._period_s, time.monotonic())
+        time.sleep(max(self._due_s - time.monotonic(), 0.0))
+        begun_s = time.monotonic() - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+        weights, colours = self._light_since(begun_s)
+        grey, truth = self._look(press, weights)
+        image = digitise(grey, self._scene.response.noise_grey, self._rng)
+        self._sequence += 1
+        return CameraFrame(
+            image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours, truth=truth
+        )
+
+    def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8]]:
+        """(12, 3) or (H, 12, 3) light of the exposure that began then, and the colours that were latched then."""
+        if self.ring is None:
+            return self._scene.light, np.round(self._scene.light * 255).astype(np.uint8)
+        source = self.ring.transport
+        assert isinstance(source, SimulatedBoard)
+        if not source.running:
+            raise CameraError(f"{self.url}: the board of the light ring is gone, and the gel is dark: start again")
+        start_us = source.virtual_us(begun_s)
+        lights = source.light_during(start_us - self._shutter.pulse_period_us, start_us + self._shutter.duration_us)
+        weights = row_weights(lights, start_us, self.image_shape[0], self._phases_us, self._shutter)
+        same = np.ptp(weights, axis=0).max() < 1e-9
+        return (weights[0] if same else weights), source.light_at(start_us)
+
+    def _look(self, press: Press | None, light: Array) -> tuple[NDArray[np.float32], GroundTruth]:
+        key = light.round(9).tobytes() + repr(self._scene.response).encode()
+        if self._shown is None or self._shown[:2] != (press, key):
+            grey, surface = self._scene.show(press, light)
+            truth = GroundTruth(
+                depth_mm=surface.depth_mm.astype(np.float32, copy=False),
+                gradient_map=surface.gradient_map.astype(np.float32, copy=False),
+                contact=surface.contact,
+            )
+            self._shown = press, key, grey, truth
+        return self._shown[2], self._shown[3]
+
+
+class SimulatedUrl(BaseModel):
+    """The parameters of a `sim://` URL."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
+
+    fps: float = Field(30.0, gt=0, le=1000)
+    seed: int = Field(0, ge=0)
+    noise: float = Field(1.0, ge=0, le=50)
+    object_name: str = Field("", alias="object")
+    depth: float = Field(0.0, ge=0)
+    x: float = 0.0
+    y: float = 0.0
+    programme: bool = True
+    board: bool = True
+    crosstalk: float = Field(0.1, ge=0, le=0.5)
+    led_spread: float = Field(0.0, ge=0, le=0.5)
+    dim: float = Field(0.0, ge=0, le=0.9)
+
+    def response(self) -> CameraResponse:
+        """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
+        plain = CameraResponse(noise_grey=self.noise)
+        others = np.array(plain.crosstalk) * (1 - np.eye(3)) * (self.crosstalk / 0.1)
+        own = np.diag(1 - others.sum(axis=1))
+        rows = (others + own).tolist() if self.crosstalk != 0.1 else plain.crosstalk
+        return replace(plain, crosstalk=tuple(tuple(row) for row in rows))
+
+    def led_gain(self, count: int) -> Array:
+        """Return (count,) brightness of each LED as a share of the nominal: dimmed, and spread as the seed says."""
+        spread = self.led_spread * np.random.default_rng([self.seed, 2]).standard_normal(count)
+        return np.asarray((1 - self.dim) * np.maximum(1 + spread, 0.0))
+
+
+def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
+    """Open a simulated sensor as `url` says; `geometry` is how it differs from the paper's.
+
+    Raises InputError for a parameter that is unknown or out of range, ConfigError for a sensor that cannot be built.
+    """
+    wanted = query_of(url, SimulatedUrl)
+    sensor = built(geometry or {})
+    stage = Stage(sensor, programme=wanted.programme)
+    if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
+        stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
+    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)))
+    if wanted.board and len(scene.light) != LED_COUNT:
+        raise ConfigError(
+            f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "
+            "give as many led_colours, or use sim://?board=0 for steady light without a board"
+        )
+    ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
+    return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
+
+
+def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
+    """Start a simulated board and light its LEDs with (12, 3) `colours`; returns when they have shone for a while."""
+    # A busy computer may keep the emulator from the processor for a while; a real board always answers.
+    ring = LightRing(open_transport("sim://"), timeout_s=1.0)
+    try:
+        ring.wait_for_light(ring.set_leds(colours).light_id)
+        time.sleep(2 * (Shutter().duration_us + Shutter().transfer_us) * 1e-6)
+    except BaseException:
+        ring.close()
+        raise
+    return ring
+
+
+def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:
+    """Return the paper's sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
+    try:
+        return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
+    except ValueError as error:
+        raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

@@ -1,0 +1,110 @@
+"""The controls of the virtual camera: what a host may set over USB, and what is in force for the next picture."""
+
+import struct
+import threading
+from dataclasses import dataclass
+
+from gellight.base.errors import InputError
+from gellight.simulator.usb.descriptors import CAMERA_UNIT, PROCESSING_UNIT
+
+SET_CURRENT, GET_CURRENT, GET_MINIMUM, GET_MAXIMUM, GET_RESOLUTION, GET_LENGTH, GET_INFO, GET_DEFAULT = (
+    0x01, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87,
+)  # fmt: skip
+READABLE, SETTABLE, DISABLED, CHANGES_ITSELF = 0x01, 0x02, 0x04, 0x08
+MANUAL, APERTURE_PRIORITY = 1, 8
+"""auto exposure modes (UVC 1.1, 4.2.2.1.2)"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Control:
+    """One control as USB Video Class describes it."""
+
+    name: str
+    unit: int
+    selector: int
+    size: int
+    """bytes of its value"""
+    least: int
+    most: int
+    step: int
+    default: int
+    automatic: str = ""
+    """name of the control that takes this one out of the host's hand"""
+
+
+CONTROLS = (
+    Control(name="auto_exposure", unit=CAMERA_UNIT, selector=2, size=1, least=1, most=8, step=9, default=8),
+    Control(name="dynamic_frame_rate", unit=CAMERA_UNIT, selector=3, size=1, least=0, most=1, step=1, default=1),
+    Control(name="exposure_us", unit=CAMERA_UNIT, selector=4, size=4, least=1, most=5000, step=1, default=80,
+            automatic="auto_exposure"),
+    Control(name="gain", unit=PROCESSING_UNIT, selector=4, size=2, least=0, most=112, step=1, default=0),
+    Control(name="power_line", unit=PROCESSING_UNIT, selector=5, size=1, least=0, most=2, step=1, default=1),
+    Control(name="white_balance_k", unit=PROCESSING_UNIT, selector=10, size=2, least=2800, most=6500, step=10,
+            default=4600, automatic="auto_white_balance"),
+    Control(name="auto_white_balance", unit=PROCESSING_UNIT, selector=11, size=1, least=0, most=1, step=1, default=1),
+)  # fmt: skip
+"""units: exposure 100 us, gain 1/16 above one, white balance K, power line 0 off, 1 50 Hz, 2 60 Hz"""
+
+
+class ControlState:
+    """The values in force. Thread-safe: the kernel sets them while a picture is taken."""
+
+    def __init__(self, *, stuck: str = "") -> None:
+        """Begin with the defaults, as after power-on; the control `stuck` takes values and keeps none."""
+        self.stuck = stuck
+        self._values = {control.name: control.default for control in CONTROLS}
+        self._by_address = {(control.unit, control.selector): control for control in CONTROLS}
+        self._lock = threading.Lock()
+
+    @property
+    def stuck(self) -> str:
+        """Name of the control that does not keep what it is set to; "" for none."""
+        return self._stuck
+
+    @stuck.setter
+    def stuck(self, name: str) -> None:
+        names = [control.name for control in CONTROLS]
+        if name and name not in names:
+            raise InputError(f"fault stuck={name!r}: the camera's controls are {', '.join(names)}")
+        self._stuck = name
+
+    def snapshot(self) -> dict[str, int]:
+        """Return all values by name."""
+        with self._lock:
+            return dict(self._values)
+
+    def adjust(self, name: str, value: int) -> None:
+        """Let the camera's own automatic change a value, within its range."""
+        control = next(control for control in CONTROLS if control.name == name)
+        with self._lock:
+            self._values[name] = min(max(value, control.least), control.most)
+
+    def request(self, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
+        """Answer a control request of USB Video Class; None: the device refuses (stalls)."""
+        control = self._by_address.get((unit, selector))
+        if control is None:
+            return None
+        if code == SET_CURRENT:
+            return self._set(control, data)
+        if code == GET_INFO:
+            return bytes((READABLE | SETTABLE | CHANGES_ITSELF,))
+        if code == GET_LENGTH:
+            return struct.pack("<H", control.size)
+        with self._lock:
+            value = {GET_CURRENT: self._values[control.name], GET_MINIMUM: control.least, GET_MAXIMUM: control.most,
+                     GET_RESOLUTION: control.step, GET_DEFAULT: control.default}.get(code)  # fmt: skip
+        return None if value is None else value.to_bytes(control.size, "little")
+
+    def _set(self, control: Control, data: bytes) -> bytes | None:
+        """Take a value; refused like a real camera does: out of range, or held by an automatic."""
+        value = int.from_bytes(data[: control.size], "little")
+        with self._lock:
+            if len(data) < control.size or not control.least <= value <= control.most:
+                return None
+            if control.name == "auto_exposure" and value not in (MANUAL, APERTURE_PRIORITY):
+                return None
+            if control.automatic and self._values[control.automatic] not in (0, MANUAL):
+                return None
+            if control.name != self._stuck:
+                self._values[control.name] = value
+        return b""

@@ -1,0 +1,170 @@
+"""The virtual sensor as a USB device: plugged into a kernel by a socket, unplugged, and plugged in elsewhere."""
+
+import logging
+import re
+import socket
+import struct
+import threading
+from collections.abc import Callable, Mapping
+
+from gellight.base.errors import CameraError, InputError
+from gellight.simulator.usb import descriptors
+from gellight.simulator.usb.body import Body, open_body
+from gellight.simulator.usb.faults import Faults
+from gellight.simulator.usb.link import UnpluggedError, UsbLink
+from gellight.simulator.usb.serial_port import SerialFunction
+from gellight.simulator.usb.usbip import Exported, Urb
+from gellight.simulator.usb.video import VideoFunction, modes_of
+
+logger = logging.getLogger(__name__)
+GET_STATUS, CLEAR_FEATURE, GET_DESCRIPTOR, GET_CONFIGURATION, GET_INTERFACE = 0, 1, 6, 8, 10
+DEVICE, CONFIGURATION, STRING = 1, 2, 3
+STANDARD, CLASS, INTERFACE_RECIPIENT = 0x00, 0x20, 1
+STOP_S = 10.0
+HONEST = Faults()
+
+
+class VirtualSensor:
+    """Camera and ring controller in one USB device. Close it, or use it in a `with` statement."""
+
+    def __init__(self, body: Body, *, serial_number: str, faults: Faults = HONEST) -> None:
+        """Put a body, which it closes in the end, behind a plug that is not in yet."""
+        self.serial_number = checked_serial(serial_number)
+        self.faults = faults
+        self.modes = modes_of(body.camera, body.frame_rate)
+        self._body = body
+        self._link: UsbLink | None = None
+        self._threads: list[threading.Thread] = []
+        self._lock = threading.Lock()
+        self.unplugged = threading.Event()
+        """set while no cable is in"""
+        self.unplugged.set()
+        self._start_functions()
+
+    def _start_functions(self) -> None:
+        self.serial = SerialFunction(self._body.port)
+        self.video = VideoFunction(self._body.camera, self.modes, faults=self.faults, unplug=self.unplug)
+
+    def __enter__(self) -> "VirtualSensor":
+        """Return the sensor."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Pull the plug and switch off."""
+        self.close()
+
+    def exported(self, bus_id: str) -> Exported:
+        """Describe the device to importers."""
+        return Exported(
+            bus_id=bus_id, vendor=descriptors.VENDOR, product=descriptors.PRODUCT, release=descriptors.RELEASE,
+            device_class=descriptors.COMPOSITE, interfaces=descriptors.INTERFACES,
+        )  # fmt: skip
+
+    def inject(self, faults: Faults) -> None:
+        """Behave like this from the next picture on, after a replug too."""
+        self.faults = faults
+        self.video.inject(faults)
+
+    def plug(self, connection: socket.socket, *, greeting: bytes = b"") -> None:
+        """Power up and serve the kernel at the other end of a stream socket, in the background.
+
+        `greeting` is sent first, when the device is ready.
+
+        Raises InputError when the cable is in already, and BoardError when the controller does not start.
+        """
+        with self._lock:
+            if not self.unplugged.is_set():
+                raise InputError(f"the virtual sensor {self.serial_number} is plugged in already: unplug it first")
+            self.unplugged.clear()
+        try:
+            self._body.power_on()
+            connection.sendall(greeting)
+        except BaseException:
+            self._body.power_off()
+            self.unplugged.set()
+            raise
+        self._start_functions()
+        link = self._link = UsbLink(connection)
+        jobs: list[Callable[[], None]] = [
+            lambda: link.run(self._control, lambda urb: self.serial.write(urb.data)),
+            lambda: self.serial.run(link),
+            lambda: self.video.run(link),
+        ]
+        self._threads = [threading.Thread(target=self._work, args=(link, job), daemon=True) for job in jobs]
+        for thread in [*self._threads, threading.Thread(target=self._settle, args=(self._threads,), daemon=True)]:
+            thread.start()
+
+    def unplug(self) -> None:
+        """Pull the plug, in mid-stream too; returns at once, `unplugged` tells when the power is gone."""
+        if self._link is not None:
+            self._link.pull()
+
+    def close(self) -> None:
+        """Pull the plug and switch off for good."""
+        self.unplug()
+        self.unplugged.wait(STOP_S)
+        self._body.close()
+
+    def _work(self, link: UsbLink, job: Callable[[], None]) -> None:
+        try:
+            job()
+        except UnpluggedError:
+            pass
+        except CameraError as error:
+            logger.error("the camera of the virtual sensor %s has failed: %s", self.serial_number, error)
+        finally:
+            link.pull()
+
+    def _settle(self, threads: list[threading.Thread]) -> None:
+        for thread in threads:
+            thread.join()
+        self.serial.close()
+        self._body.power_off()
+        self.unplugged.set()
+
+    # ---- endpoint 0 ----
+
+    def _control(self, urb: Urb) -> bytes | None:
+        """Answer a control transfer; None: stall (USB 2.0, 9.4; UVC 1.1, 4; CDC PSTN 1.2, 6.3)."""
+        kind, code, value, index, _length = struct.unpack("<BBHHH", urb.setup)
+        if kind & 0x60 == STANDARD:
+            return self._standard(code, value, index)
+        if kind & 0x60 != CLASS or kind & 0x1F != INTERFACE_RECIPIENT:
+            return None
+        interface, unit = index & 0xFF, index >> 8
+        if interface == 0:
+            return self.serial.request(code, value, urb.data)
+        return self.video.request(interface, unit, value >> 8, code, urb.data)
+
+    def _standard(self, code: int, value: int, index: int) -> bytes | None:
+        if code == GET_DESCRIPTOR:
+            return self._descriptor(value >> 8, value & 0xFF)
+        if code == CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
+            self.video.stop()
+        return {GET_STATUS: b"\0\0", GET_CONFIGURATION: b"\1", GET_INTERFACE: b"\0"}.get(code, b"")
+
+    def _descriptor(self, kind: int, index: int) -> bytes | None:
+        if kind == DEVICE:
+            return descriptors.device_descriptor()
+        if kind == CONFIGURATION and index == 0:
+            return descriptors.configuration_descriptor(self.modes)
+        return descriptors.string_descriptor(index, self.serial_number) if kind == STRING else None
+
+
+def checked_serial(text: str) -> str:
+    """Return a serial number as the firmware writes it, 16 hexadecimal digits; InputError for anything else."""
+    if not re.fullmatch("[0-9A-Fa-f]{1,16}", text):
+        raise InputError(f"serial number {text!r}: give up to 16 hexadecimal digits, as boards have")
+    return f"{int(text, 16):016X}"
+
+
+def open_virtual(
+    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = HONEST
+) -> VirtualSensor:
+    """Build a virtual sensor around the camera of a URL, `sim://` for the simulated one with its emulated controller.
+
+    Raises what opening that camera raises, and InputError for a serial number that no board has.
+    """
+    number = checked_serial(serial_number)
+    body = open_body(url, unique_id=bytes.fromhex(number), geometry=geometry)
+    return VirtualSensor(body, serial_number=number, faults=faults)

@@ -1,0 +1,135 @@
+"""The camera function of the device (UVC): negotiates, takes pictures while the host streams, and sends them."""
+
+import random
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame
+from gellight.simulator.usb.controls import ControlState
+from gellight.simulator.usb.descriptors import (  # fmt: skip
+    CONTROL_INTERFACE,
+    MJPG,
+    STREAMING_INTERFACE,
+    VIDEO_ENDPOINT,
+    VideoModes,
+)
+from gellight.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
+from gellight.simulator.usb.faults import Faults
+from gellight.simulator.usb.imaging import developed, run_automatics, set_up
+from gellight.simulator.usb.link import UsbLink
+from gellight.simulator.usb.negotiation import HEADER_BYTES, Mode, Negotiation
+
+END_OF_HEADER, ERROR, END_OF_FRAME = 0x80, 0x40, 0x02
+LATENCY_FRAMES = 2
+"""a new value of a control acts on the second picture after it was set, as on sensors that take over registers once a
+frame"""
+IDLE_S = 0.02
+
+
+def modes_of(camera: Camera, frame_rate: float) -> VideoModes:
+    """Return what a camera offers over USB: its size and, binned, half of it; its rate, half and a quarter of it."""
+    height, width = camera.image_shape
+    sizes = [(width, height), (width // 2, height // 2)] if width % 4 == 0 == height % 2 else [(width, height)]
+    return VideoModes(tuple(sizes), tuple(round(1e7 * divider / frame_rate) for divider in (1, 2, 4)))
+
+
+class VideoFunction:
+    """Interfaces 2 and 3. One thread runs it; requests of the host come from another."""
+
+    def __init__(self, camera: Camera, modes: VideoModes, *, faults: Faults, unplug: Callable[[], None]) -> None:
+        """Offer `camera` in `modes`; `unplug` pulls the cable where a fault wants it."""
+        self.controls = ControlState(stuck=faults.stuck)
+        self.negotiation = Negotiation(modes)
+        self.sent = 0
+        """pictures that went to the host since power-on"""
+        self.streams = 0
+        """how often the host began to stream"""
+        self._camera, self._modes, self._unplug = camera, modes, unplug
+        self._faults = faults
+        self._random = random.Random(0)
+        self._toggle = 0
+        self._taken = 0
+        self._values: deque[dict[str, int]] = deque(maxlen=LATENCY_FRAMES)
+        self._last: bytes | None = None
+        self._lock = threading.Lock()
+
+    def inject(self, faults: Faults) -> None:
+        """Behave like this from the next picture on."""
+        self._faults = faults
+        self.controls.stuck = faults.stuck
+
+    def request(self, interface: int, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
+        """Answer a class request; None: refused."""
+        if interface == STREAMING_INTERFACE:
+            return self.negotiation.request(selector, code, data)
+        return self.controls.request(unit, selector, code, data) if interface == CONTROL_INTERFACE else None
+
+    def stop(self) -> None:
+        """End the stream: what the host says by clearing the halt of the endpoint."""
+        self.negotiation.committed = None
+
+    def run(self, link: UsbLink) -> None:
+        """Stream whenever the host has committed a mode, until the cable is pulled (UnpluggedError)."""
+        while True:
+            mode = self.negotiation.committed
+            if mode is None:
+                link.sleep_until(time.monotonic() + IDLE_S, lambda: True)
+            else:
+                self.streams += 1
+                self._stream(link, mode, lambda mode=mode: self.negotiation.committed is mode)  # type: ignore[misc]
+
+    def _stream(self, link: UsbLink, mode: Mode, wanted: Callable[[], bool]) -> None:
+        count, due_s = 0, time.monotonic()
+        self._last = None
+        self._values.clear()
+        while wanted():
+            count += 1
+            faults = self._faults
+            if faults.unplug_after and count > faults.unplug_after:
+                self._unplug()
+            link.sleep_until(due_s, wanted)
+            values, frame = self._expose(mode)
+            due_s += max(time.monotonic() - due_s, values["exposure_us"] * 1e-4)  # long exposures slow the camera down
+            if not (faults.stall_after and count > faults.stall_after):
+                self._send(link, self._encode(frame, mode, values), faults, wanted)
+
+    def _expose(self, mode: Mode) -> tuple[dict[str, int], CameraFrame]:
+        """Take the next picture at the negotiated rate, and let the automatics see it."""
+        self._values.append(self.controls.snapshot())
+        values = self._values[0]
+        if self._camera.controls is not None:
+            set_up(self._camera.controls, values)
+        for _ in range(round(mode.interval / self._modes.intervals[0])):
+            frame = self._camera.read()
+            self._taken += 1
+        if self._camera.controls is None:
+            frame = replace(frame, image=developed(frame.image, values))
+        run_automatics(self.controls, frame.image, mode.interval // 1000)
+        return values, frame
+
+    def _encode(self, frame: CameraFrame, mode: Mode, values: dict[str, int]) -> bytes:
+        image = binned(frame.image, self._modes.sizes[mode.size_index - 1])
+        if mode.format == MJPG:
+            return to_jpeg(image, Mark(self._taken, frame.time_s, values["exposure_us"] * 100))
+        return to_yuyv(image)
+
+    def _send(self, link: UsbLink, picture: bytes, faults: Faults, wanted: Callable[[], bool]) -> None:
+        """Send a picture as one payload, after doing to it what the faults say."""
+        chance = self._random.random
+        if chance() < faults.drop:
+            return
+        if self._last is not None and chance() < faults.duplicate:
+            picture = self._last
+        self._last = picture
+        if chance() < faults.torn:
+            picture = picture[: len(picture) // 2]
+        damaged = ERROR if chance() < faults.error else 0
+        if faults.late_ms:
+            link.sleep_until(time.monotonic() + chance() * faults.late_ms * 1e-3, wanted)
+        header = bytes((HEADER_BYTES, END_OF_HEADER | END_OF_FRAME | self._toggle | damaged))
+        self._toggle ^= 1
+        self.sent += link.send(VIDEO_ENDPOINT, header + picture, wanted=wanted)

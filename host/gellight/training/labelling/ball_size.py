@@ -1,0 +1,61 @@
+"""Which ball was pressed? What an earlier calibration of the same sensor says to the circles.
+
+One ball alone cannot tell its size by its colours. In its contact sin(slope) = distance / R, so another R is the same
+pattern under a response of the light that is stronger by a factor, and the response is what is being calibrated. What
+knows the strength is a map that was calibrated before: the slope it feels at a known distance gives R.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.training.presses import Ball, Press, distance_px
+
+TOLERANCE = 0.12
+"""relative difference of radii from which a ball counts as another one"""
+_INNER, _OUTER = 0.3, 0.85
+"""in contact radii: where slopes are steep enough to measure, and clear of the rim"""
+
+
+def felt_radius_mm(calibration: Calibration, presses: Sequence[Press]) -> float:
+    """Return the radius of the ball, mm, that the slopes felt inside the circles fit best: median over the presses.
+
+    Needs square pixels. Raises InputError without presses, or for images of another size.
+    """
+    if not presses:
+        raise InputError("there are no presses to measure the ball by: give at least one")
+    reconstructor = Reconstructor(calibration, masked=False, undistorted=False)
+    return float(np.median([_radius_px(reconstructor, press) for press in presses])) * calibration.pixel_size_mm[0]
+
+
+def check_ball(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> float:
+    """Return `felt_radius_mm`, and raise InputError if it is not the radius of the ball that was named."""
+    felt = felt_radius_mm(calibration, presses)
+    if abs(felt / ball.radius_mm - 1) > TOLERANCE:
+        raise InputError(
+            f"the ball is said to have a radius of {ball.radius_mm:g} mm, but to {calibration.source} the presses look "
+            f"like a ball of {felt:.2f} mm: give that radius, press the right ball, or check the pixel size"
+        )
+    return felt
+
+
+def _radius_px(reconstructor: Reconstructor, press: Press) -> float:
+    """Least squares of sin(slope) = distance / R over a ring of the contact; slopes count along the radius only."""
+    image = read_image(press.image)
+    frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
+    normal = reconstructor.reconstruct(frame).normal_map
+    distance = distance_px(press, (image.shape[0], image.shape[1])).astype(np.float64)
+    ring = (distance > _INNER * press.contact_radius_px) & (distance < _OUTER * press.contact_radius_px)
+    rows, columns = np.nonzero(ring)
+    r = distance[ring]
+    # The normal leans outwards where the gel rises: its radial part is the sine of the slope.
+    sine = (normal[ring, 0] * (columns - press.center_x_px) + normal[ring, 1] * (rows - press.center_y_px)) / r
+    strength = float((sine * r).sum() / (r * r).sum())
+    if strength <= 0:
+        raise InputError(f"{press.image}: no ball is felt inside the circle: check the circle and the calibration")
+    return 1 / strength

@@ -1,0 +1,154 @@
+"""The contact circle of a ball press, to a fraction of a pixel, or the reason why there is none."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.training.labelling.pattern import STEEPEST, PressShape, background
+from gellight.training.labelling.pattern_fit import Window, difference_image, fitted, left_over, starts, window, without
+from gellight.training.labelling.search import Candidate, best_candidate
+from gellight.training.presses import Ball
+
+Array = NDArray[np.float64]
+_LEAST_GREY = 3.0
+_LEAST_QUALITY = 0.8
+_LEAST_SHARE = 0.2
+_LEAST_RADIUS_PX = 6.0
+_LEAST_VIEW = 0.95
+_MOST_CLIPPED = 0.2
+"""of the values in the circle: one channel of three may lose half of its slopes, and the circle is still known"""
+_RIVAL = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressCircle:
+    """Where the ball touches the gel."""
+
+    center_x_px: float
+    center_y_px: float
+    contact_radius_px: float
+    quality: float
+    """share of the difference image around the circle that the pattern of a ball explains, 0 to 1"""
+    contrast_grey: float
+    """root mean square of that pattern inside the circle, grey levels"""
+    residual_grey: float
+    """root mean square of what it leaves, grey levels"""
+
+
+def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball) -> PressCircle:
+    """Find the contact circle of the ball in one image, without any calibration of the light.
+
+    image: (H, W, 3) uint8 RGB of the press; reference: (H, W, 3) of the untouched gel, grey levels. The pattern of a
+    ball of known radius (`pattern`) is fitted to the difference image together with the unknown response of the light.
+
+    Raises InputError with the reason when there is no press, it is too shallow, off the image, clipped or dark, is
+    no ball of this size, or there are several.
+    """
+    difference = difference_image(image, reference)
+    if ball.radius_px < 2 * _LEAST_RADIUS_PX or ball.radius_px > max(image.shape[:2]):
+        raise InputError(
+            f"the ball is {ball.radius_px:.1f} px in radius in an image of {image.shape[1]} x {image.shape[0]} px: "
+            "check the ball radius and the pixel size"
+        )
+    candidate = best_candidate(difference, ball.radius_px)
+    shape, circle = fit_circle(
+        difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
+    )
+    _check_press(circle, ball)
+    _check_view(circle, image.shape[:2])
+    _check_clipped(circle, image, reference)
+    _check_rivals(difference, candidate, shape, ball.radius_px)
+    return circle
+
+
+def fit_circle(
+    difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float
+) -> tuple[PressShape, PressCircle]:
+    """Fit the pattern to the (H, W, 3) difference image around a first guess of the circle, px, with free response."""
+    pixels = window(difference, center, contact_radius, ball_radius)
+    begin = starts(center, contact_radius, ball_radius)
+    shape = fitted(lambda tried: left_over(pixels, tried, ball_radius), begin, ball_radius)
+    return shape, judged(shape, pixels, left_over(pixels, shape, ball_radius), ball_radius)
+
+
+def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -> PressCircle:
+    """Say how well the pattern explains the colours; left: (N, 3) what it does not, grey levels."""
+    changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
+    pattern = changed - left
+    inside = np.hypot(pixels.x - shape.center_x, pixels.y - shape.center_y) < shape.contact_radius
+    return PressCircle(
+        center_x_px=shape.center_x,
+        center_y_px=shape.center_y,
+        contact_radius_px=shape.contact_radius,
+        quality=float(1 - (left**2).sum() / max((changed**2).sum(), 1e-12)),
+        contrast_grey=float(np.sqrt((pattern[inside] ** 2).mean())) if inside.any() else 0.0,
+        residual_grey=float(np.sqrt((left**2).mean())),
+    )
+
+
+def _check_press(circle: PressCircle, ball: Ball) -> None:
+    radius = circle.contact_radius_px
+    if circle.contrast_grey < _LEAST_GREY:
+        raise InputError(
+            f"no press: the strongest pattern of a ball changes the colours by {circle.contrast_grey:.1f} grey levels, "
+            f"at least {_LEAST_GREY:g} are needed: press the ball into the gel"
+        )
+    if circle.quality < _LEAST_QUALITY:
+        raise InputError(
+            f"no single ball of {ball.radius_mm:g} mm: its pattern explains {100 * circle.quality:.0f} % of what "
+            f"changed, at least {100 * _LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
+        )
+    least = max(_LEAST_SHARE * ball.radius_px, _LEAST_RADIUS_PX)
+    if radius < least:
+        raise InputError(
+            f"the press is too shallow: contact radius {radius:.1f} px, at least {least:.1f} px are needed: "
+            "press deeper"
+        )
+    if radius > 0.995 * STEEPEST * ball.radius_px:
+        raise InputError(
+            f"the contact is as wide as the ball itself ({ball.radius_px:.1f} px): "
+            "check the ball radius and the pixel size, or press less deep"
+        )
+
+
+def _check_view(circle: PressCircle, image_shape: tuple[int, ...]) -> None:
+    """Refuse a circle that is cut by the border of the image."""
+    height, width = image_shape[:2]
+    angle = np.linspace(0, 2 * np.pi, 360, endpoint=False)
+    x = circle.center_x_px + circle.contact_radius_px * np.cos(angle)
+    y = circle.center_y_px + circle.contact_radius_px * np.sin(angle)
+    seen = float(((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)).mean())
+    if seen < _LEAST_VIEW:
+        raise InputError(
+            f"the press is off the image: {100 * seen:.0f} % of the circle around ({circle.center_x_px:.0f}, "
+            f"{circle.center_y_px:.0f}) px is seen: press nearer to the middle"
+        )
+
+
+def _check_clipped(circle: PressCircle, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
+    rows, columns = np.indices(image.shape[:2])
+    distance = np.hypot(columns - circle.center_x_px, rows - circle.center_y_px)
+    inside = image[distance < circle.contact_radius_px]
+    at_rest = reference[distance < circle.contact_radius_px]
+    clipped = ((inside == 255) | ((inside == 0) & (at_rest > 0))).mean()
+    if clipped > _MOST_CLIPPED:
+        raise InputError(
+            f"the image is clipped: {100 * clipped:.0f} % of the values in the circle are at 0 or 255 grey levels, "
+            f"at most {100 * _MOST_CLIPPED:.0f} % may be: change the exposure or the brightness of the light"
+        )
+
+
+def _check_rivals(difference: Array, first: Candidate, shape: PressShape, ball_radius: float) -> None:
+    """Look for a second press in what is left when everything around the first is blanked."""
+    rows, columns = np.indices(difference.shape[:2])
+    distance = np.hypot(columns - shape.center_x, rows - shape.center_y)
+    # The skirt of the first press fades towards its surroundings, so that the cut makes no edge to be found.
+    kept = np.clip(distance / (2 * shape.contact_radius) - 0.75, 0, 1)
+    second = best_candidate(difference * kept[..., None], ball_radius)
+    if second.gain > _RIVAL * first.gain:
+        raise InputError(
+            f"several presses: at ({first.center_x:.0f}, {first.center_y:.0f}) and near ({second.center_x:.0f}, "
+            f"{second.center_y:.0f}) px: press one ball at a time, and take the reference without a touch"
+        )

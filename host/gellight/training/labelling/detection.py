@@ -1,0 +1,129 @@
+"""Circles of many images: what was found or why not, as the csv that training reads, and as pictures for a glance."""
+
+import csv
+import io
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+from gellight.frames.image_files import read_image
+from gellight.report.pictures import write_png
+from gellight.training.labelling.circle import PressCircle, find_circle
+from gellight.training.presses import COLUMNS, REFUSED, Ball
+
+Array = NDArray[np.float64]
+_INK = (255, 255, 255)
+_SHADOW = (0, 0, 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detection:
+    """What was found in one image: a circle, or the reason why it is not used."""
+
+    image: Path
+    circle: PressCircle | None
+    refused: str = ""
+
+    def record(self) -> dict[str, Any]:
+        """Return what a program wants to know."""
+        if self.circle is None:
+            return {"image": str(self.image), "refused": self.refused}
+        found = self.circle
+        return {
+            "image": str(self.image),
+            "center_x_px": round(found.center_x_px, 2),
+            "center_y_px": round(found.center_y_px, 2),
+            "contact_radius_px": round(found.contact_radius_px, 2),
+            "quality": round(found.quality, 3),
+        }
+
+
+def detect(
+    images: Sequence[Path],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    progress: Callable[[int, int, float], None] = lambda done, total, quality: None,
+) -> list[Detection]:
+    """Look for the circle in each image; reference is (H, W, 3), grey levels. An image at fault is refused, not raised.
+
+    progress is called with (images done, images, quality of the last, 0 where it was refused).
+    """
+    found = []
+    for number, path in enumerate(images, start=1):
+        try:
+            detection = Detection(image=path, circle=find_circle(read_image(path), reference, ball=ball))
+        except InputError as error:
+            detection = Detection(image=path, circle=None, refused=str(error))
+        found.append(detection)
+        progress(number, len(images), detection.circle.quality if detection.circle else 0.0)
+    return found
+
+
+def write_presses(path: Path, detections: Sequence[Detection]) -> None:
+    """Write the csv that `presses.read_presses` reads, whole or not at all.
+
+    Refused images have a row too, with their reason and no circle; `read_presses` passes over them. Names are relative
+    to the folder of the csv, which is made. Raises InputError where it cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [*COLUMNS, "quality", REFUSED], lineterminator="\n")
+    writer.writeheader()
+    for detection in detections:
+        name = os.path.relpath(detection.image, path.parent)
+        writer.writerow({**detection.record(), "image": name})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, text.getvalue().encode())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}): choose another place") from error
+
+
+def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
+    """Write NAME.png of each image that was found, with its circle and centre drawn in; InputError where it cannot."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_overlays(folder, detections)
+    except OSError as error:
+        raise InputError(
+            f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"
+        ) from error
+
+
+def _write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
+    stems = [detection.image.stem for detection in detections]
+    for detection in detections:
+        if detection.circle is None:
+            continue
+        stem = detection.image.stem
+        # Images of one name from two folders must not replace each other.
+        name = stem if stems.count(stem) == 1 else f"{detection.image.parent.name}-{stem}"
+        target = folder / f"{name}.png"
+        if target.resolve() == detection.image.resolve():
+            raise InputError(f"the overlay of {detection.image} would replace it: give another folder to --overlay")
+        write_png(target, drawn(read_image(detection.image), detection.circle))
+
+
+def drawn(image: NDArray[np.uint8], circle: PressCircle) -> NDArray[np.uint8]:
+    """Draw the circle and its centre into a copy of the (H, W, 3) image, white with a black edge."""
+    rows, columns = np.indices(image.shape[:2], dtype=np.float64)
+    dx, dy = np.asarray(columns - circle.center_x_px), np.asarray(rows - circle.center_y_px)
+    from_line = np.minimum(np.abs(np.hypot(dx, dy) - circle.contact_radius_px), _from_cross(dx, dy))
+    picture = image.copy()
+    picture[from_line < 1.5] = _SHADOW
+    picture[from_line < 0.75] = _INK
+    return picture
+
+
+def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
+    """Distance of each pixel from a cross at the centre, px."""
+    across = np.hypot(np.maximum(np.abs(dx) - arm, 0), dy)
+    down = np.hypot(dx, np.maximum(np.abs(dy) - arm, 0))
+    return np.asarray(np.minimum(across, down))

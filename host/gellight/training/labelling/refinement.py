@@ -1,0 +1,204 @@
+"""Circles corrected by what all presses of one sensor have in common.
+
+Circles that were drawn by hand are some pixels off, each in its own way; the gel answers the same slope with the same
+colour in every image. So a response of the light that all images share is fitted together with the circles, in turns:
+the response to the other images, then each circle to that response. No circle is ever fitted to a response that was
+learnt from its own image, because such a response agrees with the circle as it is, right or wrong.
+
+Two things are held against drift. The ball: its radius is known and never fitted. And the whole: what all circles have
+in common, their mean shift and mean change of radius, no image can tell from another response of the light, so the
+mean over the presses stays as labelled.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.frames.image_files import read_image
+from gellight.training.labelling.circle import fit_circle
+from gellight.training.labelling.pattern import STEEPEST, PressShape, background, response
+from gellight.training.labelling.pattern_fit import Window, difference_image, fitted, window, without
+from gellight.training.presses import Ball, Press
+
+Array = NDArray[np.float64]
+_ROUNDS = 2
+_RIDGE = 1e-4
+_FARTHEST = 0.35
+"""in ball radii: a circle that would move farther keeps its label, and is named"""
+_LEAST_PRESSES = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refined:
+    """Refined presses, and what is needed to refine others of the same sensor."""
+
+    presses: list[Press]
+    kept: list[str]
+    """names of images whose circle stayed as labelled, because the fit would have moved it too far"""
+    rms_shift_px: float
+    """root mean square distance by which the centres moved"""
+    offset: Array
+    """(3,) mean of fitted minus labelled x, y, radius, px, that was taken off"""
+    coefficients: Array
+    """(K, 3) the shared response"""
+
+    def record(self) -> dict[str, object]:
+        """Return what a bundle says of it."""
+        return {
+            "rms_shift_px": round(self.rms_shift_px, 3),
+            "offset_px": [round(float(value), 3) for value in self.offset],
+            "kept_images": self.kept,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    """One press while it is fitted."""
+
+    press: Press
+    pixels: Window
+    shape: PressShape
+
+
+class FirstFits:
+    """Each press fitted by itself, from its label: what refinement begins with, the same in every fold."""
+
+    def __init__(self, reference: NDArray[np.number], ball: Ball) -> None:
+        """Compare with the (H, W, 3) reference, grey levels."""
+        self._reference, self._ball = reference, ball
+        self._known: dict[Press, _Fit] = {}
+
+    def of(self, press: Press) -> _Fit:
+        """Return the fit; InputError where the image is none of this sensor."""
+        if press not in self._known:
+            self._known[press] = _begun(press, self._reference, self._ball)
+        return self._known[press]
+
+
+def refine(
+    presses: Sequence[Press], reference: NDArray[np.number], ball: Ball, *, first: FirstFits | None = None
+) -> Refined:
+    """Refit the circles of all presses together with the response of the light; reference is (H, W, 3), grey levels.
+
+    first: keeps what it costs to begin with a press, for whoever refines the same ones again.
+    Raises InputError for fewer than 5 presses, which cannot vouch for each other.
+    """
+    if len(presses) < _LEAST_PRESSES:
+        raise InputError(f"{len(presses)} presses cannot be refined: give at least {_LEAST_PRESSES}")
+    first = first or FirstFits(reference, ball)
+    fits = [first.of(press) for press in presses]
+    extent = _extent(reference)
+    for _ in range(_ROUNDS):
+        sums = [_normal_equations(fit, ball, extent) for fit in fits]
+        total = _sum(sums)
+        fits = [
+            _fitted_to(fit, _solve(total[0] - own[0], total[1] - own[1]), ball, extent)
+            for fit, own in zip(fits, sums, strict=True)
+        ]
+    coefficients = _solve(*_sum([_normal_equations(fit, ball, extent) for fit in fits]))
+    moves = np.array([_move(fit) for fit in fits])
+    near = np.hypot(*(moves[:, :2] - np.median(moves[:, :2], axis=0)).T) < _FARTHEST * ball.radius_px
+    offset = np.asarray(moves[near].mean(axis=0) if near.any() else np.zeros(3), np.float64)
+    return Refined(
+        presses=[_moved(fit.press, move - offset, ball, near_) for fit, move, near_ in _zipped(fits, moves, near)],
+        kept=[fit.press.image.name for fit, is_near in zip(fits, near, strict=True) if not is_near],
+        rms_shift_px=float(np.sqrt((np.hypot(*(moves[near, :2] - offset[:2]).T) ** 2).mean())) if near.any() else 0.0,
+        offset=offset,
+        coefficients=coefficients,
+    )
+
+
+def refine_others(
+    refined: Refined,
+    presses: Sequence[Press],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    first: FirstFits | None = None,
+) -> list[Press]:
+    """Refit circles that had no part in `refined`, by its response and its offset; nothing is learnt from them."""
+    result = []
+    first = first or FirstFits(reference, ball)
+    for press in presses:
+        move = _move(_fitted_to(first.of(press), refined.coefficients, ball, _extent(reference))) - refined.offset
+        result.append(_moved(press, move, ball, bool(np.hypot(*move[:2]) < _FARTHEST * ball.radius_px)))
+    return result
+
+
+def _zipped(fits: list[_Fit], moves: Array, near: NDArray[np.bool_]) -> "zip[tuple[_Fit, Array, bool]]":
+    return zip(fits, moves, near.tolist(), strict=True)
+
+
+def _extent(reference: NDArray[np.number]) -> tuple[float, float]:
+    """(W, H) px"""
+    return float(reference.shape[1]), float(reference.shape[0])
+
+
+def _begun(press: Press, reference: NDArray[np.number], ball: Ball) -> _Fit:
+    """Fit one press by itself, from its label."""
+    difference = difference_image(read_image(press.image), reference)
+    center, radius = (press.center_x_px, press.center_y_px), press.contact_radius_px
+    shape, _ = fit_circle(difference, center, radius, ball.radius_px)
+    pixels = window(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball.radius_px)
+    return _Fit(press=press, pixels=pixels, shape=shape)
+
+
+def _columns(pixels: Window, shape: PressShape, ball: Ball, extent: tuple[float, float]) -> Array:
+    """(N, K) the response at each pixel, changing linearly over the view."""
+    pattern = response(pixels.x, pixels.y, shape, ball.radius_px)
+    across, down = pixels.x / extent[0] - 0.5, pixels.y / extent[1] - 0.5
+    return np.concatenate([pattern, pattern * across[:, None], pattern * down[:, None]], axis=1)
+
+
+def _normal_equations(fit: _Fit, ball: Ball, extent: tuple[float, float]) -> tuple[Array, Array]:
+    """What one press says of the response; its own background is eliminated."""
+    drift = background(fit.pixels.x, fit.pixels.y, fit.shape, ball.radius_px)
+    columns = without(drift, _columns(fit.pixels, fit.shape, ball, extent))
+    return columns.T @ columns, columns.T @ fit.pixels.colour
+
+
+def _sum(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    square, right = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+    return np.asarray(square), np.asarray(right)
+
+
+def _solve(square: Array, right: Array) -> Array:
+    solution: Array = np.asarray(np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), right), np.float64)
+    return solution
+
+
+def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, float]) -> _Fit:
+    """Fit the circle to a response that is given."""
+    pixels = fit.pixels
+
+    def left(shape: PressShape) -> Array:
+        drift = background(pixels.x, pixels.y, shape, ball.radius_px)
+        return without(drift, pixels.colour - _columns(pixels, shape, ball, extent) @ coefficients)
+
+    return replace(fit, shape=fitted(left, [fit.shape], ball.radius_px))
+
+
+def _move(fit: _Fit) -> Array:
+    """(3,) fitted minus labelled x, y and radius, px"""
+    shape, press = fit.shape, fit.press
+    return np.array(
+        [
+            shape.center_x - press.center_x_px,
+            shape.center_y - press.center_y_px,
+            shape.contact_radius - press.contact_radius_px,
+        ]
+    )
+
+
+def _moved(press: Press, move: Array, ball: Ball, near: bool) -> Press:
+    if not near:
+        return press
+    return replace(
+        press,
+        center_x_px=press.center_x_px + float(move[0]),
+        center_y_px=press.center_y_px + float(move[1]),
+        contact_radius_px=min(press.contact_radius_px + float(move[2]), STEEPEST * ball.radius_px),
+    )

@@ -1,0 +1,82 @@
+"""The first guess: a matched filter for the pattern of a pressed ball, over all places and a few radii."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from gellight.training.labelling.pattern import PressShape, response
+
+Array = NDArray[np.float64]
+_COARSE_BALL_PX = 10.0
+"""radius of the ball in the shrunken image that is searched"""
+_SHARES = np.linspace(0.25, 0.95, 8)
+_SUPPORT = 1.8
+"""in contact radii: how far the pattern is looked for"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A place where the pattern explains much of the difference image."""
+
+    center_x: float
+    center_y: float
+    contact_radius: float
+    gain: float
+    """what the pattern explains: sum of squares over the image and its channels, grey levels squared"""
+
+
+def shrunken(difference: Array, ball_radius: float) -> tuple[Array, int]:
+    """Return means of cells of the (H, W, 3) image, and the cells' side in px."""
+    side = max(1, round(ball_radius / _COARSE_BALL_PX))
+    height, width = (length // side * side for length in difference.shape[:2])
+    cells = difference[:height, :width].reshape(height // side, side, width // side, side, 3)
+    return cells.mean(axis=(1, 3)), side
+
+
+def best_candidate(difference: Array, ball_radius: float) -> Candidate:
+    """Return where the pattern lowers the sum of squares of the (H, W, 3) difference image most.
+
+    At each place and for each radius the best response of the light is solved for by least squares, so no light
+    direction need be known (generalised likelihood ratio). ball_radius in px.
+    """
+    image, side = shrunken(difference, ball_radius)
+    gains = np.stack([_gain(image, share * ball_radius / side, ball_radius / side) for share in _SHARES])
+    number, row, column = np.unravel_index(int(gains.argmax()), gains.shape)
+    return Candidate(
+        center_x=(column + 0.5) * side - 0.5,
+        center_y=(row + 0.5) * side - 0.5,
+        contact_radius=float(_SHARES[number]) * ball_radius,
+        gain=float(gains[number, row, column]) * side**2,
+    )
+
+
+def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
+    """(H, W) sum of squares that the pattern explains when its centre is at each pixel."""
+    reach = min(int(np.ceil(_SUPPORT * contact_radius)), min(image.shape[:2]) // 2)
+    y, x = (axis.ravel() for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64))
+    shape = PressShape(
+        center_x=0,
+        center_y=0,
+        contact_radius=contact_radius,
+        step_share=0.0,
+        skirt_length=0.6 * contact_radius,
+    )
+    # The linear part of the response and the depth are enough to find the place.
+    pattern = response(x, y, shape, ball_radius)[:, [0, 1, 2, -1]]
+    pattern *= (np.hypot(x, y) < _SUPPORT * contact_radius)[:, None]
+    orthogonal, _ = np.linalg.qr(pattern)
+    kernels = orthogonal.T.reshape(-1, 2 * reach + 1, 2 * reach + 1)
+    return np.asarray((_correlated(image, kernels) ** 2).sum(axis=0))
+
+
+def _correlated(image: Array, kernels: Array) -> Array:
+    """(K * C, H, W) sums of products of each channel of (H, W, C) with each of (K, n, n) kernels, centred, by FFT."""
+    height, width = image.shape[:2]
+    size = kernels.shape[1]
+    shape = [fft.next_fast_len(length + size - 1, real=True) for length in (height, width)]
+    seen = [fft.rfft2(image[..., channel], shape) for channel in range(image.shape[2])]
+    wanted = [fft.rfft2(kernel[::-1, ::-1], shape) for kernel in kernels]
+    found = [fft.irfft2(channel * kernel, shape) for kernel in wanted for channel in seen]
+    return np.stack(found)[:, size // 2 : size // 2 + height, size // 2 : size // 2 + width]

@@ -1,0 +1,255 @@
+"""Labelled ball presses: a csv beside its images becomes the table that GelNet is trained on.
+
+A ball of known radius gives the slope of the gel at every pixel of its contact circle, because there the gel has the
+shape of the ball (section 2.4 of the paper).
+"""
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.light_drift import light_drift
+
+COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
+REFUSED = "refused"
+"""optional column: why an image is not used; such a row has no circle"""
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ball:
+    """The ball that was pressed, as the camera sees it."""
+
+    radius_mm: float
+    pixel_size_mm: float
+
+    def __post_init__(self) -> None:
+        """Refuse what is no length."""
+        for name in ("radius_mm", "pixel_size_mm"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value}: give a length greater than 0")
+
+    @property
+    def radius_px(self) -> float:
+        """Radius in px."""
+        return self.radius_mm / self.pixel_size_mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class Press:
+    """One press of the ball: its image and its contact circle."""
+
+    image: Path
+    center_x_px: float
+    center_y_px: float
+    contact_radius_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """Which pixels of a press are learnt from."""
+
+    inset_px: float = 1.0
+    """the outermost ring of the contact circle is left out: there a label that is a pixel off is wrong most"""
+    flat_share: float = 0.3
+    """untouched pixels, as a share of the contact pixels, with gradient 0"""
+    flat_distance: float = 1.9
+    """in contact radii from the centre: where the gel counts as untouched"""
+    seed: int = 0
+    """chooses the untouched pixels"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressTable:
+    """Labelled pixels of several presses."""
+
+    rows: Floats
+    """(N, 7) dR, dG, dB in grey levels, x, y in px, d(depth)/dx, d(depth)/dy"""
+    image: NDArray[np.int32]
+    """(N,) index of the press each row comes from"""
+    image_size: tuple[int, int]
+    """(W, H) px"""
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the arrays as they are stored in an npz file."""
+        return {"rows": self.rows, "image": self.image, "image_size": np.array(self.image_size, np.int32)}
+
+
+def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int]) -> list[Press]:
+    """Read and check a csv with the columns of `COLUMNS`; the images are beside it, image_shape is (H, W).
+
+    Raises InputError naming file, row and value unless every row is a circle that this ball can make in this image,
+    and every image is readable and of that size. A row with a text in the column `REFUSED` is passed over.
+    """
+    rows = _read_rows(path)
+    presses: list[Press] = []
+    seen: dict[str, int] = {}
+    for line, row in enumerate(rows, start=2):
+        if (row.get(REFUSED) or "").strip():
+            continue
+        where = f"{path}, line {line}"
+        name = (row["image"] or "").strip()
+        if not name:
+            raise InputError(f"{where}: column image is empty: give the name of the image beside the csv")
+        if name in seen:
+            raise InputError(f"{where}: image {name} is already in line {seen[name]}: keep one circle for each image")
+        seen[name] = line
+        x, y, radius = (_number(row, column, where) for column in COLUMNS[1:])
+        press = Press(image=path.parent / name, center_x_px=x, center_y_px=y, contact_radius_px=radius)
+        _check_circle(press, ball, image_shape, where)
+        _check_image(press, image_shape, where)
+        presses.append(press)
+    if not presses:
+        raise InputError(f"{path} has no presses: add a line for each image with the columns {', '.join(COLUMNS)}")
+    return presses
+
+
+def _read_rows(path: Path) -> list[dict[str, str | None]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream)
+            missing = [column for column in COLUMNS if column not in (reader.fieldnames or [])]
+            rows = [dict(row) for row in reader]
+    except OSError as error:
+        raise InputError(f"presses {path} cannot be opened ({error.strerror}): check the name") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"presses {path} is not a csv file ({error}): save it as UTF-8 text") from error
+    if missing:
+        raise InputError(f"{path} has no column {', '.join(missing)}: its first line must be {','.join(COLUMNS)}")
+    return rows
+
+
+def _number(row: dict[str, str | None], column: str, where: str) -> float:
+    text = row[column]
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: {column} is {text!r}: give a number in px")
+    return value
+
+
+def _check_circle(press: Press, ball: Ball, image_shape: tuple[int, int], where: str) -> None:
+    height, width = image_shape
+    x, y, radius = press.center_x_px, press.center_y_px, press.contact_radius_px
+    if radius <= 0:
+        raise InputError(f"{where}: contact_radius_px is {radius:g}: give a radius greater than 0")
+    if radius >= ball.radius_px:
+        raise InputError(
+            f"{where}: contact_radius_px is {radius:g}, but a ball of radius {ball.radius_mm:g} mm is only "
+            f"{ball.radius_px:.2f} px wide at {ball.pixel_size_mm:g} mm per pixel: "
+            "correct the circle, the ball radius or the pixel size"
+        )
+    if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
+        raise InputError(
+            f"{where}: the circle's centre ({x:g}, {y:g}) px is outside the image of {width} x {height} px: "
+            "correct the circle or remove the line"
+        )
+
+
+def _check_image(press: Press, image_shape: tuple[int, int], where: str) -> None:
+    try:
+        shape = read_image(press.image).shape[:2]
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    if shape != image_shape:
+        raise InputError(
+            f"{where}: image {press.image.name} is {shape[1]} x {shape[0]} px, the reference image is "
+            f"{image_shape[1]} x {image_shape[0]} px: use images of one camera setting"
+        )
+
+
+def distance_px(press: Press, image_shape: tuple[int, int]) -> Floats:
+    """Return the (H, W) distance of each pixel from the centre of the press, px."""
+    rows, columns = np.indices(image_shape, dtype=np.float32)
+    distance: Floats = np.hypot(columns - press.center_x_px, rows - press.center_y_px).astype(np.float32)
+    return distance
+
+
+def sphere_gradient(press: Press, ball: Ball, image_shape: tuple[int, int]) -> Floats:
+    """Return the (H, W, 2) gradient of a gel that has the shape of the ball; NaN beyond the ball's equator.
+
+    The ball is deepest in its centre: depth = sqrt(R^2 - r^2) + constant, so d(depth)/dx = -(x - cx) / sqrt(R^2 - r^2).
+    """
+    rows, columns = np.indices(image_shape, dtype=np.float64)
+    dx, dy = columns - press.center_x_px, rows - press.center_y_px
+    below = ball.radius_px**2 - dx**2 - dy**2
+    height = np.sqrt(np.where(below > 0, below, np.nan))
+    return np.stack([-dx / height, -dy / height], axis=2).astype(np.float32)
+
+
+def cap_depth_mm(press: Press, ball: Ball, image_shape: tuple[int, int]) -> Floats:
+    """Return the (H, W) depth of the ball's cap below its contact circle, mm, negative outside, NaN beyond the ball."""
+    r = distance_px(press, image_shape).astype(np.float64)
+    below = ball.radius_px**2 - r**2
+    rim = math.sqrt(ball.radius_px**2 - press.contact_radius_px**2)
+    depth = np.sqrt(np.where(below > 0, below, np.nan)) - rim
+    return (depth * ball.pixel_size_mm).astype(np.float32)
+
+
+def contact_circle(press: Press, image_shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return the (H, W) pixels inside the labelled contact circle."""
+    return distance_px(press, image_shape) < press.contact_radius_px
+
+
+def build_table(
+    presses: Sequence[Press], reference: Floats, ball: Ball, options: TableOptions, *, follow_light: bool = False
+) -> PressTable:
+    """Build the table of all presses; reference is the (H, W, 3) image of the untouched gel, grey levels.
+
+    With `follow_light` the drift of the light is taken off each difference image, as the frame path then does.
+    """
+    shape = (reference.shape[0], reference.shape[1])
+    random = np.random.default_rng(options.seed)
+    parts = [_press_rows(press, reference, ball, options, follow_light, random) for press in presses]
+    counts = [len(part) for part in parts]
+    return PressTable(
+        rows=np.concatenate(parts),
+        image=np.repeat(np.arange(len(parts), dtype=np.int32), counts),
+        image_size=(shape[1], shape[0]),
+    )
+
+
+def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
+    """Return how far the light of the presses is from the reference's: root mean square over images and channels."""
+    drifts = [light_drift(read_image(press.image).astype(np.float32) - reference) for press in presses]
+    return float(np.sqrt(np.mean(np.square(drifts))))
+
+
+def _press_rows(
+    press: Press,
+    reference: Floats,
+    ball: Ball,
+    options: TableOptions,
+    follow_light: bool,
+    random: np.random.Generator,
+) -> Floats:
+    shape = (reference.shape[0], reference.shape[1])
+    difference = read_image(press.image).astype(np.float32) - reference
+    if follow_light:
+        difference -= light_drift(difference)
+    distance = distance_px(press, shape)
+    contact = np.flatnonzero(distance < press.contact_radius_px - options.inset_px)
+    if not len(contact):
+        raise InputError(
+            f"{press.image}: no pixel is left of a contact circle of {press.contact_radius_px:g} px after an inset "
+            f"of {options.inset_px:g} px: press deeper or remove the line"
+        )
+    far = np.flatnonzero(distance > options.flat_distance * press.contact_radius_px)
+    flat = random.choice(far, min(len(far), round(options.flat_share * len(contact))), replace=False)
+    gradient = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]
+    rows = np.zeros((len(contact) + len(flat), 7), np.float32)
+    chosen = np.concatenate([contact, flat])
+    rows[:, :3] = difference.reshape(-1, 3)[chosen]
+    rows[:, 3], rows[:, 4] = chosen % shape[1], chosen // shape[1]
+    rows[: len(contact), 5:] = gradient
+    return rows

@@ -1,0 +1,64 @@
+"""A real browser for the tests: Chromium without a screen, with and without 3D."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from playwright.sync_api import Browser, Page
+
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.dashboard_source import FormulaSource, bump, moving_bump
+
+SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+NO_GL = ["--disable-3d-apis"]
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+PATIENCE_MS = 20_000
+"""for a loaded machine; nothing is judged by its speed"""
+SIZES = ({"width": 1280, "height": 800}, {"width": 1920, "height": 1080})
+
+Open = Callable[..., Page]
+
+
+@contextmanager
+def opening(browser: Browser, server: DashboardServer, place: str = "") -> Iterator[Open]:
+    """Open the page; at the end nothing may have gone wrong in it."""
+    complaints: list[str] = []
+    context = browser.new_context(viewport=SIZES[0])
+    context.set_default_timeout(PATIENCE_MS)
+
+    def open_page() -> Page:
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: message.type == "error" and complaints.append(message.text))
+        page.goto(server.url + place)
+        return page
+
+    yield open_page
+    context.close()
+    assert [text for text in complaints if "WebSocket connection" not in text] == []
+
+
+@contextmanager
+def playing(source: FormulaSource, fps: float = 10) -> Iterator[None]:
+    stop = threading.Event()
+    thread = threading.Thread(target=source.play, args=(moving_bump(20), fps, stop))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def draw(page: Page, source: FormulaSource, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
+    """Put a bump before the sensor and wait until the page has drawn it."""
+    sequence = source.put(bump(depth_mm, x_mm, y_mm))
+    page.wait_for_function("sequence => gellight.sequence === sequence", arg=sequence)

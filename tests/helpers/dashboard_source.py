@@ -1,0 +1,181 @@
+"""A sensor made of formulas: a smooth bump whose every figure is known exactly, for the tests of the dashboard.
+
+`python -m tests.helpers.dashboard_source` serves it, to work on the page.
+"""
+
+import threading
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+
+HEIGHT, WIDTH, PIXEL_MM = 480, 640, 0.0588
+SIGMA_MM = 3.0
+REFERENCE_GREY = 128.0
+LIGHT = np.repeat(np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8), 4, axis=0)
+AZIMUTHS = np.radians([45.0, 165.0, 285.0])
+"""where the red, green and blue light comes from"""
+
+
+def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> TactileFrame:
+    """Return the frame of a Gaussian bump; its depth, gradients, normals and contact are exact."""
+    height, width = shape
+    pixel = PIXEL_MM * WIDTH / width
+    x = ((np.arange(width) - (width - 1) / 2) * pixel - x_mm)[None, :]
+    y = ((np.arange(height) - (height - 1) / 2) * pixel - y_mm)[:, None]
+    depth = depth_mm * np.exp(-(x**2 + y**2) / (2 * SIGMA_MM**2))
+    gradient = np.stack([-depth * x / SIGMA_MM**2, -depth * y / SIGMA_MM**2], axis=-1)
+    normal = np.concatenate([-gradient, np.ones((height, width, 1))], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    difference = shade(gradient)
+    return TactileFrame(
+        camera_frame=CameraFrame(
+            image=np.clip(np.rint(REFERENCE_GREY + difference), 0, 255).astype(np.uint8),
+            time_s=time.monotonic(),
+            sequence=0,
+            source="formula",
+            light=LIGHT,
+        ),
+        difference=difference.astype(np.float32),
+        gradient_map=gradient.astype(np.float32),
+        normal_map=normal.astype(np.float32),
+        depth_mm=depth.astype(np.float32),
+        contact=contact(depth, pixel),
+        stage_seconds={"gelnet": 0.008, "integration": 0.003},
+    )
+
+
+def shade(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(H, W, 3) grey levels by which a slope brightens each colour's light."""
+    towards = np.stack([np.cos(AZIMUTHS), -np.sin(AZIMUTHS)])
+    return np.clip(-220.0 * gradient @ towards, -REFERENCE_GREY, 255 - REFERENCE_GREY)
+
+
+def contact(depth_mm: NDArray[np.float64], pixel_mm: float) -> Contact:
+    mask = depth_mm > 0.05
+    rows, columns = np.nonzero(mask)
+    height, width = mask.shape
+    centre = (columns.mean() - (width - 1) / 2, rows.mean() - (height - 1) / 2) if mask.any() else None
+    return Contact(
+        mask=mask,
+        area_mm2=float(mask.sum() * pixel_mm**2),
+        indentation_mm=float(depth_mm.max()) if mask.any() else 0.0,
+        centroid_mm=centre and (float(centre[0] * pixel_mm), float(centre[1] * pixel_mm)),
+    )
+
+
+class RecordingStage:
+    """A stage that remembers what it was asked for."""
+
+    objects = (
+        "BALL",
+        "TSTEP",
+        "SCROWN",
+        "BALLVEX",
+        "BALLCAVE",
+        "WAVE",
+        "SINWAVE",
+        "BSWAVE",
+        "PCONVEX",
+        "CCONVEX",
+        "QUCAVE",
+    )
+    max_depth_mm = 2.0
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, float, float, float] | None] = []
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        self.calls.append((object_name, depth_mm, x_mm, y_mm))
+
+    def release(self) -> None:
+        self.calls.append(None)
+
+    def status(self) -> dict[str, object]:
+        name, depth, x, y = (self.calls and self.calls[-1]) or ("", 0.0, 0.0, 0.0)
+        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls)}
+
+
+class FormulaSource:
+    """Gives a frame whenever one is put into it, or at a steady rate by `play`."""
+
+    pixel_size_mm = (PIXEL_MM, PIXEL_MM)
+
+    def __init__(self, *, stage: RecordingStage | None = None) -> None:
+        self.stage = stage
+        self.error: str | None = None
+        self.figures: dict[str, object] = {
+            "sensor": "formula://bump",
+            "frames": 1234,
+            "fps": 29.97,
+            "frame_age_ms": {"median": 11.2, "p95": 17.8},
+            "dropped": 3,
+            "stage_ms": {"gelnet": 8.1, "integration": 3.2, "contact": 0.6},
+            "selfcheck": {
+                "passed": True,
+                "sequence": 1200,
+                "depth_error_mm": 0.0042,
+                "normal_error_deg": 0.183,
+                "contact_normal_error_deg": 0.61,
+                "integral_error_mm": 0.0011,
+                "picture_error_grey": 1.31,
+                "bounds": {
+                    "depth_error_mm": 0.01,
+                    "normal_error_deg": 0.28,
+                    "integral_error_mm": 0.005,
+                    "picture_error_grey": 2.0,
+                },
+            },
+        }
+        self._changed = threading.Condition()
+        self._frame: TactileFrame | None = None
+        self._sequence = -1
+        self.asked = 0
+
+    def put(self, frame: TactileFrame) -> int:
+        """Make `frame` the newest; return its sequence number."""
+        with self._changed:
+            self._sequence += 1
+            object.__setattr__(frame.camera_frame, "sequence", self._sequence)
+            object.__setattr__(frame.camera_frame, "time_s", time.monotonic())
+            self._frame = frame
+            self._changed.notify_all()
+            return self._sequence
+
+    def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
+        with self._changed:
+            self.asked += 1
+            if not self._changed.wait_for(lambda: self._sequence > after_sequence, timeout_s) or self._frame is None:
+                raise TimeoutError("no frame")
+            return self._frame
+
+    def status(self) -> dict[str, object]:
+        return {**self.figures, "error": self.error}
+
+    def play(self, frames: list[TactileFrame], fps: float, stop: threading.Event) -> None:
+        """Put `frames` in turn, for ever, until `stop`."""
+        turn = 0
+        while not stop.wait(1 / fps):
+            self.put(frames[turn % len(frames)])
+            turn += 1
+
+
+def moving_bump(count: int) -> list[TactileFrame]:
+    """Return a bump that circles the view and breathes."""
+    turns = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    return [bump(0.75 + 0.5 * np.sin(t), 8 * np.cos(t), 5 * np.sin(t)) for t in turns]
+
+
+def main() -> None:
+    from gellight.dashboard.server import DashboardServer
+
+    source = FormulaSource(stage=RecordingStage())
+    with DashboardServer(source, port=8421) as server:
+        print(server.url)
+        source.play(moving_bump(60), 30, threading.Event())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""A computer with a kernel and a bus made of nothing, into which sensors are plugged and from which they are pulled."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gellight.base.errors import BoardError
+from gellight.bundle.bundle import Calibration, LedSetting, write_calibration
+from gellight.ring.enumerations import Dark
+from gellight.ring.protocol import DarkEvent
+from gellight.sensor.connection import Surroundings
+from gellight.sensor.sensor_camera import SensorCamera, open_sensor
+from tests.helpers.fake_kernel import FakeCamera, FakeKernel
+from tests.helpers.fake_usb import FakeUsb
+from tests.helpers.linear_sensor import linear_network
+
+BOARD = "E660C06213842F2A"
+
+
+class FakeRing:
+    """Notes what is asked of it; the LEDs shine 20 ms after they are set."""
+
+    def __init__(self, kernel: FakeKernel, url: str, unique_id: str = BOARD) -> None:
+        self.kernel, self.lit, self.open = kernel, np.zeros((12, 3), np.uint8), True
+        self.transport = SimpleNamespace(url=url)
+        self.hello = SimpleNamespace(unique_id=bytes.fromhex(unique_id))
+        self.lit_s = 0.0
+        self.refusal: BoardError | None = None
+        self.mute = False
+        self.still: np.ndarray | None = None
+        self.event_listeners: list[Any] = []
+        self.ping_listeners: list[Any] = []
+        self.untold: list[DarkEvent] = []
+
+    def clock(self) -> None:
+        if self.mute:
+            raise BoardError("the board did not answer CLOCK")
+        while self.untold:
+            for listener in self.event_listeners:
+                listener(self.untold[0])
+            self.untold.pop(0)
+
+    def go_dark(self) -> None:
+        """What a board does that does not hear from its host for a second; it tells it when it is asked."""
+        self.lit = np.zeros((12, 3), np.uint8)
+        self.untold.append(DarkEvent(time_us=0, events_dropped=0, dark=Dark.HOST_SILENT))
+
+    def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
+        if self.refusal:
+            raise self.refusal
+        self.lit = self.still = colours
+        return SimpleNamespace(light_id=1)
+
+    def blank(self) -> None:
+        self.lit = np.zeros((12, 3), np.uint8)
+
+    def wait_for_light(self, light_id: int) -> None:
+        self.kernel.sleep(0.02)
+        self.lit_s = self.kernel.now_s
+
+    def close(self) -> None:
+        self.open = False
+        self.lit = np.zeros((12, 3), np.uint8)
+
+
+class Bench:
+    """A computer with a bus; sensors are plugged in and pulled out."""
+
+    def __init__(self, root: Path) -> None:
+        self.kernel, self.usb, self.rings = FakeKernel(), FakeUsb(root), []  # type: ignore[var-annotated]
+        self.board = BOARD
+        self.cameras: dict[str, FakeCamera] = {}
+
+    def plug(self, port: str, serial: str, **changes: Any) -> FakeCamera:
+        camera = FakeCamera(payload=lambda number: bytes([128, number % 256] * 32 * 24), **changes)
+        node, _ = self.usb.plug(port, serial=serial, cameras=1, rings=1)
+        self.kernel.cameras[node] = self.cameras[port] = camera
+        camera.next_s = self.kernel.now_s
+        return camera
+
+    def unplug(self, port: str) -> None:
+        self.cameras[port].plugged = False
+        self.usb.unplug(port)
+
+    def open_ring(self, url: str) -> Any:
+        if not Path(url).exists() and "://" not in url:
+            raise BoardError(f"cannot open {url}")
+        self.rings.append(FakeRing(self.kernel, url, self.board))
+        return self.rings[-1]
+
+    @property
+    def surroundings(self) -> Surroundings:
+        return Surroundings(kernel=self.kernel, sysfs=self.usb.sysfs, dev=self.usb.dev, open_ring=self.open_ring,
+                            wait=lambda event, seconds: self.kernel.sleep(seconds))  # fmt: skip
+
+    def open(self, url: str, calibration: Calibration | None = None) -> SensorCamera:
+        return open_sensor(url, calibration=calibration, surroundings=self.surroundings)
+
+    def all_dark(self) -> bool:
+        return not any(ring.open or ring.lit.any() for ring in self.rings)
+
+
+def lit_bundle(folder: Path) -> Calibration:
+    """A bundle of the sensor GL0001 with a light and settings of its own."""
+    colours = [((255, 0, 0), "R"), ((0, 200, 0), "G"), ((0, 0, 90), "B")]
+    return write_calibration(
+        folder, sensor="GL0001", reference=np.full((24, 32, 3), 100.0), reference_frames=1,
+        noise_grey=1.0, pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={},
+        led=tuple(LedSetting(colour=name, rgb=rgb) for rgb, name in colours for _ in range(4)),  # type: ignore[arg-type]
+        camera={"exposure_us": 8000, "white_balance_k": 5000, "format": "YUYV"},
+    )  # fmt: skip

@@ -1,0 +1,156 @@
+"""The kernel's end of a USB/IP cable, as small as it can be: for tests of the virtual sensor without a kernel.
+
+The layouts are written out here a second time, from the same documents as those of the sensor: what both sides got from
+one place could be wrong on both.
+"""
+
+import itertools
+import socket
+import struct
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame
+
+MJPG, YUYV = 1, 2
+CAMERA, PROCESSING = 0x0102, 0x0202
+"""wIndex of the two units: unit in the high byte, interface 2 in the low one"""
+
+
+class CardCamera(Camera):
+    """Shows a colour card, brighter with every frame up to a limit; rate and size as wished."""
+
+    def __init__(self, *, shape: tuple[int, int] = (48, 64), fps: float = 200.0) -> None:
+        self.url, self.stage, self.image_shape = "card", None, shape
+        self._period_s, self._count = 1 / fps, 0
+        y, x = np.indices(shape)
+        self.card = np.stack([40 + x, 60 + y, 150 - x], axis=2).astype(np.uint8)
+        self.closed = False
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        """Nothing to compare with."""
+
+    def read(self) -> CameraFrame:
+        time.sleep(self._period_s)
+        self._count += 1
+        return CameraFrame(image=self.card, time_s=time.monotonic(), sequence=self._count)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What came back for an URB or an unlink."""
+
+    number: int
+    status: int
+    length: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Payload:
+    """One picture as it came over the bus."""
+
+    flags: int
+    data: bytes
+
+
+class UsbClient:
+    """Submits URBs over a socket and collects the answers."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.socket = connection
+        connection.settimeout(5.0)
+        self._numbers = itertools.count(1)
+        self._incoming: set[int] = set()
+        self._early: deque[Reply] = deque()
+        self.sending = threading.Lock()
+
+    def submit(self, endpoint: int, *, incoming: bool, length: int, setup: bytes = bytes(8), data: bytes = b"") -> int:
+        number = next(self._numbers)
+        if incoming:
+            self._incoming.add(number)
+        head = struct.pack(">IIIII", 1, number, 0x10001, int(incoming), endpoint)
+        self.socket.sendall(head + struct.pack(">IiiiI8s", 0, length, 0, 0, 0, setup) + data)
+        return number
+
+    def unlink(self, victim: int) -> int:
+        number = next(self._numbers)
+        self.socket.sendall(struct.pack(">IIIIII24x", 2, number, 0x10001, 0, 0, victim))
+        return number
+
+    def reply(self, number: int | None = None) -> Reply:
+        """Return the answer to one URB, or the next there is; others wait for their turn."""
+        for early in self._early:
+            if number in (None, early.number):
+                self._early.remove(early)
+                return early
+        while True:
+            reply = self._receive()
+            if number in (None, reply.number):
+                return reply
+            self._early.append(reply)
+
+    def _receive(self) -> Reply:
+        command, number, _device, _direction, _endpoint, status, length = struct.unpack_from(">IIIIIiI", self._read(48))
+        has_data = command == 3 and number in self._incoming
+        return Reply(number, status, length, self._read(length) if has_data else b"")
+
+    def _read(self, count: int) -> bytes:
+        data = b""
+        while len(data) < count:
+            part = self.socket.recv(count - len(data))
+            if not part:
+                raise ConnectionError("the device is gone")
+            data += part
+        return data
+
+    # ---- control transfers ----
+
+    def get(self, kind: int, code: int, value: int, index: int, length: int) -> Reply:
+        setup = struct.pack("<BBHHH", kind | 0x80, code, value, index, length)
+        return self.reply(self.submit(0, incoming=True, length=length, setup=setup))
+
+    def set(self, kind: int, code: int, value: int, index: int, data: bytes = b"") -> Reply:
+        setup = struct.pack("<BBHHH", kind, code, value, index, len(data))
+        return self.reply(self.submit(0, incoming=False, length=len(data), setup=setup, data=data))
+
+    def descriptor(self, kind: int, index: int = 0) -> bytes:
+        return self.get(0, 6, kind << 8 | index, 0, 4096).data
+
+    def control(self, unit: int, selector: int, size: int) -> int:
+        return int.from_bytes(self.get(0x21, 0x81, selector << 8, unit, size).data, "little")
+
+    def set_control(self, unit: int, selector: int, size: int, value: int) -> int:
+        """Return the status: 0, or -32 where the device refuses."""
+        return self.set(0x21, 0x01, selector << 8, unit, value.to_bytes(size, "little")).status
+
+    # ---- video ----
+
+    def start(self, picture_format: int = MJPG, size_index: int = 1, interval: int = 0) -> tuple[int, int, int]:
+        """Probe and commit; return format, size and interval that the device chose."""
+        block = struct.pack("<HBBI", 1, picture_format, size_index, interval).ljust(34, b"\0")
+        assert self.set(0x21, 0x01, 0x0100, 3, block).status == 0
+        probed = self.get(0x21, 0x81, 0x0100, 3, 34).data
+        assert self.set(0x21, 0x01, 0x0200, 3, probed).status == 0
+        _, chosen, size, period = struct.unpack_from("<HBBI", probed)
+        return chosen, size, period
+
+    def stop(self) -> None:
+        assert self.set(0x02, 0x01, 0, 0x83).status == 0
+
+    def payload(self, *, urb_bytes: int = 1024) -> Payload:
+        """Receive one picture; a short URB ends it."""
+        data = b""
+        while True:
+            part = self.reply(self.submit(3, incoming=True, length=urb_bytes)).data
+            data += part
+            if len(part) < urb_bytes:
+                return Payload(data[1], data[data[0] :])

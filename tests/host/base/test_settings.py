@@ -1,0 +1,217 @@
+"""Settings: which source wins, and what is said about a mistake."""
+
+import dataclasses
+import json
+from math import isclose, radians
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+from typer.testing import CliRunner
+
+from gellight.base.errors import ConfigError
+from gellight.base.settings import GeometrySettings, Settings, load_settings, reference, reference_markdown
+from gellight.cli.config import app
+from sim_reference.geometry import SensorGeometry
+from tests.helpers.places import CHECKOUT
+
+ROOT = CHECKOUT
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> dict[str, Path]:
+    """An empty current folder and an empty user's configuration folder."""
+    found = {"folder": tmp_path / "work", "user_folder": tmp_path / "user"}
+    for folder in found.values():
+        folder.mkdir()
+    return found
+
+
+def write(folders: dict[str, Path], text: str) -> Path:
+    path = folders["folder"] / "gellight.toml"
+    path.write_text(text)
+    return path
+
+
+def complaint(folders: dict[str, Path], text: str = "", environment: dict[str, str] | None = None) -> str:
+    write(folders, text)
+    with pytest.raises(ConfigError) as raised:
+        load_settings(environment=environment or {}, **folders)
+    return str(raised.value)
+
+
+def test_without_any_source_the_defaults_hold(folders: dict[str, Path]) -> None:
+    settings = load_settings(environment={}, **folders)
+    assert settings == Settings()
+    assert (settings.sensor.url, settings.dashboard.port, settings.geometry.overrides()) == ("sim://", 8420, {})
+
+
+def test_each_source_wins_over_the_weaker_ones(folders: dict[str, Path]) -> None:
+    (folders["user_folder"] / "config.toml").write_text('[dashboard]\nport = 1\n[sensor]\nurl = "user"\n')
+    assert load_settings(environment={}, **folders).dashboard.port == 1
+    write(folders, "[dashboard]\nport = 2\n")
+    assert load_settings(environment={}, **folders).dashboard.port == 2
+    environment = {"GELLIGHT_DASHBOARD_PORT": "3"}
+    assert load_settings(environment=environment, **folders).dashboard.port == 3
+    settings = load_settings({"dashboard.port": 4, "sensor.url": None}, environment=environment, **folders)
+    assert settings.dashboard.port == 4
+    assert settings.sensor.url == "user", "a flag that was not given must not hide the file"
+
+
+def test_environment_variables_are_read_as_what_the_key_wants(folders: dict[str, Path]) -> None:
+    environment = {
+        "GELLIGHT_RECONSTRUCTION_MASKED": "false",
+        "GELLIGHT_GEOMETRY_PIXEL_SIZE_MM": "0.05",
+        "GELLIGHT_SENSOR_CALIBRATION": "2024",
+        "GELLIGHT_NO_SKIPS": "1",
+        "HOME": "/",
+    }
+    settings = load_settings(environment=environment, **folders)
+    assert settings.reconstruction.masked is False
+    assert settings.geometry.pixel_size_mm == 0.05
+    assert settings.sensor.calibration == "2024"
+
+
+def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str, Path]) -> None:
+    text = complaint(folders, "[dashboard]\nprot = 8000\n")
+    assert text == f"{folders['folder'] / 'gellight.toml'}: unknown key dashboard.prot: did you mean port?"
+
+
+def test_an_unknown_key_that_resembles_nothing_lists_the_choices(folders: dict[str, Path]) -> None:
+    assert "choose one of mode, light_groups, frames_per_light, threads" in complaint(
+        folders, "[reconstruction]\nzebra = 1\n"
+    )
+
+
+def test_a_misspelt_section_is_named(folders: dict[str, Path]) -> None:
+    assert "unknown section dashbord: did you mean dashboard?" in complaint(folders, "[dashbord]\nport = 1\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            "[dashboard]\nport = 99999",
+            "dashboard.port = 99999 is not allowed: give a whole number at least 0 and at most 65535",
+        ),
+        ("[dashboard]\nport = '8420'", "dashboard.port = '8420' is not allowed"),
+        ("[dashboard]\nport = true", "dashboard.port = True is not allowed"),
+        ("[reconstruction]\nmasked = 1", "reconstruction.masked = 1 is not allowed: give true or false"),
+        ("[geometry]\npixel_size_mm = 0", "geometry.pixel_size_mm = 0 is not allowed: give a number above 0"),
+        ("[geometry]\ngel_diameter_mm = inf", "geometry.gel_diameter_mm = inf is not allowed"),
+        ("[geometry]\npoisson_ratio = 0.5", "give a number at least 0 and below 0.5"),
+        ("[geometry]\nled_colours = 'RGX'", "geometry.led_colours = 'RGX' is not allowed: give text like"),
+        ("[sensor]\nurl = ''", "sensor.url = '' is not allowed"),
+        ("sensor = 3", "sensor = 3 is no section: write [sensor]"),
+        ("[dashboard", "is not TOML in UTF-8"),
+    ],
+)
+def test_a_wrong_value_is_named_with_what_is_allowed(folders: dict[str, Path], line: str, said: str) -> None:
+    text = complaint(folders, line)
+    assert text.startswith(str(folders["folder"] / "gellight.toml"))
+    assert said in text
+
+
+def test_every_mistake_of_a_file_is_reported_at_once(folders: dict[str, Path]) -> None:
+    text = complaint(folders, "[dashboard]\nport = -1\n[reconstruction]\nthreads = 0\n")
+    assert "dashboard.port = -1" in text
+    assert "reconstruction.threads = 0" in text
+
+
+def test_a_mistake_is_reported_even_where_a_stronger_source_hides_it(folders: dict[str, Path]) -> None:
+    assert "gellight.toml" in complaint(folders, "[dashboard]\nport = -1\n", {"GELLIGHT_DASHBOARD_PORT": "8000"})
+
+
+def test_a_wrong_environment_variable_is_named(folders: dict[str, Path]) -> None:
+    text = complaint(folders, environment={"GELLIGHT_DASHBOARD_PORT": "many"})
+    assert text.startswith("environment variable GELLIGHT_DASHBOARD_PORT: dashboard.port = 'many' is not allowed")
+    text = complaint(folders, environment={"GELLIGHT_DASHBOARD_PROT": "1"})
+    assert "GELLIGHT_DASHBOARD_PROT: unknown key dashboard.prot: did you mean port?" in text
+
+
+def test_a_wrong_flag_is_named(folders: dict[str, Path]) -> None:
+    with pytest.raises(ConfigError, match=r"^--smoothing-px: reconstruction\.smoothing_px = -1 is not allowed"):
+        load_settings({"reconstruction.smoothing_px": -1}, environment={}, **folders)
+
+
+def test_a_file_that_is_not_utf8_is_refused(folders: dict[str, Path]) -> None:
+    (folders["folder"] / "gellight.toml").write_bytes(b"# \xff\n")
+    with pytest.raises(ConfigError, match="not TOML in UTF-8"):
+        load_settings(environment={}, **folders)
+
+
+def test_settings_cannot_be_changed() -> None:
+    with pytest.raises(ValidationError, match="frozen"):
+        Settings().dashboard.port = 1  # type: ignore[misc]
+
+
+def test_the_geometry_that_can_be_set_is_the_geometry_there_is() -> None:
+    settable = {
+        name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name for name in GeometrySettings.model_fields
+    }
+    assert settable == {field.name for field in dataclasses.fields(SensorGeometry)}
+
+
+def test_geometry_overrides_build_a_sensor_with_angles_in_radians() -> None:
+    overrides = GeometrySettings(incident_angle_deg=35.0, image_width_px=320, led_colours="RGBRGB").overrides()
+    assert overrides.keys() == {"incident_angle_rad", "image_width_px", "led_colours"}
+    geometry = SensorGeometry(**overrides)  # type: ignore[arg-type]
+    assert isclose(geometry.incident_angle_rad, radians(35.0))
+    assert (geometry.image_width_px, geometry.led_colours) == (320, "RGBRGB")
+
+
+def test_the_documentation_holds_the_reference() -> None:
+    document = (ROOT / "docs/configuration.md").read_text()
+    _, heading, tables = document.partition("## All settings\n\n")
+    assert heading
+    assert tables.strip() == reference_markdown().strip(), "run `gellight config schema --markdown` and paste it there"
+
+
+def test_the_example_of_the_documentation_is_accepted(folders: dict[str, Path]) -> None:
+    document = (ROOT / "docs/configuration.md").read_text()
+    write(folders, document.split("```toml\n")[1].split("```")[0])
+    assert load_settings(environment={}, **folders).dashboard.port == 8500
+
+
+@pytest.mark.parametrize("setting", reference(), ids=lambda setting: f"{setting.section}.{setting.key}")
+def test_every_setting_has_a_meaning(setting) -> None:
+    assert setting.description
+    assert setting.allowed
+
+
+class TestCommand:
+    @pytest.fixture(autouse=True)
+    def here(self, folders: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(folders["folder"])
+        monkeypatch.setenv("XDG_CONFIG_HOME", str(folders["user_folder"]))
+        monkeypatch.setenv("GELLIGHT_DASHBOARD_PORT", "8001")
+        write(folders, "[reconstruction]\nthreads = 2\n")
+
+    def run(self, *arguments: str) -> str:
+        result = CliRunner().invoke(app, list(arguments))
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    def test_show_tells_values_and_where_they_come_from(self) -> None:
+        text = self.run("show")
+        assert "port = 8001  # environment variable GELLIGHT_DASHBOARD_PORT" in text
+        assert "threads = 2  # " in text
+        assert 'url = "sim://"\n' in text
+
+    def test_what_show_prints_can_be_read_back(self, folders: dict[str, Path]) -> None:
+        write(folders, self.run("show"))
+        assert load_settings(environment={}, **folders).reconstruction.threads == 2
+
+    def test_show_json(self) -> None:
+        shown = json.loads(self.run("show", "--json"))
+        assert shown["settings"]["dashboard"] == {"port": 8001}
+        assert shown["origins"]["dashboard.port"] == "environment variable GELLIGHT_DASHBOARD_PORT"
+
+    def test_schema_is_json_schema_of_all_sections(self) -> None:
+        assert json.loads(self.run("schema"))["properties"].keys() == Settings.model_fields.keys()
+        assert self.run("schema", "--markdown").strip() == reference_markdown().strip()
+
+    def test_path_marks_the_files_that_are_not_there(self, folders: dict[str, Path]) -> None:
+        weak, strong = self.run("path").replace("\n  (", "  (").strip().splitlines()
+        assert weak.endswith("config.toml  (not there)")
+        assert strong == str(folders["folder"] / "gellight.toml")

@@ -1,0 +1,333 @@
+"""Bundles: what is written is what is loaded, and nothing that is damaged is."""
+
+import errno
+import hashlib
+import os
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tomli_w
+
+from gellight.base.errors import CalibrationError
+from gellight.bundle.bundle import LedSetting, load_calibration, pack_calibration, save_calibration, write_calibration
+from tests.helpers.linear_sensor import linear_calibration, linear_network, reference_image
+
+SHAPE = (24, 32)
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    linear_calibration(tmp_path / "bundle", SHAPE)
+    return tmp_path / "bundle"
+
+
+def rewrite_manifest(bundle: Path, old: str, new: str) -> None:
+    path = bundle / "manifest.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def seal(bundle: Path, name: str, content: bytes) -> None:
+    """Replace a file and its checksum."""
+    old = hashlib.sha256((bundle / name).read_bytes()).hexdigest()
+    (bundle / name).write_bytes(content)
+    rewrite_manifest(bundle, old, hashlib.sha256(content).hexdigest())
+
+
+def test_everything_written_comes_back(tmp_path: Path) -> None:
+    led = tuple(LedSetting(colour=c, rgb=(40, 30, 20)) for c in "RRRRGGGGBBBB")
+    rows = np.arange(14, dtype=np.float32).reshape(2, 7)
+    written = write_calibration(
+        tmp_path / "deep" / "bundle",
+        sensor="GL-007",
+        reference=reference_image(SHAPE),
+        reference_frames=64,
+        noise_grey=1.25,
+        pixel_size_mm=(0.0588, 0.059),
+        network=linear_network(),
+        network_name="mine.onnx",
+        metrics={"mean_deg": 1.5},
+        presses={"rows": rows},
+        led=led,
+        camera={"exposure_us": 8000, "auto_white_balance": False},
+        extra_files={"provenance.json": b"{}"},
+    )
+    for calibration in (written, load_calibration(tmp_path / "deep" / "bundle")):
+        manifest = calibration.manifest
+        assert (manifest.sensor, manifest.reference_frames, manifest.noise_grey) == ("GL-007", 64, 1.25)
+        assert calibration.image_shape == SHAPE
+        assert calibration.pixel_size_mm == (0.0588, 0.059)
+        assert calibration.network == linear_network()
+        assert calibration.metrics == {"mean_deg": 1.5}
+        assert manifest.led == led
+        assert manifest.camera == {"exposure_us": 8000, "auto_white_balance": False}
+        assert calibration.files["provenance.json"] == b"{}"
+        np.testing.assert_array_equal(calibration.presses()["rows"], rows)
+
+
+def test_the_reference_keeps_its_fraction_and_its_channel_order(bundle: Path) -> None:
+    reference = load_calibration(bundle).reference
+    assert reference.dtype == np.float32
+    assert np.abs(reference - reference_image(SHAPE)).max() <= 1 / 512
+    stored = cv2.imread(str(bundle / "reference.png"), cv2.IMREAD_UNCHANGED)
+    assert stored.dtype == np.uint16
+    assert np.abs(stored[..., 2] / 256 - reference_image(SHAPE)[..., 0]).max() <= 1 / 512
+    with pytest.raises(ValueError, match="read-only"):
+        reference[0, 0, 0] = 1
+
+
+def test_a_packed_bundle_is_the_same(bundle: Path, tmp_path: Path) -> None:
+    folder = load_calibration(bundle)
+    packed = pack_calibration(folder, tmp_path / "sensor.gelcal")
+    loaded = load_calibration(packed)
+    assert (loaded.manifest, loaded.files) == (folder.manifest, folder.files)
+    with pytest.raises(CalibrationError, match="exists"):
+        pack_calibration(folder, packed)
+    pack_calibration(folder, packed, overwrite=True)
+    with pytest.raises(CalibrationError, match=r"give .*sensor\.gelcal"):
+        pack_calibration(folder, tmp_path / "sensor.zip")
+
+
+def test_a_bundle_keeps_its_identity_wherever_it_lies(bundle: Path, tmp_path: Path) -> None:
+    folder = load_calibration(bundle)
+    packed = load_calibration(pack_calibration(folder, tmp_path / "sensor.gelcal"))
+    copied = save_calibration(folder, tmp_path / "copy")
+    rewrite_manifest(bundle, "bulge = 1.71\n", "")
+    assert len(bytes.fromhex(folder.identity)) == 8
+    assert {packed.identity, copied.identity, load_calibration(bundle).identity} == {folder.identity}, (
+        "a field that an older GelLight did not write changes nothing"
+    )
+    other = linear_calibration(tmp_path / "other", SHAPE, pixel_size_mm=(0.05, 0.051))
+    assert other.identity != folder.identity
+
+
+def test_a_bundle_takes_another_reference_image_in_memory_only(bundle: Path) -> None:
+    folder = load_calibration(bundle)
+    brighter = folder.with_reference(folder.reference + 2.25, frames=50)
+    assert np.abs(brighter.reference - folder.reference - 2.25).max() <= 1 / 256
+    assert brighter.manifest.reference_frames == 50
+    assert (brighter.network, brighter.source) == (folder.network, folder.source)
+    assert load_calibration(bundle).identity == folder.identity != brighter.identity
+    with pytest.raises(ValueError, match="shape"):
+        folder.with_reference(np.zeros((4, 4, 3)), frames=1)
+    with pytest.raises(CalibrationError, match="0 to 255"):
+        folder.with_reference(folder.reference + 500, frames=1)
+
+
+def test_an_existing_bundle_is_replaced_only_when_told(bundle: Path) -> None:
+    before = (bundle / "manifest.toml").read_bytes()
+    with pytest.raises(CalibrationError, match="exists: choose another name or allow overwriting"):
+        linear_calibration(bundle, (48, 64))
+    assert (bundle / "manifest.toml").read_bytes() == before
+    assert linear_calibration(bundle, (48, 64), overwrite=True).image_shape == (48, 64)
+    assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
+
+
+def test_a_file_in_the_place_of_a_bundle_is_replaced_only_when_told(tmp_path: Path) -> None:
+    (tmp_path / "bundle").write_text("something else")
+    with pytest.raises(CalibrationError, match="exists"):
+        linear_calibration(tmp_path / "bundle", SHAPE)
+    linear_calibration(tmp_path / "bundle", SHAPE, overwrite=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool) -> None:
+    target = bundle if overwrite else bundle.parent / "other"
+    before = sorted(str(p) for p in bundle.parent.rglob("*"))
+    write = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if path.name == "network.onnx":
+            write(path, content[:10])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(CalibrationError, match=r"not written \(No space left on device\): free some space"):
+        linear_calibration(target, SHAPE, overwrite=overwrite)
+    assert sorted(str(p) for p in bundle.parent.rglob("*")) == before
+    load_calibration(bundle)
+
+
+def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rename = Path.rename
+
+    def refuse(path: Path, target: Path) -> Path:
+        if path.name.endswith(".partial"):
+            raise OSError(errno.EACCES, os.strerror(errno.EACCES))
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(CalibrationError, match="check the folder and its permissions"):
+        linear_calibration(bundle, (48, 64), overwrite=True)
+    assert load_calibration(bundle).image_shape == SHAPE
+    assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
+
+
+def test_a_full_disk_leaves_no_packed_file(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calibration = load_calibration(bundle)
+
+    def full(path: Path, target: Path) -> Path:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(CalibrationError, match="free some space"):
+        pack_calibration(calibration, tmp_path / "sensor.gelcal")
+    assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
+
+
+def test_what_does_not_exist_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match=r"nowhere does not exist: give a folder, a \.gelcal file or 'synth"):
+        load_calibration(tmp_path / "nowhere")
+    with pytest.raises(CalibrationError, match=r"has no manifest\.toml"):
+        load_calibration(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["reference.png", "network.onnx", "metrics.json"])
+def test_a_missing_file_is_named(bundle: Path, name: str) -> None:
+    (bundle / name).unlink()
+    with pytest.raises(CalibrationError, match=f"has no {name}.*calibrate the sensor again or restore"):
+        load_calibration(bundle)
+
+
+@pytest.mark.parametrize("name", ["reference.png", "network.onnx", "metrics.json"])
+def test_a_changed_file_is_named_with_both_sums(bundle: Path, name: str) -> None:
+    old = hashlib.sha256((bundle / name).read_bytes()).hexdigest()
+    with (bundle / name).open("ab") as stream:
+        stream.write(b"!")
+    new = hashlib.sha256((bundle / name).read_bytes()).hexdigest()
+    with pytest.raises(CalibrationError, match=f"{name} was changed .*{new[:12]}….*{old[:12]}….*restore the bundle"):
+        load_calibration(bundle)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("schema_version = 1", "schema_version = 2", "schema version 2, this GelLight reads up to 1: update GelLight"),
+        ("schema_version = 1", "schema_version = 0", "schema_version"),
+        ("noise_grey = 1.0", "noise_grey = nan", "noise_grey"),
+        ("noise_grey = 1.0", "noise_grey = -1.0", "noise_grey"),
+        ("    0.05,", "    nan,", "pixel_size_mm"),
+        ("    0.05,", "    0.0,", "pixel_size_mm"),
+        ("image_width_px = 32", "image_width_px = 33", r"reference.png is 32 x 24 px, the manifest says 33 x 24"),
+        ("reference_frames = 64", "reference_frames = 64\nfocus = 3", "focus: Extra inputs are not permitted"),
+        ("reference_frames = 64", "reference_frames = ", "is not TOML"),
+        ('sensor = "linear"', 'sensor = ""', "sensor"),
+        ('"metrics.json"', '"../metrics.json"', "leaves the bundle"),
+        ('network = "network.onnx"', 'network = "other.onnx"', "does not list other.onnx"),
+        ("led = []", 'led = [{colour = "R", rgb = [1, 2, 3]}]', "led has 1 entries, the ring has 12"),
+    ],
+)
+def test_a_wrong_manifest_is_refused(bundle: Path, old: str, new: str, message: str) -> None:
+    rewrite_manifest(bundle, old, new)
+    with pytest.raises(CalibrationError, match=message):
+        load_calibration(bundle)
+
+
+@pytest.mark.parametrize(
+    "image", [np.zeros((24, 32, 3), np.uint8), np.zeros((24, 32), np.uint16), np.zeros((24, 32, 4), np.uint16)]
+)
+def test_a_reference_that_is_not_16_bit_rgb_is_refused(bundle: Path, image: np.ndarray) -> None:
+    seal(bundle, "reference.png", cv2.imencode(".png", image)[1].tobytes())
+    with pytest.raises(CalibrationError, match="not a 16-bit RGB PNG"):
+        load_calibration(bundle)
+
+
+@pytest.mark.parametrize("content", [b"", b"no image"])
+def test_a_reference_that_is_no_image_is_refused(bundle: Path, content: bytes) -> None:
+    seal(bundle, "reference.png", content)
+    with pytest.raises(CalibrationError, match="not a 16-bit RGB PNG"):
+        load_calibration(bundle)
+
+
+def test_metrics_that_are_not_json_are_refused(bundle: Path) -> None:
+    seal(bundle, "metrics.json", b"{")
+    with pytest.raises(CalibrationError, match=r"metrics\.json is not JSON"):
+        load_calibration(bundle)
+
+
+@pytest.mark.parametrize("name", ["../evil.onnx", "/evil.onnx", "sub/evil.onnx", "..\\evil.onnx", "c:evil.onnx"])
+def test_an_archive_with_names_that_leave_it_is_refused(bundle: Path, tmp_path: Path, name: str) -> None:
+    packed = pack_calibration(load_calibration(bundle), tmp_path / "sensor.gelcal")
+    with zipfile.ZipFile(packed, "a") as archive:
+        archive.writestr(name, b"evil")
+    with pytest.raises(CalibrationError, match="leaves the bundle"):
+        load_calibration(packed)
+
+
+@pytest.mark.parametrize("cut", [0, 10, 400])
+def test_an_archive_that_is_cut_off_is_refused(bundle: Path, tmp_path: Path, cut: int) -> None:
+    packed = pack_calibration(load_calibration(bundle), tmp_path / "sensor.gelcal")
+    packed.write_bytes(packed.read_bytes()[:cut])
+    with pytest.raises(CalibrationError, match=r"is not a whole \.gelcal file"):
+        load_calibration(packed)
+
+
+def test_an_archive_with_a_flipped_bit_is_refused(bundle: Path, tmp_path: Path) -> None:
+    packed = pack_calibration(load_calibration(bundle), tmp_path / "sensor.gelcal")
+    content = bytearray(packed.read_bytes())
+    content[content.index(b"reference.png") + 200] ^= 1
+    packed.write_bytes(content)
+    with pytest.raises(CalibrationError, match=r"reference\.png"):
+        load_calibration(packed)
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0, 256.0])
+def test_a_reference_out_of_range_is_not_written(tmp_path: Path, value: float) -> None:
+    reference = reference_image(SHAPE)
+    reference[3, 4, 1] = value
+    with pytest.raises(CalibrationError, match="outside 0 to 255 grey levels"):
+        write_calibration(
+            tmp_path / "bundle",
+            sensor="s",
+            reference=reference,
+            reference_frames=1,
+            noise_grey=1,
+            pixel_size_mm=(1, 1),
+            network=b"",
+            metrics={},
+        )
+    assert not list(tmp_path.iterdir())
+
+
+def test_presses_with_nan_are_not_written_and_missing_presses_are_named(bundle: Path, tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="rows has NaN"):
+        write_calibration(
+            tmp_path / "other",
+            sensor="s",
+            reference=reference_image(SHAPE),
+            reference_frames=1,
+            noise_grey=1,
+            pixel_size_mm=(1, 1),
+            network=b"",
+            metrics={},
+            presses={"rows": np.array([np.nan])},
+        )
+    with pytest.raises(CalibrationError, match=r"has no presses\.npz"):
+        load_calibration(bundle).presses()
+
+
+def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
+    tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import importlib.util
+    from importlib.machinery import ModuleSpec
+
+    spec = ModuleSpec("gelnet", None, is_package=True)
+    assert spec.submodule_search_locations is not None
+    spec.submodule_search_locations.append(str(tmp_path))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
+    with pytest.raises(CalibrationError, match=r"'synthetic' bundle is not installed .*: reinstall gellight"):
+        load_calibration("synthetic")
+    bundle.rename(tmp_path / "synthetic")
+    assert load_calibration("synthetic").manifest.sensor == "linear"
+
+
+def test_manifests_are_toml_without_nulls(bundle: Path) -> None:
+    assert "created = 20" in (bundle / "manifest.toml").read_text()
+    assert tomli_w.dumps(load_calibration(bundle).manifest.model_dump()) == (bundle / "manifest.toml").read_text()

@@ -1,0 +1,348 @@
+"""The calibration routine from end to end on the simulated sensor, and what it does with bad input."""
+
+import json
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CalibrationError, CameraError, GellightError, InputError
+from gellight.bundle.bundle import load_calibration
+from gellight.bundle.store import BundleStore
+from gellight.calibration.choices import Limits, RoutineOptions
+from gellight.calibration.preparing import apply_calibration
+from gellight.calibration.routine import Routine
+from gellight.evaluation.object_errors import object_errors, summary
+from gellight.frames.camera import Camera
+from gellight.frames.image_files import ImageCamera
+from gellight.opening import open_camera
+from gellight.reconstruction.lens.lens_file import read_record
+from gellight.report.pictures import write_png
+from gellight.simulator.simulated_camera import SimulatedCamera
+from gellight.simulator.virtual_hand import VirtualHand
+from gellight.training.training import TrainingOptions
+
+GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
+URL = "sim://?fps=500&board=0&led_spread=0.05"
+LIT = "sim://?fps=500&led_spread=0.05"
+
+
+def camera(url: str = URL) -> Camera:
+    return open_camera(url, geometry=GEOMETRY)
+
+
+def options(folder: Path, **changes: Any) -> RoutineOptions:
+    few = {"presses": 12, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
+    return RoutineOptions(
+        out=folder / "bundle", sensor="one", **{**few, "training": TrainingOptions(recipe="fast"), **changes}
+    )
+
+
+def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
+    """Start a routine that needs nobody, and wait for its end."""
+    routine.act("start")
+    routine.join(timeout_s)
+    assert routine.ended
+    return routine.snapshot()
+
+
+def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> dict[str, Any]:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        snapshot = routine.snapshot()
+        if what(snapshot):
+            return snapshot
+        assert not routine.ended, snapshot["problem"]
+        time.sleep(0.01)
+    raise AssertionError(f"did not come: {routine.snapshot()}")
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A calibration by the virtual hand, with the light ring; installed bundles are listed."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    wishes = options(folder, pin_pitch_mm=2.0)
+    installed: list[str] = []
+    with camera(LIT) as sensor:
+        assert sensor.stage is not None
+        hand = VirtualHand(sensor.stage)
+        routine = Routine(
+            sensor, wishes, folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
+        )
+        snapshot = finished(routine)
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    return folder, {**snapshot, "installed": installed}
+
+
+def test_the_routine_calibrates_the_simulated_sensor_by_itself(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    _, snapshot = calibrated
+    assert snapshot["verdict"]["passed"]
+    figures = snapshot["figures"]["verify"]
+    assert figures["true_normal_deg"] < 0.4
+    assert figures["depth_mm"] < 0.02
+    assert all(step["state"] == "done" for step in snapshot["steps"])
+    json.dumps(snapshot)
+
+
+def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    figures = calibrated[1]["figures"]
+    assert figures["reference"]["noise_grey"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.05)
+    assert figures["pixel_size"]["pixel_size_mm"] == pytest.approx(0.1176, rel=0.004)
+    leds = figures["prepare"]["lights"]["leds"]
+    assert "".join(led["seen_colour"] for led in leds) == "RRRRGGGGBBBB"
+    turned = [(led["azimuth_deg"] - 30 * led["led"] + 180) % 360 - 180 for led in leds]
+    assert max(map(abs, turned)) < 12
+
+
+def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    uniformity = calibrated[1]["figures"]["prepare"]["uniformity"]
+    means = [uniformity[colour]["mean_grey"] for colour in ("red", "green", "blue")]
+    assert max(means) - min(means) < 0.015 * np.mean(means)
+    assert 150 < max(uniformity[colour]["brightest_grey"] for colour in ("red", "green", "blue")) < 230
+
+
+def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    folder, snapshot = calibrated
+    bundle = load_calibration(folder / "bundle")
+    assert snapshot["installed"] == [str(folder / "bundle")]
+    assert len(bundle.manifest.led) == 12
+    assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
+    report = BundleStore(folder / "store").add(bundle).report().decode()
+    assert "Section through the centre of the ball" in report
+    assert "http" not in report.replace("http://www.w3.org/2000/svg", "")
+    assert report.count("<img") >= 10
+
+
+def test_a_pin_grid_tells_the_lens_to_a_tenth_of_a_pixel_and_the_bundle_knows_it(
+    calibrated: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, snapshot = calibrated
+    lens = snapshot["figures"]["lens"]
+    assert lens["pins"] > 200
+    assert lens["rms_after_px"] < 0.1
+    assert lens["corner_moves_px"] < 1.0
+    bundle = load_calibration(folder / "bundle")
+    assert read_record(bundle).learnt_from_circles
+    assert bundle.metrics["lens"]["pins"] == lens["pins"]
+    assert "off this lens" in bundle.files["report.html"].decode()
+
+
+def test_its_objects_are_measured_under_the_light_it_was_made_with(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    errors = object_errors(str(calibrated[0] / "bundle"), LIT, GEOMETRY, 0.2)
+    assert len(errors) == 10
+    assert summary(errors).normal_deg < 1.5
+
+
+def test_what_exists_is_not_overwritten_unasked(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    folder = calibrated[0]
+    with camera() as sensor:
+        with pytest.raises(InputError, match="exists: choose another name"):
+            Routine(sensor, options(folder), tmp_path)
+        with pytest.raises(CalibrationError, match="the bundle of sensor 'one', not of 'two'"):
+            Routine(sensor, RoutineOptions(out=folder / "bundle", sensor="two", overwrite=True), tmp_path)
+
+
+def test_a_bundle_needs_the_controls_it_was_made_with(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", np.zeros((240, 320, 3), np.uint8))
+    with pytest.raises(CameraError, match="no control 'exposure_us'"):
+        apply_calibration(ImageCamera([tmp_path / "a.png"]), load_calibration(calibrated[0] / "bundle"))
+
+
+class Clumsy(VirtualHand):
+    """A hand that presses as it is told by the test."""
+
+    ball_press: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    at_rest = False
+    last = "BALL"
+
+    def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
+        """Press the ball always in the same way."""
+        self._stage.press("BALL", *self.ball_press)
+
+    def lift(self) -> None:
+        """Lift, or forget to."""
+        if not self.at_rest:
+            super().lift()
+
+
+def refused(tmp_path: Path, prepare: Callable[[Clumsy, SimulatedCamera], None], url: str = URL, **changes: Any) -> str:
+    """Run a routine that is disturbed by `prepare`; returns the reason of its end."""
+    with camera(url) as sensor:
+        assert isinstance(sensor, SimulatedCamera)
+        hand = Clumsy(sensor.stage)
+        routine = Routine(sensor, options(tmp_path, **changes), tmp_path / "state", hand=hand)
+        prepare(hand, sensor)
+        snapshot = finished(routine)
+    assert snapshot["step"] == "failed"
+    assert isinstance(routine.error, GellightError)
+    assert not (tmp_path / "bundle").exists()
+    return str(snapshot["problem"])
+
+
+def test_a_hand_on_the_gel_during_the_reference_is_noticed(tmp_path: Path) -> None:
+    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        sensor.stage.press("CYLINDER", 0.5, 2.0, 1.0)
+
+    assert "something lies on it" in refused(tmp_path, press)
+
+
+def test_a_press_that_is_too_shallow_or_off_the_picture_is_told(tmp_path: Path) -> None:
+    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        hand.ball_press = (0.5, 18.5, 0.0)
+
+    assert "press nearer to the middle" in refused(tmp_path, press, presses=8)
+
+
+def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
+    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        hand.at_rest = True
+
+    assert "lift the tool" in refused(tmp_path, press)
+
+
+def test_a_dead_led_is_named(tmp_path: Path) -> None:
+    def unsolder(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        sensor._scene.led_gain[5] = 0.0
+
+    assert "LED 5 stays dark" in refused(tmp_path, unsolder, LIT)
+
+
+def test_leds_in_the_wrong_order_are_named(tmp_path: Path) -> None:
+    def swap(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        sensor._response = sensor._scene.response = type(sensor._response)(
+            exposure=sensor._response.exposure, crosstalk=((0, 1, 0), (1, 0, 0), (0, 0, 1))
+        )
+
+    assert "shines in another colour: check the colour order" in refused(tmp_path, swap, LIT)
+
+
+def test_a_ball_of_another_radius_is_noticed_and_the_right_one_named(tmp_path: Path) -> None:
+    with camera() as sensor:
+        assert sensor.stage is not None
+        routine = Routine(
+            sensor, options(tmp_path, ball_radius_mm=3.0), tmp_path / "state", hand=VirtualHand(sensor.stage)
+        )
+        snapshot = finished(routine)
+    assert snapshot["step"] == "failed"
+    assert "named as 3 mm" in snapshot["problem"]
+    fits = float(snapshot["problem"].split("about ")[1].split(" mm")[0])
+    assert fits == pytest.approx(4.0, rel=0.1)
+
+
+class Person:
+    """A user of the guided routine: goes on when asked, presses and lifts on the stage."""
+
+    def __init__(self, routine: Routine, sensor: Camera) -> None:
+        assert sensor.stage is not None
+        self.routine, self.stage = routine, sensor.stage
+        self.presses = 0
+
+    def go_on(self, step: str) -> None:
+        wait_for(self.routine, lambda s: s["step"] == step and "next" in s["actions"])
+        self.routine.act("next")
+
+    def press(self, tool: str, depth_mm: float, x: float, y: float) -> dict[str, Any]:
+        before = wait_for(self.routine, lambda s: s["awaiting"] == "press")
+        self.stage.press(tool, depth_mm, x, y)
+        old = before["press"], before["problem"]
+        told = wait_for(self.routine, lambda s: s["press"] not in (None, old[0]) or s["problem"] not in ("", old[1]))
+        self.stage.release()
+        return told
+
+    def press_grid(self) -> None:
+        wait_for(self.routine, lambda s: s["awaiting"] == "press" and s["step"] == "lens")
+        self.stage.press("PINS", 0.2, 0.3, -0.2)
+        wait_for(self.routine, lambda s: "pins" in s["pictures"])
+        self.stage.release()
+
+
+def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None:
+    with camera() as sensor:
+        wishes = options(tmp_path, pin_pitch_mm=2.0)
+        routine = Routine(sensor, wishes, tmp_path / "state")
+        with pytest.raises(InputError, match="choose start"):
+            routine.act("next")
+        routine.act("start")
+        user = Person(routine, sensor)
+        user.go_on("prepare")
+        user.go_on("reference")
+        for place in ((0.0, 0.0), (3.0, 2.0)):
+            user.press("CYLINDER", 0.3, *place)
+        assert "no grid of pins" in user.press("BALL", 1.0, 5.0, 3.0)["problem"]
+        user.press_grid()
+        first = user.press("BALL", 1.0, 5.0, 3.0)["press"]
+        assert (first["center_x_px"], first["center_y_px"]) == pytest.approx((202.0, 145.0), abs=0.5)
+        routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=15.0)
+        corrected = wait_for(routine, lambda s: s["press"] and s["press"]["state"] == "corrected")["press"]
+        assert corrected["center_x_px"] == 200.0
+        routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=50.0)
+        assert "is it a ball of 4 mm" in wait_for(routine, lambda s: s["problem"] != "")["problem"]
+        user.press("BALL", 1.2, -5.0, 3.0)
+        routine.act("drop")
+        wait_for(routine, lambda s: s["progress"]["done"] == 1)
+        routine.act("next")
+        assert "press at least 7 more times" in wait_for(routine, lambda s: "too few" in s["problem"])["problem"]
+        routine.act("abort")
+        routine.join(20)
+        assert routine.snapshot()["step"] == "aborted"
+        with pytest.raises(InputError, match=r"begun with pin_pitch_mm 2.0, not None: give the same again"):
+            Routine(sensor, options(tmp_path), tmp_path / "state")
+        again = Routine(sensor, wishes, tmp_path / "state")
+        again.act("start")
+        resumed = wait_for(again, lambda s: s["step"] == "presses" and s["progress"].get("done") == 1)
+        assert resumed["figures"]["pixel_size"]["presses"] == 2
+        assert resumed["figures"]["lens"] == {"pictures": 1, "pitch_mm": 2.0}
+        again.stop()
+        again.join(20)
+        goes_on_without_a_grid(Routine(sensor, wishes, forgetful(tmp_path / "state")), sensor)
+
+
+def goes_on_without_a_grid(routine: Routine, sensor: Camera) -> None:
+    routine.act("start")
+    Person(routine, sensor).go_on("lens")
+    assert wait_for(routine, lambda s: s["step"] == "presses")["figures"]["lens"] == {"pictures": 0}
+    routine.stop()
+    routine.join(20)
+
+
+def forgetful(state: Path) -> Path:
+    """The state as if the power had failed before the grid was pressed."""
+    kept = json.loads((state / "state.json").read_text())
+    del kept["steps"]["lens"]
+    (state / "state.json").write_text(json.dumps({**kept, "grids": []}))
+    return state
+
+
+def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
+    calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    shutil.copytree(calibrated[0] / "state", tmp_path / "state")
+    place = tmp_path / "state/state.json"
+    state = json.loads(place.read_text())
+    place.write_text(json.dumps({**state, "finished": False, "checks": []}))
+    with camera(LIT) as sensor:
+        assert sensor.stage is not None
+        strict = options(tmp_path, limits=Limits(depth_mm=1e-5), pin_pitch_mm=2.0)
+        hand = VirtualHand(sensor.stage)
+        snapshot = finished(Routine(sensor, strict, tmp_path / "state", hand=hand, install=lambda bundle: 1 / 0))
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    assert not snapshot["verdict"]["passed"]
+    assert "Nothing was replaced" in snapshot["verdict"]["text"]
+    assert snapshot["bundle"] == ""
+    assert not (tmp_path / "bundle").exists()
+    state = json.loads(place.read_text())
+    assert state["extra_presses"] > 0
+    assert "fit" not in state["steps"]
+
+
+def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", np.full((240, 320, 3), 120, np.uint8))
+    routine = Routine(ImageCamera([tmp_path / "a.png"]), options(tmp_path), tmp_path / "state")
+    routine.act("start")
+    routine.join(10)
+    assert isinstance(routine.error, CameraError)
+    assert "a calibration needs a camera that goes on delivering" in str(routine.error)

@@ -1,0 +1,289 @@
+"""A ring that cannot be used, and the verb `run`: one line that says what to do, status 2, dark LEDs."""
+
+import errno
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.cli import run as run_verb
+from gellight.daemon import assembly
+from gellight.opening import open_camera
+from gellight.ring import protocol
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import open_transport
+from gellight.ring.wire import Packet, decode, encode
+from gellight.sensor.opencv_camera import OpenCvCamera
+from tests.helpers.sensor_bench import Bench
+
+GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
+
+
+class OtherFirmware:
+    """A board that says hello in another version of the protocol, and nothing else."""
+
+    url = "/dev/ttyACM9"
+
+    def __init__(self, version: tuple[int, int]) -> None:
+        self.version, self.answers, self.closed = version, b"", False
+
+    def write(self, data: bytes) -> None:
+        for stuffed in filter(None, data.split(b"\0")):
+            asked = decode(stuffed)
+            hello = protocol.HelloReply(*self.version, 0xDEAD, 1, 0, 0, 0, 0, bytes(8), 0, 12, 16, 64, 128, 10**6, 0)
+            self.answers += encode(Packet(asked.type | protocol.REPLY, asked.sequence, bytes(5) + hello.pack()))
+
+    def read(self, timeout_s: float) -> bytes:
+        answers, self.answers = self.answers, b""
+        return answers
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (-1, "too old: .*: run `gellight firmware flash`"),
+        (1, "too new: .*: update GelLight, or run"),
+        (0, "of another"),
+    ],
+)
+def test_a_firmware_too_old_or_too_new_is_told_with_the_way_out(step: int, words: str) -> None:
+    board = OtherFirmware((protocol.VERSION[0] + step, protocol.VERSION[1]))
+    with pytest.raises(BoardError, match=words):
+        LightRing(board)
+    assert board.closed, "the board darkens its LEDs when its port is closed"
+
+
+def test_a_ring_that_is_not_there_or_in_use_is_told(tmp_path: Path) -> None:
+    with pytest.raises(BoardError, match=r"there is no /dev/ttyACM99: plug the light ring in"):
+        open_transport("/dev/ttyACM99")
+    primary, secondary = pty.openpty()
+    port = os.ttyname(secondary)
+    code = (
+        f"import serial, sys; p = serial.Serial({port!r}, exclusive=True); print('open', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        with pytest.raises(BoardError, match=rf"in use by \S+ \(process {other.pid}\).*: end that programme"):
+            open_transport(port)
+        other.communicate()
+    os.close(primary)
+    os.close(secondary)
+
+
+def test_a_ring_that_this_user_may_not_use_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    import serial
+
+    def denied(*arguments: object, **options: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port")
+
+    monkeypatch.setattr(serial, "Serial", denied)
+    with pytest.raises(BoardError, match="sudo gellight install-udev"):
+        open_transport("/dev/ttyACM0")
+
+
+# ---- URLs ----
+
+
+def test_urls_of_real_sensors_go_to_real_sensors(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match="no camera at /dev/video987"):
+        open_camera("v4l2:///dev/video987")
+    with pytest.raises(CameraError, match="no sensor is called GL0404"):
+        open_camera("sensor://GL0404")
+    with pytest.raises(InputError, match="speed"):
+        open_camera("auto?speed=3")
+    (tmp_path / "v4l2").write_text("text")
+    for path in (tmp_path / "v4l2", tmp_path, Path("/dev/null")):
+        with pytest.raises(CameraError, match=rf"^{path} is no V4L2 camera: `gellight find` lists"):
+            open_camera(f"v4l2://{path}")
+    for url in ("v4l2://", "sensor://", "v4l2://?fps=30"):
+        with pytest.raises(InputError, match=r"names no sensor: give auto, sensor://NAME"):
+            open_camera(url)
+
+
+@pytest.mark.parametrize("url", ["{}", "auto{}", "v4l2://{}", "v4l2:///dev/{}", "sensor://{}"])
+def test_a_name_that_is_too_long_for_a_file_is_one_that_is_not_there(url: str) -> None:
+    with pytest.raises(CameraError, match=r"no camera at|no sensor is called|is no file"):
+        open_camera(url.format("x" * 300))
+
+
+def test_a_folder_called_auto_is_still_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import cv2
+
+    (tmp_path / "auto").mkdir()
+    cv2.imwrite(str(tmp_path / "auto/1.png"), np.zeros((4, 6, 3), np.uint8))
+    monkeypatch.chdir(tmp_path)
+    assert open_camera("auto").image_shape == (4, 6)
+
+
+class Pictures:
+    """What OpenCV's capture does, without a camera."""
+
+    def __init__(self, count: int) -> None:
+        self.left, self.released = count, False
+
+    def read(self) -> tuple[bool, Any]:
+        self.left -= 1
+        return (True, np.tile(np.array([1, 2, 3], np.uint8), (4, 6, 1))) if self.left >= 0 else (False, None)
+
+    def release(self) -> None:
+        self.released = True
+
+
+def test_opencv_serves_where_there_is_no_v4l2_and_only_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures = Pictures(3)
+    with OpenCvCamera(0, url="opencv://0", capture=lambda index: pictures) as camera:
+        frames = [camera.read() for _ in range(2)]
+        assert (frames[0].image == [3, 2, 1]).all(), "RGB"
+        assert [frame.sequence for frame in frames] == [0, 1]
+        with pytest.raises(CameraError, match="gives no frame: plug the camera in"):
+            camera.read()
+    assert pictures.released
+    with pytest.raises(InputError, match="on Linux, use auto or v4l2:///dev/video0"):
+        open_camera("opencv://0")
+    monkeypatch.setattr("sys.platform", "darwin")
+    with pytest.raises(InputError, match="give opencv://0"):
+        open_camera("opencv://front")
+
+
+def test_opencv_itself_delivers_rgb_frames_until_the_camera_ends(tmp_path: Path) -> None:
+    """OpenCV reads a file as it reads a camera; the frames show three colours that cannot be mistaken."""
+    import cv2
+
+    seen = np.array([(200, 40, 40), (40, 200, 40), (40, 40, 200)])
+    written = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, (32, 24))
+    for colour in seen:
+        written.write(np.full((24, 32, 3), colour[::-1], np.uint8))
+    written.release()
+    film = cv2.VideoCapture(str(tmp_path / "film.avi"))
+    with OpenCvCamera(0, url="opencv://0", capture=lambda index: film) as camera:
+        assert camera.image_shape == (24, 32)
+        frames = [camera.read() for _ in range(2)]
+        with pytest.raises(CameraError, match="gives no frame"):
+            camera.read()
+    shown = np.array([frame.image.mean(axis=(0, 1)) for frame in frames])
+    assert np.abs(shown - seen[1:]).max() < 12, "grey levels; the first picture told the size"
+    assert frames[0].time_s < frames[1].time_s
+
+
+# ---- gellight run ----
+
+
+def gellight(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*GELLIGHT, *arguments], capture_output=True, text=True, timeout=100, check=False)
+
+
+def test_a_run_without_a_sensor_ends_with_status_2_and_one_line() -> None:
+    run = gellight("run", "--sensor", "sensor://GL0404", "--frames", "3")
+    assert run.returncode == 2
+    assert run.stdout == ""
+    assert len(run.stderr.splitlines()) == 1
+    assert "no sensor is called GL0404" in run.stderr
+
+
+def test_a_run_of_any_sensor_tells_its_status_and_a_termination_ends_it_properly() -> None:
+    run = subprocess.Popen(
+        [*GELLIGHT, "run", "--sensor", "sim://?object=BALL&depth=1", "--no-dashboard", "--json"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert run.stdout is not None
+    status = json.loads(run.stdout.readline())
+    assert status["sensor"].startswith("sim://")
+    assert {"frames", "fps", "lost", "error", "camera"} <= set(status)
+    run.send_signal(signal.SIGTERM)
+    assert run.wait(timeout=30) == 128 + signal.SIGTERM
+    assert run.stderr is not None
+    assert "Traceback" not in run.stderr.read()
+
+
+def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("GELLIGHT_SENSOR_URL", raising=False)
+    assert run_verb.settings_of(None, None, None).sensor.url == "auto"
+    assert run_verb.settings_of("sim://", None, 0).sensor.url == "sim://"
+    Path("gellight.toml").write_text('[sensor]\nurl = "sensor://GL0001"\n')
+    assert run_verb.settings_of(None, None, None).sensor.url == "sensor://GL0001"
+
+
+def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """The whole way from the buffers of a driver to depth, on a kernel made of nothing."""
+    from gellight.base.settings import load_settings
+    from tests.helpers.linear_sensor import linear_calibration
+
+    bundle = linear_calibration(tmp_path / "bundle", (24, 32))
+    bench = Bench(tmp_path / "computer")
+    bench.plug("1-2", "GL0001")
+    read = bench.surroundings.kernel.poll
+
+    def paced(descriptor: int, timeout_s: float) -> int:
+        time.sleep(0.005)
+        return read(descriptor, timeout_s)
+
+    bench.kernel.poll = paced  # type: ignore[method-assign]
+    monkeypatch.setattr(
+        assembly, "open_camera", lambda url, geometry, calibration: bench.open(f"{url}?format=YUYV", calibration)
+    )
+    settings = load_settings({"sensor.url": "auto", "sensor.calibration": str(bundle.source)}, environment={},
+                             folder=tmp_path, user_folder=tmp_path)  # fmt: skip
+    with assembly.open_session(settings) as daemon:
+        first = run_verb.follow(daemon, 5, as_json=False)
+        assert first["frames"] == 5
+        bench.unplug("1-2")
+        while "reconnecting" not in str(daemon.status()["error"]):
+            time.sleep(0.01)
+        run_verb.tell(daemon.status(), as_json=False)
+        assert "reconnecting to sensor GL0001" in capsys.readouterr().err
+        bench.plug("1-3", "GL0001")
+        second: Any = run_verb.follow(daemon, 5, as_json=False)
+        assert second["camera"]["reconnections"] == 1
+        assert second["error"] is None
+    assert bench.all_dark()
+
+
+def test_a_frame_from_before_is_not_delivered_after_the_sensor_came_back() -> None:
+    """A reconstruction that was under way when the sensor went is worthless, however late it is done."""
+    from gellight.daemon.daemon import Daemon
+    from gellight.frames.camera import ReconnectingError
+    from tests.helpers.scripted_camera import CountingReconstructor, ScriptedCamera
+
+    class Leaving(ScriptedCamera):
+        """Goes after its first frame, while that is being reconstructed, and is back before that is done."""
+
+        def read(self) -> Any:
+            if self.sequence == 1:
+                time.sleep(0.05)
+                self.sequence = 5
+                raise ReconnectingError("away")
+            if self.sequence == 7:
+                reconstructor.gate.set()
+            return super().read()
+
+    reconstructor = CountingReconstructor()
+    reconstructor.gate.clear()
+    camera: Any = Leaving(10**9, CameraError("never"), period_s=0.002)
+    parts: Any = camera, reconstructor
+    delivered: list[int] = []
+    with Daemon(*parts) as daemon:
+        put = daemon._delivered.put
+
+        def noting(frame: Any) -> None:
+            delivered.append(frame.camera_frame.sequence)
+            put(frame)
+
+        daemon._delivered.put = noting  # type: ignore[method-assign]
+        daemon.wait_frame(8, 10)
+    assert min(delivered) > 5

@@ -1,0 +1,103 @@
+"""`gellight calibrate detect`: images in, the csv that `fit` reads out, and a reason for each image not used."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gellight.base.errors import InputError
+from gellight.cli.calibrate import app
+from gellight.frames.image_files import read_image
+from gellight.simulator.scene import Press, Scene
+from gellight.training.presses import Ball, read_presses
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+
+PIXEL_MM = 0.1176
+BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", str(PIXEL_MM)]
+PLACES = ((-9.0, -5.0, 0.8), (8.0, 4.0, 1.5), (0.5, 0.0, 2.0))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three presses of the simulated sensor, one picture of nothing, one that is no picture."""
+    place = tmp_path_factory.mktemp("presses")
+    scene = Scene(SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=PIXEL_MM), CameraResponse())
+    random = np.random.default_rng(0)
+    shown = [Press("BALL", depth, x, y) for x, y, depth in PLACES] + [None, None]
+    for name, press in zip(("a", "b", "c", "nothing", "untouched"), shown, strict=True):
+        image = digitise(scene.show(press)[0], 1.0, random)
+        cv2.imwrite(str(place / f"{name}.png"), image[..., ::-1])
+    (place / "broken.png").write_bytes(b"no picture")
+    return place
+
+
+def run(folder: Path, *arguments: str | Path, out: Path) -> Any:
+    given = ["detect", *arguments, "--reference", folder / "untouched.png", *BALL, "--out", out]
+    return CliRunner().invoke(app, [str(argument) for argument in given])
+
+
+def test_the_csv_is_what_fit_reads_and_the_circles_are_right(folder: Path) -> None:
+    result = run(folder, *(folder / f"{name}.png" for name in "abc"), out=folder / "presses.csv")
+    assert result.exit_code == 0, result.output
+    assert "3 circles, 0 images refused" in result.stdout
+    ball = Ball(radius_mm=4, pixel_size_mm=PIXEL_MM)
+    presses = read_presses(folder / "presses.csv", ball=ball, image_shape=(240, 320))
+    for press, (x, y, _) in zip(presses, PLACES, strict=True):
+        assert press.center_x_px == pytest.approx(x / PIXEL_MM + 159.5, abs=0.6)
+        assert press.center_y_px == pytest.approx(y / PIXEL_MM + 119.5, abs=0.6)
+
+
+def test_a_refused_image_has_its_reason_and_is_passed_over(folder: Path, tmp_path: Path) -> None:
+    images = [folder / f"{name}.png" for name in ("a", "nothing", "broken")]
+    result = run(folder, *images, "--json", out=tmp_path / "presses.csv")
+    assert result.exit_code == 1
+    found = {Path(record["image"]).stem: record for record in json.loads(result.stdout)}
+    assert found["a"]["quality"] > 0.9
+    assert "no press" in found["nothing"]["refused"]
+    assert "not an image" in found["broken"]["refused"]
+    assert "no press" in (tmp_path / "presses.csv").read_text()
+    presses = read_presses(
+        tmp_path / "presses.csv", ball=Ball(radius_mm=4, pixel_size_mm=PIXEL_MM), image_shape=(240, 320)
+    )
+    assert [press.image.name for press in presses] == ["a.png"]
+
+
+def test_without_any_circle_nothing_is_written(folder: Path, tmp_path: Path) -> None:
+    result = run(folder, folder / "nothing.png", out=tmp_path / "presses.csv")
+    assert isinstance(result.exception, InputError)
+    assert "no circle in any of 1 images" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_overlay_shows_the_circle_on_the_picture(folder: Path, tmp_path: Path) -> None:
+    result = run(folder, folder / "c.png", "--overlay", tmp_path / "seen", out=tmp_path / "presses.csv")
+    assert result.exit_code == 0, result.output
+    drawn, before = read_image(tmp_path / "seen/c.png"), read_image(folder / "c.png")
+    changed = np.argwhere((drawn != before).any(axis=2))
+    centre = np.array([119.5, 0.5 / PIXEL_MM + 159.5])
+    assert np.linalg.norm(changed.mean(axis=0) - centre) < 2
+    with pytest.raises(InputError, match="would replace it"):
+        raise run(folder, folder / "c.png", "--overlay", folder, out=tmp_path / "other.csv").exception
+    np.testing.assert_array_equal(read_image(folder / "c.png"), before)
+
+
+def test_an_existing_csv_is_kept_and_no_image_counts_twice(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "presses.csv").write_text("mine")
+    assert run(folder, folder / "a.png", out=tmp_path / "presses.csv").exit_code == 2
+    assert (tmp_path / "presses.csv").read_text() == "mine"
+    twice = run(folder, folder / "a.png", folder / "a.png", out=tmp_path / "other.csv")
+    assert isinstance(twice.exception, InputError)
+    assert "is given twice" in str(twice.exception)
+
+
+def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    for out in (tmp_path / "file/presses.csv", folder):
+        assert "cannot be written" in str(run(folder, folder / "a.png", "--overwrite", out=out).exception)
+    refused = run(folder, folder / "a.png", "--overlay", tmp_path / "file", out=tmp_path / "presses.csv")
+    assert "overlays cannot be written" in str(refused.exception)

@@ -1,0 +1,125 @@
+"""`gellight calibrate` without a verb: what it refuses before it does anything, and what its screen says."""
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from queue import SimpleQueue
+
+import pytest
+from typer.testing import CliRunner
+
+from gellight.base.errors import CameraError, InputError
+from gellight.cli.calibrate_routine import _tools
+from gellight.cli.calibrate_screen import _read_lines, obey, screen
+from gellight.cli.main import app
+
+
+def gellight(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", "calibrate", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_resuming_nothing_is_told_in_one_line(tmp_path: Path) -> None:
+    done = gellight(tmp_path, "--auto", "--resume")
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        "gellight: there is no interrupted calibration in calibration.state: leave --resume out, or give its --folder"
+    )
+
+
+def refused(*arguments: str) -> str:
+    """The reason why the verb does not begin, in this process."""
+    result = CliRunner().invoke(app, ["calibrate", *arguments])
+    assert isinstance(result.exception, InputError | CameraError), result.output
+    return str(result.exception)
+
+
+def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -> None:
+    (tmp_path / "x.state").mkdir()
+    (tmp_path / "x.state/state.json").write_text(json.dumps({"finished": False}))
+    assert "give --resume to go on, or --restart" in refused("--auto", "--out", str(tmp_path / "x"))
+    assert (tmp_path / "x.state/state.json").is_file()
+
+
+def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
+    assert _tools(tmp_path, None, 6.0, None) == {"cylinder_diameter_mm": 6.0}
+    begun = {"sensor": "A17", "ball_radius_mm": 2.5, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
+    (tmp_path / "state.json").write_text(json.dumps({"finished": False, "identity": begun}))
+    given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
+    assert _tools(tmp_path, 3.0, None, None) == given
+
+
+def test_pictures_that_are_not_there_are_told_and_nothing_is_written(tmp_path: Path) -> None:
+    told = refused("--auto", "--sensor", str(tmp_path / "nowhere/*.png"), "--out", str(tmp_path / "x"))
+    assert "nowhere" in told
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (["--ball-radius-mm", "-1"], "ball_radius_mm = -1.0"),
+        (["--presses", "3"], "at least 8 are needed"),
+        (["--recipe", "slow"], "thorough"),
+    ],
+)
+def test_wrong_options_are_told_before_anything_is_opened(tmp_path: Path, wrong: list[str], told: str) -> None:
+    assert told in refused("--auto", "--out", str(tmp_path / "x"), *wrong)
+    assert list(tmp_path.iterdir()) == []
+
+
+class Recorder:
+    """Stands for a routine: keeps what it is asked, and refuses to accept."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, dict[str, float]]] = []
+
+    def act(self, action: str, **arguments: float) -> None:
+        if action == "accept":
+            raise InputError("accept is not possible now")
+        self.asked.append((action, arguments))
+
+
+def test_typed_keys_become_actions_and_refusals_are_shown() -> None:
+    routine = Recorder()
+    assert [obey(routine, line) for line in ("n", "", "d", "c 10 20.5 7", "q")] == [""] * 5  # type: ignore[arg-type]
+    circle = {"center_x_px": 10.0, "center_y_px": 20.5, "contact_radius_px": 7.0}
+    names = [action for action, _ in routine.asked]
+    assert names == ["next", "next", "drop", "correct", "abort"]
+    assert routine.asked[3][1] == circle
+    assert obey(routine, "a") == "accept is not possible now"  # type: ignore[arg-type]
+    assert obey(routine, "c 10 20") != ""  # type: ignore[arg-type]
+    assert obey(routine, "c ten") != ""  # type: ignore[arg-type]
+
+
+def test_a_keyboard_that_is_closed_stops_the_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    typed: SimpleQueue[str] = SimpleQueue()
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    _read_lines(typed)
+    assert [typed.get(), typed.get()] == ["n\n", "q"]
+    assert typed.empty()
+
+
+def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
+    from rich.console import Console
+
+    snapshot = {
+        "steps": [{"name": "prepare", "state": "done"}, {"name": "presses", "state": "now"}],
+        "step": "presses",
+        "instruction": "Press the ball.",
+        "progress": {"done": 3, "wanted": 40, "unit": "presses"},
+        "awaiting": "lift",
+        "press": {"center_x_px": 10.0, "center_y_px": 20.0, "contact_radius_px": 7.5, "state": "taken"},
+        "coverage": {"places": [[0, 1], [12, 0]]},
+        "advice": "12 more presses on the left edge",
+        "problem": "it moved",
+    }
+    console = Console(record=True, width=100)
+    console.print(screen(snapshot, "", keys=True))
+    text = console.export_text()
+    for words in ("● prepare", "◐ presses", "3 of 40 presses", "10.0, 20.0, 7.5 px (taken)", "· 1", "9 ·", "lift"):
+        assert words in text
+    assert "12 more presses on the left edge" in text
+    assert "it moved" in text

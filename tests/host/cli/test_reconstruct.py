@@ -1,0 +1,177 @@
+"""`gellight reconstruct`: the files it writes, what it prints, and what it refuses before and during the work."""
+
+import errno
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from gellight.base.errors import GellightError
+from gellight.cli.reconstruct import command
+from gellight.evaluation.analytic_surfaces import gaussian
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.report.pictures import depth_bar, depth_picture, difference_picture, four_panels, normal_picture
+from tests.helpers.linear_sensor import linear_calibration, photograph
+
+SHAPE = (120, 160)
+app = typer.Typer()
+app.command()(command)
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    linear_calibration(tmp_path / "bundle", SHAPE)
+    return tmp_path / "bundle"
+
+
+def press(path: Path, height: float = 8.0, shape: tuple[int, int] = SHAPE) -> Path:
+    path.parent.mkdir(exist_ok=True)
+    image = photograph(gaussian(shape, 12, (10, -5), height).gradient_map, noise_grey=0.5).image
+    assert cv2.imwrite(str(path), image[..., ::-1])
+    return path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def refused(result: Result) -> str:
+    assert isinstance(result.exception, GellightError), result.output
+    return str(result.exception)
+
+
+def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path) -> None:
+    paths = [press(tmp_path / "in" / f"press{i}.png", height) for i, height in ((1, 8.0), (2, 4.0))]
+    result = run(*paths, "--calibration", bundle, "--out", tmp_path / "out" / "deep")
+    assert result.exception is None
+    names = sorted(p.name for p in (tmp_path / "out" / "deep").iterdir())
+    assert names == ["press1.npz", "press1.png", "press2.npz", "press2.png"]
+    with np.load(tmp_path / "out" / "deep" / "press1.npz") as maps:
+        assert {name: (maps[name].shape, maps[name].dtype) for name in maps.files} == {
+            "gradient_map": ((*SHAPE, 2), np.float32),
+            "normal_map": ((*SHAPE, 3), np.float32),
+            "depth_mm": (SHAPE, np.float32),
+            "contact": (SHAPE, np.bool_),
+        }
+        assert maps["depth_mm"].max() == pytest.approx(0.4, abs=0.01)
+        assert maps["contact"].sum() == pytest.approx(np.pi * 2 * np.log(2) * 144, rel=0.05)
+    assert read_image(tmp_path / "out" / "deep" / "press1.png").shape[0] > 2 * SHAPE[0]
+    assert "press1.png" in result.stdout
+    assert "indentation mm" in result.stdout
+
+
+def test_json_has_the_contact_of_each_image(tmp_path: Path, bundle: Path) -> None:
+    press(tmp_path / "in" / "press10.png", 4.0)
+    press(tmp_path / "in" / "press9.png", 8.0)
+    press(tmp_path / "in" / "rest.png", 0.0)
+    result = run(tmp_path / "in", "--calibration", bundle, "--out", tmp_path / "out", "--json")
+    contacts = json.loads(result.stdout)
+    assert [Path(c["image"]).name for c in contacts] == ["press9.png", "press10.png", "rest.png"]
+    assert contacts[0]["indentation_mm"] == pytest.approx(0.4, abs=0.01)
+    assert contacts[1]["indentation_mm"] == pytest.approx(0.2, abs=0.01)
+    assert contacts[0]["centroid_mm"] == pytest.approx([0.5, -0.25], abs=0.02)
+    assert (contacts[2]["area_mm2"], contacts[2]["centroid_mm"]) == (0, None)
+    assert Path(contacts[2]["npz"]).is_file()
+    assert Path(contacts[2]["png"]).is_file()
+    table = run(tmp_path / "in", "--calibration", bundle, "--out", tmp_path / "out").stdout
+    assert "no contact" in table
+
+
+def test_dense_and_masked_agree_in_the_contact(tmp_path: Path, bundle: Path) -> None:
+    path = press(tmp_path / "press.png")
+    found = [
+        json.loads(run(path, "--calibration", bundle, "--out", tmp_path / "o", "--json", *option).stdout)[0]
+        for option in ([], ["--dense"])
+    ]
+    assert found[0]["indentation_mm"] == pytest.approx(found[1]["indentation_mm"], abs=0.005)
+    assert found[0] != found[1]
+
+
+def test_images_that_would_write_one_file_are_refused_before_any_work(tmp_path: Path, bundle: Path) -> None:
+    first, second = press(tmp_path / "a" / "Ball.png"), press(tmp_path / "b" / "ball.png")
+    message = refused(run(first, second, "--calibration", bundle, "--out", tmp_path / "out"))
+    assert str(first) in message
+    assert str(second) in message
+    assert "reconstruct them apart" in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_picture_never_replaces_an_image(tmp_path: Path, bundle: Path) -> None:
+    path = press(tmp_path / "in" / "ball.png")
+    before = path.read_bytes()
+    assert "give another folder to --out" in refused(run(path, "--calibration", bundle, "--out", tmp_path / "in"))
+    assert path.read_bytes() == before
+
+
+def test_an_image_of_another_size_ends_the_work_with_its_name(tmp_path: Path, bundle: Path) -> None:
+    first, second = press(tmp_path / "a" / "1.png"), press(tmp_path / "a" / "2.png", shape=(60, 80))
+    message = refused(run(first, second, "--calibration", bundle, "--out", tmp_path / "out"))
+    assert "2.png is 80 x 60 px" in message
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["1.npz", "1.png"]
+    assert "160 x 120 px" in refused(run(second, "--calibration", bundle, "--out", tmp_path / "out"))
+
+
+def test_a_missing_image_or_bundle_is_named(tmp_path: Path, bundle: Path) -> None:
+    path = press(tmp_path / "1.png")
+    assert "none.png" in refused(run(tmp_path / "none.png", "--calibration", bundle, "--out", tmp_path / "out"))
+    assert "nothing does not exist" in refused(run(path, "--calibration", "nothing", "--out", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_leaves_no_part_of_a_file(tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = press(tmp_path / "1.png")
+
+    def full(path: Path, target: Path) -> Path:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "replace", full)
+    message = refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
+    assert "No space left on device" in message
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_out_that_is_a_file_is_refused(tmp_path: Path, bundle: Path) -> None:
+    path = press(tmp_path / "1.png")
+    (tmp_path / "out").write_text("")
+    assert "give --out a folder" in refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
+
+
+def test_equal_depths_have_equal_colours_in_every_picture() -> None:
+    shallow, deep = np.full((4, 4), 0.1), np.full((4, 4), 0.1)
+    deep[0, 0] = 0.9
+    assert (depth_picture(shallow)[3, 3] == depth_picture(deep)[3, 3]).all()
+    brightness = depth_picture(np.linspace(-0.2, 1.5, 50)[None]).sum(axis=2, dtype=int)[0]
+    assert (np.diff(brightness) >= 0).all()
+    assert brightness[0] < 20
+    with pytest.raises(ValueError, match="scale_um = 0"):
+        depth_picture(deep, scale_um=0)
+
+
+def test_normals_and_differences_have_their_usual_colours() -> None:
+    right_up_towards = np.eye(3) * [1, -1, 1]
+    assert normal_picture(right_up_towards[None]).tolist() == [[[255, 127, 127], [127, 255, 127], [127, 127, 255]]]
+    assert difference_picture(np.array([[[0.0, -200.0, 200.0]]])).tolist() == [[[127, 0, 255]]]
+
+
+@pytest.mark.parametrize("scale_um", [1, 100, 150, 250, 1000, 3000])
+def test_the_colour_bar_runs_from_zero_to_the_scale(scale_um: float) -> None:
+    bar = depth_bar(240, 80, scale_um=scale_um)
+    ends = depth_picture(np.array([[0.0, scale_um / 1000]]), scale_um=scale_um)[0]
+    assert (bar[229, 5] == ends[0]).all()
+    assert (bar[10, 5] == ends[1]).all()
+
+
+def test_the_sheet_shows_the_four_panels_unscaled(tmp_path: Path) -> None:
+    shape = (240, 320)
+    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", shape))
+    frame = reconstructor.reconstruct(photograph(gaussian(shape, 20, (0, 0), 10).gradient_map))
+    sheet = four_panels(frame)
+    assert sheet.dtype == np.uint8
+    doubled = frame.camera_frame.image.repeat(2, axis=0).repeat(2, axis=1)
+    assert (sheet[54 : 54 + 480, 20 : 20 + 640] == doubled).all()

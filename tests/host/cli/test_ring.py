@@ -1,0 +1,122 @@
+"""`gellight ring`, `firmware` and `sim`: what a builder types, and what is refused in one line."""
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from gellight.base.errors import GellightError
+from gellight.cli.main import app
+from gellight.ring.emulator.chip import EmulatedBoard
+from gellight.ring.firmware.build import committed_image
+from gellight.ring.transport import VirtualTransport
+
+
+class WatchedTransport(VirtualTransport):
+    """A transport to a board in this process, which keeps what its LEDs showed."""
+
+    def close(self) -> None:
+        super().close()
+        self.board.run(5_000)
+
+
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[EmulatedBoard]:
+    """A board that every URL names."""
+    emulated = EmulatedBoard(committed_image())
+    monkeypatch.setattr("gellight.ring.light_ring.open_transport", lambda _: WatchedTransport(emulated))
+    yield emulated
+    assert emulated.faults == []
+
+
+def gellight(*arguments: str) -> Result:
+    return CliRunner().invoke(app, arguments)
+
+
+def shown(board: EmulatedBoard) -> list[list[list[int]]]:
+    return [board.timeline[k].colours.tolist() for k in range(len(board.timeline))]
+
+
+def test_info_tells_who_the_board_is_and_how_warm(board: EmulatedBoard) -> None:
+    board.set_temperature(41.0)
+    told = json.loads(gellight("ring", "info", "--json").stdout)
+    assert told["board"] == board.unique_id.hex().upper()
+    assert abs(told["temperature_c"] - 41) < 0.5
+    assert (told["dark"], told["running"], told["counters"]["bad_crc"]) == ("BOOT", False, 0)
+    text = gellight("ring", "info").stdout
+    assert "chip at 41 °C" in text
+    assert "nothing wrong" in text
+
+
+def test_set_lights_all_leds_and_leaves_them_dark(board: EmulatedBoard) -> None:
+    done = gellight("ring", "set", "102030", "--seconds", "0.01")
+    assert (done.exit_code, done.stdout) == (0, "lit, 103 mA\n")  # 12 + 12 * 20 * (16 + 32 + 48) / 255, rounded up
+    assert [[0x10, 0x20, 0x30]] * 12 in shown(board)
+    assert not board.timeline.at(board.now_us).any()
+
+
+def test_group_lights_only_the_leds_that_are_named(board: EmulatedBoard) -> None:
+    gellight("ring", "group", "0-2,7", "--colour", "ff0000", "--seconds", "0.01")
+    board_lit = np.array([colours for colours in shown(board) if np.any(colours)][-1])
+    assert np.flatnonzero(board_lit.any(axis=1)).tolist() == [0, 1, 2, 7]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("set", "ff"), "is no colour"),
+        (("set", "101010", "--seconds", "-1"), "--seconds -1 is not possible"),
+        (("set", "101010", "--seconds", "nan"), "--seconds nan is not possible"),
+        (("group", "12"), "names no LEDs"),
+        (("sequence", "--dwell-ms", "0.5"), "give 2 to 60000 ms"),
+        (("sequence", "--dwell-ms", "nan"), "--dwell-ms nan is not possible"),
+        (("set", "ffffff", "--seconds", "0.01"), "OVER_CURRENT"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line_and_lights_nothing(
+    board: EmulatedBoard, arguments: tuple[str, ...], said: str
+) -> None:
+    done = gellight("ring", *arguments)
+    assert isinstance(done.exception, GellightError)
+    assert said in str(done.exception)
+    assert "\n" not in str(done.exception)
+    assert not np.any(shown(board))
+
+
+def test_an_image_that_cannot_be_read_or_written_is_said_so(tmp_path: Path) -> None:
+    for arguments in (("flash", "--image", str(tmp_path / "none.uf2")), ("flash", "--image", str(tmp_path))):
+        done = gellight("firmware", *arguments)
+        assert isinstance(done.exception, GellightError)
+        assert "cannot read" in str(done.exception)
+
+
+def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
+    from gellight.ring.firmware.build import write_image
+
+    (tmp_path / "file").write_text("in the way")
+    for target in (tmp_path / "none/x.uf2", tmp_path / "file/x.uf2"):
+        with pytest.raises(GellightError, match="cannot write"):
+            write_image(committed_image(), target)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gellight.ring.emulator import child
+
+    started: list[child.SimulatedBoard] = []
+
+    class Noted(child.SimulatedBoard):
+        def __init__(self, **how: bool) -> None:
+            super().__init__(**how)
+            started.append(self)
+            threading.Timer(0.2, self._process.kill).start()
+
+    monkeypatch.setattr(child, "SimulatedBoard", Noted)
+    done = gellight("sim", "--seconds", "30")
+    assert "has ended" in str(done.exception)
+    assert not started[0].running

@@ -1,0 +1,211 @@
+"""The desk beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CalibrationError, CameraError, InputError
+from gellight.base.mailbox import Mailbox
+from gellight.bundle.bundle import Calibration
+from gellight.bundle.store import BundleStore
+from gellight.daemon.daemon import Daemon
+from gellight.daemon.desk import Desk, Wishes
+from gellight.daemon.shared_camera import SharedCamera
+from gellight.frames.camera import Camera
+from gellight.opening import open_camera
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.watch.monitor import Watch
+from tests.helpers.linear_sensor import linear_calibration, verified_bundle
+from tests.helpers.scripted_camera import FlatCamera
+from tests.helpers.scripted_desk import snapshot
+
+SHAPE = FlatCamera.image_shape
+
+
+class Guide:
+    """A routine that ends when the test says so."""
+
+    def __init__(self, wishes: Wishes, install: Callable[[Calibration], object]) -> None:
+        self.wishes, self.install = wishes, install
+        self.over = threading.Event()
+        self.acts: list[Any] = []
+
+    @property
+    def ended(self) -> bool:
+        return self.over.is_set()
+
+    def snapshot(self) -> dict[str, Any]:
+        return {"step": "finished" if self.ended else "presses"}
+
+    def pictures(self) -> dict[str, Any]:
+        return {"press": np.zeros((24, 32, 3), np.uint8)}
+
+    def act(self, action: str, **arguments: float) -> None:
+        self.acts.append((action, arguments))
+        if action == "abort":
+            self.over.set()
+
+    def stop(self) -> None:
+        self.act("abort")
+
+    def join(self, timeout_s: float | None = None) -> None:
+        assert self.over.wait(10)
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[Daemon]:
+    calibration = linear_calibration(tmp_path / "running", SHAPE)
+    camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.005)
+    with Daemon(camera, Reconstructor(calibration), watch=Watch(calibration)) as daemon:
+        yield daemon
+
+
+@pytest.fixture
+def guides() -> list[Guide]:
+    return []
+
+
+@pytest.fixture
+def desk(daemon: Daemon, tmp_path: Path, guides: list[Guide]) -> Iterator[Desk]:
+    def begin(wishes: Wishes, install: Callable[[Calibration], object]) -> Guide:
+        guides.append(Guide(wishes, install))
+        return guides[-1]
+
+    with Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state", begin=begin) as desk:
+        yield desk
+
+
+def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(desk: Desk, tmp_path: Path) -> None:
+    assert not desk.state()["interrupted"]
+    begun = {"ball_radius_mm": 2.5, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": 2.0}
+    (tmp_path / "state").mkdir()
+    for finished in (False, True):
+        state = {"finished": finished, "identity": {"sensor": "A17", **begun}}
+        (tmp_path / "state" / "state.json").write_text(json.dumps(state))
+        assert desk.state()["interrupted"] is not finished
+        assert (desk.state()["defaults"]["ball_radius_mm"] == 2.5) is not finished
+    (tmp_path / "state" / "state.json").write_text("{")
+    assert desk.state()["defaults"]["ball_radius_mm"] == 4.0
+
+
+def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
+    desk: Desk, daemon: Daemon, guides: list[Guide], tmp_path: Path
+) -> None:
+    desk.begin(Wishes(presses=12))
+    assert guides[0].wishes.presses == 12
+    assert guides[0].acts == [("start", {})]
+    before = daemon.wait_frame(0, 10).camera_frame.sequence
+    first, second = (verified_bundle(tmp_path / name, sensor=desk.sensor) for name in ("first", "second"))
+    for one in (first, second):
+        guides[0].install(one)
+        assert daemon.calibration.identity == desk.state()["in_service"] == one.identity
+    assert daemon.wait_frame(before + 1, 10).camera_frame.sequence > before
+    assert daemon.watch is not None
+    assert daemon.watch.paused, "the new bundle's watch rests too as long as the calibration goes on"
+    guides[0].over.set()
+    desk.restore(first.identity)
+    assert daemon.calibration.identity == first.identity
+    assert [entry["in_service"] for entry in desk.state()["bundles"]].count(True) == 1
+
+
+def test_what_does_not_pass_leaves_the_stream_as_it_was(
+    desk: Desk, daemon: Daemon, guides: list[Guide], tmp_path: Path
+) -> None:
+    before = daemon.calibration.identity
+    desk.begin(Wishes())
+    for wrong in (
+        verified_bundle(tmp_path / "foreign", sensor="GL-9"),
+        verified_bundle(tmp_path / "bad", sensor=desk.sensor, metrics={}),
+        verified_bundle(tmp_path / "large", sensor=desk.sensor, shape=(48, 64)),
+    ):
+        with pytest.raises(CalibrationError):
+            guides[0].install(wrong)
+    assert daemon.calibration.identity == before
+
+
+def test_the_watch_rests_while_a_calibration_goes_on(desk: Desk, daemon: Daemon, guides: list[Guide]) -> None:
+    assert daemon.watch is not None
+    desk.begin(Wishes())
+    assert daemon.watch.paused
+    for refused in (lambda: desk.begin(Wishes()), lambda: desk.restore("")):
+        with pytest.raises(InputError, match="a calibration is going on: stop it"):
+            refused()
+    desk.act("abort")
+    assert desk._waiter is not None
+    desk._waiter.join(10)
+    assert not daemon.watch.paused
+    assert desk.state()["routine"] == {"step": "finished"}
+
+
+def test_leaving_the_desk_stops_what_goes_on(daemon: Daemon, tmp_path: Path) -> None:
+    guide = Guide(Wishes(), lambda _: None)
+    with Desk(daemon, store=BundleStore(tmp_path), folder=tmp_path / "x", begin=lambda *_: guide) as desk:
+        desk.begin(Wishes())
+    assert guide.acts[-1] == ("abort", {})
+
+
+def test_pictures_and_actions_that_are_not_there_are_told(desk: Desk) -> None:
+    assert desk.picture("live").shape == (*SHAPE, 3)
+    with pytest.raises(InputError, match="no picture 'press' yet"):
+        desk.picture("press")
+    with pytest.raises(InputError, match="no calibration is going on: begin one"):
+        desk.act("next")
+
+
+def test_an_interrupted_calibration_is_offered_and_forgotten_only_when_asked(desk: Desk, tmp_path: Path) -> None:
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state/state.json").write_text("{}")
+    assert desk.state()["interrupted"]
+    desk.begin(Wishes())
+    assert desk.state()["interrupted"]
+    desk.act("abort")
+    desk.begin(Wishes(anew=True))
+    assert not desk.state()["interrupted"]
+
+
+def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> None:
+    camera: Camera = FlatCamera(10, CameraError("never"))  # type: ignore[assignment]
+    captured: Mailbox[Any] = Mailbox()
+    shared = SharedCamera(camera, captured)
+    captured.put(camera.read())
+
+    def later() -> None:
+        captured.put(camera.read())
+
+    timer = threading.Timer(0.05, later)
+    timer.start()
+    assert shared.read().sequence == 2, "the first was there before anybody asked"
+    captured.close(CameraError("unplugged"))
+    with pytest.raises(CameraError, match="unplugged"):
+        shared.read()
+
+
+def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path) -> None:
+    small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
+    camera = open_camera("sim://?board=0&fps=100", geometry=small)
+    running = linear_calibration(tmp_path / "running", (120, 160))
+    with (
+        Daemon(camera, Reconstructor(running), watch=Watch(running)) as daemon,
+        Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as desk,
+    ):
+        sequence = daemon.wait_frame(0, 20).camera_frame.sequence
+        desk.begin(Wishes(hand=True, presses=8))
+        deadline_s = time.monotonic() + 120
+        while "prepare" not in (routine := desk.state()["routine"])["figures"]:
+            assert routine["step"] in ("idle", "prepare", "reference"), routine["problem"]
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        assert set(snapshot("presses")) <= set(routine), "the page's tests know what the routine says"
+        assert daemon.wait_frame(sequence, 20).camera_frame.sequence > sequence
+        desk.act("abort")
+        while desk.state()["routine"]["step"] != "aborted":
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        assert desk.state()["interrupted"]
+        assert daemon.calibration.identity == running.identity

@@ -1,0 +1,178 @@
+"""Bundles in service: only verified ones of the same sensor, the old ones kept, the board told, nothing half done."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CalibrationError
+from gellight.base.settings import load_settings
+from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.bundle.store import BundleStore
+from gellight.daemon.assembly import open_session
+from gellight.daemon.installing import bundle_of, install, remember, restore, sensor_name
+from gellight.opening import open_camera
+from gellight.ring.light_ring import connect
+from tests.helpers.linear_sensor import verified_bundle
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> BundleStore:
+    return BundleStore(tmp_path / "bundles")
+
+
+class Stream:
+    """A running sensor that remembers what it was given."""
+
+    def __init__(self) -> None:
+        self.taken: list[str] = []
+        self.refuses = False
+
+    def replace_calibration(self, bundle: Calibration) -> None:
+        if self.refuses:
+            raise CalibrationError("it does not fit")
+        self.taken.append(bundle.identity)
+
+
+def test_a_verified_bundle_is_kept_taken_over_and_in_service(store: BundleStore, tmp_path: Path) -> None:
+    stream, first, second = Stream(), verified_bundle(tmp_path / "first"), verified_bundle(tmp_path / "second")
+    for one in (first, second):
+        installed = install(one, sensor="GL-7", store=store, running=stream)
+        assert (installed.bundle.identity, installed.bundle.in_service) == (one.identity, True)
+        assert not installed.remembered
+    assert stream.taken == [first.identity, second.identity]
+    assert store.current("GL-7").load().files == second.files
+    assert {entry.identity: entry.in_service for entry in store.bundles()} == {
+        first.identity: False,
+        second.identity: True,
+    }
+
+
+def test_the_old_bundle_can_be_restored_and_the_new_one_after_it(store: BundleStore, tmp_path: Path) -> None:
+    stream, first, second = Stream(), verified_bundle(tmp_path / "first"), verified_bundle(tmp_path / "second")
+    for one in (first, second):
+        install(one, sensor="GL-7", store=store)
+    restore("", sensor="GL-7", store=store, running=stream)
+    assert store.current("GL-7").identity == first.identity
+    restore(second.identity[:6], sensor="GL-7", store=store, running=stream)
+    assert store.current("GL-7").identity == second.identity
+    assert stream.taken == [first.identity, second.identity]
+
+
+@pytest.mark.parametrize(
+    ("metrics", "said"),
+    [
+        ({}, "never verified"),
+        ({"verification": {"depth_mm": 0.5, "normal_deg": 2.0}}, "depth 500 um"),
+        ({"verification": {"depth_mm": 0.02, "normal_deg": 9.0}}, "normals 9.0"),
+        ({"verification": {"depth_mm": "good"}}, "never verified"),
+    ],
+)
+def test_what_did_not_pass_replaces_nothing(
+    store: BundleStore, tmp_path: Path, metrics: dict[str, object], said: str
+) -> None:
+    stream, good = Stream(), verified_bundle(tmp_path / "good")
+    install(good, sensor="GL-7", store=store, running=stream)
+    with pytest.raises(CalibrationError, match=said):
+        install(verified_bundle(tmp_path / "bad", metrics=metrics), sensor="GL-7", store=store, running=stream)
+    assert stream.taken == [good.identity]
+    assert [entry.identity for entry in store.bundles()] == [good.identity]
+
+
+def test_a_bundle_of_another_sensor_is_refused(store: BundleStore, tmp_path: Path) -> None:
+    other = verified_bundle(tmp_path / "other", sensor="GL-8")
+    with pytest.raises(CalibrationError, match="bundle of sensor 'GL-8', this is 'GL-7': nothing was replaced"):
+        install(other, sensor="GL-7", store=store)
+    install(other, sensor="GL-8", store=store)
+    with pytest.raises(CalibrationError, match="this is 'GL-7'"):
+        restore(other.identity, sensor="GL-7", store=store)
+
+
+def test_a_bundle_that_the_running_sensor_cannot_use_is_not_in_service(store: BundleStore, tmp_path: Path) -> None:
+    stream, good = Stream(), verified_bundle(tmp_path / "good")
+    install(good, sensor="GL-7", store=store, running=stream)
+    stream.refuses = True
+    with pytest.raises(CalibrationError, match="does not fit"):
+        install(verified_bundle(tmp_path / "large", shape=(48, 64)), sensor="GL-7", store=store, running=stream)
+    assert store.current("GL-7").identity == good.identity
+
+
+def test_a_damaged_bundle_is_listed_as_such_and_never_put_in_service(store: BundleStore, tmp_path: Path) -> None:
+    first, second = verified_bundle(tmp_path / "first"), verified_bundle(tmp_path / "second")
+    for one in (first, second):
+        install(one, sensor="GL-7", store=store)
+    (store.folder / "GL-7" / first.identity / "network.onnx").write_bytes(b"rust")
+    damaged = next(entry for entry in store.bundles() if entry.identity == first.identity)
+    assert "changed after calibration" in damaged.problem
+    assert json.dumps(damaged.as_json())
+    with pytest.raises(CalibrationError, match="has no report"):
+        store.find(second.identity).report()
+    with pytest.raises(CalibrationError, match="changed after calibration"):
+        restore("", sensor="GL-7", store=store)
+    assert store.current("GL-7").identity == second.identity
+
+
+@pytest.mark.parametrize("sensor", ["..", "a/b", ".hidden", "Ünit 3"])
+def test_a_sensor_of_any_name_stays_inside_the_store(store: BundleStore, tmp_path: Path, sensor: str) -> None:
+    install(verified_bundle(tmp_path / "one", sensor=sensor), sensor=sensor, store=store)
+    assert store.sensors() == [sensor]
+    assert store.current(sensor).path.parent.parent == store.folder
+
+
+def test_what_is_not_there_is_said(store: BundleStore, tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="no calibration bundle on this computer: run `gellight calibrate`"):
+        store.current("GL-7")
+    with pytest.raises(CalibrationError, match="had no other bundle before"):
+        restore("", sensor="GL-7", store=store)
+    with pytest.raises(CalibrationError, match="no bundle of identity 'ffff'"):
+        restore("ffff", sensor="GL-7", store=store)
+
+
+def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleStore, tmp_path: Path) -> None:
+    with open_camera("sim://?programme=0") as camera:
+        ring, name = camera.ring, sensor_name(camera)
+        assert ring is not None
+        assert bundle_of(camera, store).manifest.sensor == "simulated", "nothing else is known of it yet"
+        first, second = (
+            verified_bundle(tmp_path / "first", sensor=name),
+            verified_bundle(tmp_path / "second", sensor=name),
+        )
+        assert install(first, sensor=name, store=store, camera=camera).remembered
+        assert ring.configuration().bundle == bytes.fromhex(first.identity)
+        install(second, sensor=name, store=store)
+        assert bundle_of(camera, store).identity == first.identity, "the board knows better than this computer"
+        foreign = verified_bundle(tmp_path / "foreign", sensor="GL-8")
+        remember(ring, foreign)
+        with pytest.raises(CalibrationError, match=r"cannot be had here .* bring it with `gellight calibrate install"):
+            bundle_of(camera, store)
+        store.add(foreign)
+        with pytest.raises(CalibrationError, match="bundle of sensor 'GL-8'"):
+            bundle_of(camera, store)
+
+
+def test_remembering_lights_the_ring_again_and_writes_only_what_is_new(tmp_path: Path) -> None:
+    synthetic = load_calibration("synthetic")
+    with connect("sim://") as ring:
+        remember(ring, synthetic)
+        saves = ring.status().config_saves
+        deadline_s = time.monotonic() + 10
+        while ring.status().current_ma < 100:  # the LEDs are lit as they were when the sensor was calibrated
+            assert time.monotonic() < deadline_s
+        remember(ring, synthetic)
+        assert ring.status().config_saves == saves
+        assert ring.configuration().name.rstrip(b"\0") == b"GelLight", "the rest of the configuration is kept"
+
+
+def test_auto_takes_the_bundle_of_this_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_: tmp_path)
+    settings = load_settings({"sensor.url": "sim://?board=0", "sensor.calibration": "auto"})
+    with open_session(settings) as daemon:
+        assert daemon.calibration.identity == load_calibration("synthetic").identity
+    mine = load_calibration("synthetic")
+    mine = mine.with_reference(np.clip(mine.reference + 0.5, 0, 255), frames=90)
+    store = BundleStore()
+    store.put_in_service("simulated", store.add(mine).identity)
+    with open_session(settings) as daemon:
+        assert daemon.calibration.identity == mine.identity

@@ -1,0 +1,95 @@
+"""The modes as a user runs them, on the simulated sensor: board, ring, rolling shutter, exposure and all."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from gellight.base.errors import GellightError
+from gellight.base.settings import ReconstructionSettings, SensorSettings, Settings
+from gellight.bundle.bundle import load_calibration
+from gellight.daemon.assembly import open_session
+from gellight.evaluation.simulated_presses import _Bench, object_presses
+from gellight.simulator.scene import Press
+
+GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
+HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
+
+
+def gellight(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*GELLIGHT, *arguments], capture_output=True, text=True, timeout=200, check=False)
+
+
+def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
+    run = gellight("demo", "--mode", "photometric", "--frames", "2", "--json", "--sensor", HELD)
+    assert run.returncode == 0, run.stderr
+    status = json.loads(run.stdout.splitlines()[-1])
+    assert status["mode"] == "photometric"
+    assert status["exposures"]["exposures"] == 4
+    assert status["exposures"]["moved"] is False
+    assert status["lost"] == 0
+    assert status["selfcheck"]["passed"], status["selfcheck"]
+    assert status["selfcheck"]["contact_normal_error_deg"] < 0.3
+    assert status["selfcheck"]["depth_error_mm"] < 0.005
+    assert status["indentation_mm"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_hybrid_stream_measures_its_own_error() -> None:
+    settings = Settings(sensor=SensorSettings(url=HELD), reconstruction=ReconstructionSettings(mode="hybrid"))
+    with open_session(settings) as daemon:
+        sequence, status = -1, daemon.status()
+        for _ in range(300):
+            frame = daemon.wait_frame(sequence, 30)
+            sequence, status = frame.camera_frame.sequence, daemon.status()
+            if status["network_error"]:
+                break
+        result = daemon.check(frame)
+    assert status["mode"] == "hybrid"
+    error = status["network_error"]
+    assert isinstance(error, dict)
+    assert result is not None
+    assert error["normal_deg"] == pytest.approx(result.contact_normal_error_deg, rel=0.4)
+    assert error["contact_px"] > 1000
+    assert frame.exposures is not None, "the frame of the series carries its report"
+
+
+def test_a_camera_without_a_ring_says_how_to_go_on() -> None:
+    run = gellight("demo", "--mode", "photometric", "--frames", "1", "--sensor", "sim://?board=0")
+    assert run.returncode == 2
+    assert "no light ring" in run.stderr
+    assert "--mode network" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_an_unknown_mode_lists_the_modes() -> None:
+    run = gellight("demo", "--mode", "magic", "--frames", "1")
+    assert run.returncode == 2
+    assert "network, photometric, hybrid" in run.stderr
+
+
+def test_an_existing_bundle_is_not_overwritten(tmp_path) -> None:
+    run = gellight("calibrate", "lights", "--out", str(tmp_path))
+    assert run.returncode == 2
+    assert "--overwrite" in run.stderr
+
+
+def test_a_second_look_under_other_lights_halves_the_error_of_the_first() -> None:
+    bench = _Bench(load_calibration("synthetic"), 1.0, 31)
+    rows = bench.measure("a ball", [Press("BALL", 0.9, 5.0, 3.0)])
+    assert [row.exposures for row in rows] == [1, 4, 12, 4, 12]
+    assert rows[0].over_network == 1.0
+    assert rows[3].over_network < 0.5
+    assert rows[4].over_network < 0.5
+    assert rows[3].exposure_us == pytest.approx(25200, rel=0.02)
+
+
+def test_the_bench_presses_every_object_once_and_needs_the_simulated_sensor(tmp_path) -> None:
+    import numpy as np
+
+    from tests.helpers.linear_sensor import linear_calibration
+
+    presses = object_presses(np.random.default_rng(0))
+    assert len({press.object_name for press in presses}) == 10
+    with pytest.raises(GellightError, match="not of the simulated sensor"):
+        _Bench(linear_calibration(tmp_path / "b"), 1.0, 0)

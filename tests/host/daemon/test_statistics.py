@@ -1,0 +1,59 @@
+"""Frames per second count distinct sequence numbers; lost, repeated and dropped frames are told apart."""
+
+import numpy as np
+import pytest
+
+from gellight.daemon.statistics import Statistics
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+
+PIXEL = np.zeros((1, 1, 3), np.uint8)
+
+
+def camera_frame(sequence: int, time_s: float = 0.0) -> CameraFrame:
+    return CameraFrame(image=PIXEL, time_s=time_s, sequence=sequence)
+
+
+def tactile_frame(sequence: int, time_s: float = 0.0) -> TactileFrame:
+    flat = np.zeros((1, 1), np.float32)
+    contact = Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
+    return TactileFrame(
+        camera_frame=camera_frame(sequence, time_s),
+        difference=np.zeros((1, 1, 3), np.float32),
+        gradient_map=np.zeros((1, 1, 2), np.float32),
+        normal_map=np.zeros((1, 1, 3), np.float32),
+        depth_mm=flat,
+        contact=contact,
+        stage_seconds={"gelnet": 0.004},
+    )
+
+
+def test_the_rate_counts_distinct_sequence_numbers() -> None:
+    statistics = Statistics()
+    for tick in range(31):  # 30 deliveries a second, but each camera frame came twice
+        statistics.note_delivered(tactile_frame(tick // 2), tick / 30)
+    assert statistics.fps(now_s=1.0) == pytest.approx(15.0)
+
+
+def test_the_rate_falls_to_zero_when_frames_stop() -> None:
+    statistics = Statistics()
+    for tick in range(31):
+        statistics.note_delivered(tactile_frame(tick), tick / 30)
+    assert statistics.fps(now_s=1.0) == pytest.approx(30.0)
+    assert statistics.fps(now_s=100.0) == 0.0
+
+
+def test_gaps_are_lost_repetitions_are_repeated_and_what_was_not_delivered_is_dropped() -> None:
+    statistics = Statistics()
+    for sequence in (1, 2, 2, 5):
+        statistics.note_captured(camera_frame(sequence))
+    statistics.note_delivered(tactile_frame(5), 1.0)
+    numbers = statistics.as_json(1.0)
+    assert (numbers["lost"], numbers["repeated"], numbers["dropped"], numbers["frames"]) == (2, 1, 3, 1)
+
+
+def test_the_age_is_counted_from_the_exposure() -> None:
+    statistics = Statistics()
+    for tick in range(100):
+        statistics.note_delivered(tactile_frame(tick, time_s=tick), tick + 0.020)
+    assert statistics.frame_age_ms() == {"median": 20.0, "p95": 20.0}
+    assert statistics.as_json(100.0)["stage_ms"] == {"gelnet": 4.0}

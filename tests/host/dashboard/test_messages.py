@@ -1,0 +1,156 @@
+"""The binary message of a tactile frame: what goes in comes out, within the stated bounds."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gellight.dashboard.messages import DEPTH_UNIT_MM, NORMAL_UNIT, PREFIX, decode, encode, view_shape, without_nan
+from gellight.frames.frames import Contact, TactileFrame
+from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
+
+PIXEL = (PIXEL_MM, PIXEL_MM)
+FRAME = bump(1.2, 3.0, -2.0)
+
+
+def blocks(plane: np.ndarray) -> np.ndarray:
+    """Means of 2 x 2 pixels: the area average of a 640 x 480 plane at view size, computed plainly."""
+    height, width = plane.shape[:2]
+    return plane.reshape(height // 2, 2, width // 2, 2, -1).mean(axis=(1, 3)).squeeze()
+
+
+def with_depth(depth_mm: np.ndarray) -> TactileFrame:
+    return replace(FRAME, depth_mm=depth_mm.astype(np.float32))
+
+
+def test_depth_is_kept_to_half_its_unit() -> None:
+    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    error = np.abs(view.depth_mm - blocks(FRAME.depth_mm))
+    assert view.depth_mm.shape == (240, 320)
+    assert error.max() <= 0.5 * DEPTH_UNIT_MM + 1e-6
+
+
+def test_differences_are_kept_to_half_a_grey_level() -> None:
+    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    assert np.abs(view.difference - blocks(FRAME.difference)).max() <= 0.5 + 1e-4
+    assert view.difference.max() > 20
+
+
+def test_normals_are_kept_to_a_display_step() -> None:
+    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    mean = blocks(FRAME.normal_map)
+    expected = mean / np.linalg.norm(mean, axis=2, keepdims=True)
+    assert np.abs(view.normal_map[..., :2] - expected[..., :2]).max() <= 0.5 * NORMAL_UNIT + 1e-6
+    assert np.allclose(np.linalg.norm(view.normal_map, axis=2), 1, atol=1e-6)
+    assert np.abs(expected[..., 0]).max() > 0.2, "the scene must have slopes"
+
+
+def test_the_image_is_a_faithful_jpeg_in_rgb_order() -> None:
+    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    assert np.abs(view.image.astype(float) - blocks(FRAME.camera_frame.image)).mean() < 1.5
+    red = replace(
+        FRAME, camera_frame=replace(FRAME.camera_frame, image=np.full((480, 640, 3), (200, 20, 20), np.uint8))
+    )
+    assert np.allclose(decode(encode(red, pixel_size_mm=PIXEL)).image[100, 100], (200, 20, 20), atol=3)
+
+
+def test_the_contact_patch_comes_through() -> None:
+    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    assert np.array_equal(view.contact, blocks(FRAME.contact.mask) >= 0.5)
+    assert 0 < view.contact.sum() < view.contact.size
+
+
+def test_the_header_carries_the_figures() -> None:
+    header = decode(encode(FRAME, pixel_size_mm=(0.05, 0.06))).header
+    assert header["sequence"] == FRAME.camera_frame.sequence
+    assert header["time_s"] == FRAME.camera_frame.time_s
+    assert header["image_px"] == [640, 480]
+    assert header["view_px"] == [320, 240]
+    assert header["pixel_size_mm"] == [0.05, 0.06]
+    assert header["contact"] == {
+        "area_mm2": FRAME.contact.area_mm2,
+        "indentation_mm": FRAME.contact.indentation_mm,
+        "centroid_mm": list(FRAME.contact.centroid_mm or ()),
+    }
+    assert header["light"] == LIGHT.tolist()
+    assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
+
+
+def test_what_is_unknown_is_null() -> None:
+    nothing = Contact(mask=np.zeros((480, 640), bool), area_mm2=0.0, indentation_mm=float("nan"), centroid_mm=None)
+    frame = replace(FRAME, contact=nothing, camera_frame=replace(FRAME.camera_frame, light=None))
+    header = decode(encode(frame, pixel_size_mm=PIXEL)).header
+    assert header["light"] is None
+    assert header["contact"] == {"area_mm2": 0.0, "indentation_mm": None, "centroid_mm": None}
+
+
+@pytest.mark.parametrize(
+    ("depth_mm", "shown"), [(-0.2, -0.2), (0.0, 0.0), (-3.0, -1.0), (9.0, 5.5534), (5.5534, 5.5534)]
+)
+def test_depth_outside_the_range_is_clipped_and_negative_depth_is_kept(depth_mm: float, shown: float) -> None:
+    view = decode(encode(with_depth(np.full((480, 640), depth_mm)), pixel_size_mm=PIXEL))
+    assert np.abs(view.depth_mm - shown).max() <= 0.5 * DEPTH_UNIT_MM + 1e-6
+
+
+def test_missing_depth_stays_missing() -> None:
+    depth = np.zeros((480, 640))
+    depth[:100] = np.nan
+    view = decode(encode(with_depth(depth), pixel_size_mm=PIXEL))
+    assert np.isnan(view.depth_mm[:50]).all()
+    assert np.abs(view.depth_mm[50:]).max() <= 0.5 * DEPTH_UNIT_MM
+
+
+@given(width=st.integers(1, 3000), height=st.integers(1, 3000))
+def test_the_view_keeps_proportions_and_is_never_enlarged(width: int, height: int) -> None:
+    rows, columns = view_shape((height, width))
+    assert 1 <= rows <= min(height, 240)
+    assert 1 <= columns <= min(width, 320)
+    scale = min(320 / width, 240 / height, 1.0)
+    assert abs(columns - width * scale) <= 1
+    assert abs(rows - height * scale) <= 1
+
+
+@pytest.mark.parametrize("shape", [(480, 640), (121, 163), (600, 400), (1200, 1600)])
+def test_any_image_size_comes_through(shape: tuple[int, int]) -> None:
+    frame = bump(0.8, 1.0, 1.0, shape=shape)
+    view = decode(encode(frame, pixel_size_mm=PIXEL))
+    assert view.depth_mm.shape == view_shape(shape) == view.image.shape[:2] == view.contact.shape
+    assert view.depth_mm.max() == pytest.approx(0.8, abs=0.01)
+
+
+def test_planes_start_where_typed_arrays_can_lie() -> None:
+    message = encode(FRAME, pixel_size_mm=PIXEL)
+    _, _, length = PREFIX.unpack_from(message)
+    assert (PREFIX.size + length) % 4 == 0
+    assert all(plane["offset"] % 4 == 0 for plane in decode(message).header["planes"])
+    assert len(message) % 4 == 0
+
+
+@pytest.mark.parametrize("message", [b"JUNK" + bytes(20), b"GELF\x02\0\0\0" + bytes(16)])
+def test_another_message_is_refused(message: bytes) -> None:
+    with pytest.raises(ValueError, match="not a tactile frame of version 1"):
+        decode(message)
+
+
+def test_numbers_that_json_cannot_carry_become_null() -> None:
+    assert without_nan({"a": [float("nan"), 1.0, (float("inf"),)], 3: "x"}) == {"a": [None, 1.0, [None]], "3": "x"}
+
+
+def test_reduction_is_an_area_average_so_a_single_bright_pixel_is_not_lost() -> None:
+    depth = np.zeros((480, 640))
+    depth[100, 101] = 0.4
+    view = decode(encode(with_depth(depth), pixel_size_mm=PIXEL))
+    assert view.depth_mm[50, 50] == pytest.approx(0.1, abs=DEPTH_UNIT_MM)
+    assert cv2.countNonZero((view.depth_mm > 0.05).astype(np.uint8)) == 1
+
+
+def test_missing_normals_do_not_spread() -> None:
+    normal_map = FRAME.normal_map.copy()
+    normal_map[:100] = np.nan
+    view = decode(encode(replace(FRAME, normal_map=normal_map), pixel_size_mm=PIXEL))
+    assert np.allclose(view.normal_map[:50], (0, 0, 1)), "what is unknown is shown flat"
+    whole = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    assert np.array_equal(view.normal_map[50:], whole.normal_map[50:])

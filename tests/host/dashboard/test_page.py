@@ -1,0 +1,253 @@
+"""The page in a real browser: what a visitor sees equals what the sensor said."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import SIZES, Open, draw, playing
+from tests.helpers.dashboard_source import PIXEL_MM, FormulaSource, bump
+
+pytestmark = pytest.mark.browser
+
+
+def pixel(page: Page, canvas: str, column: int, row: int) -> list[int]:
+    found: list[int] = page.evaluate(
+        "([id, x, y]) => [...document.getElementById(id).getContext('2d').getImageData(x, y, 1, 1).data]",
+        [canvas, column, row],
+    )
+    return found
+
+
+def test_the_page_asks_nobody_but_this_machine(
+    browser_3d: Browser, server: DashboardServer, source: FormulaSource
+) -> None:
+    page = browser_3d.new_page()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("websocket", lambda websocket: asked.append(websocket.url))
+    page.goto(server.url)
+    draw(page, source, 1.0)
+    page.close()
+    own = (server.url, server.url.replace("http:", "ws:"), f"blob:{server.url}")
+    assert [url for url in asked if not url.startswith(own)] == []
+    assert any(url.endswith("vendor/three/three.module.js") for url in asked)
+    assert any(url.startswith("ws:") for url in asked)
+
+
+def test_frames_are_drawn_as_they_come(opened_3d: Open, source: FormulaSource) -> None:
+    page = opened_3d()
+    with playing(source):
+        page.wait_for_function("() => gellight.drawn >= 5 && gellight.drawn_fps > 0")
+        expect(page.get_by_test_id("state")).to_have_text("live")
+        drawn = page.evaluate("gellight.sequence")
+        page.wait_for_function("drawn => gellight.sequence > drawn + 3", arg=drawn)
+
+
+def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.8764, 4.0, -3.0)
+    truth = bump(0.8764, 4.0, -3.0).contact
+    assert truth.centroid_mm is not None
+    assert page.evaluate("gellight.indentation_mm") == truth.indentation_mm
+    assert page.evaluate("gellight.area_mm2") == truth.area_mm2
+    shown = {
+        "indentation": f"{truth.indentation_mm:.3f}",
+        "indentation-um": f"{truth.indentation_mm * 1000:.0f}",
+        "area": f"{truth.area_mm2:.1f}",
+        "centroid": f"{truth.centroid_mm[0]:.2f}, {truth.centroid_mm[1]:.2f}",
+        "fps": "30.0",
+        "age-median": "11.2",
+        "age-p95": "17.8",
+        "dropped": "3",
+        "sensor": "formula://bump",
+        "verdict": "passed",
+        "checked": "frame 1200",
+        "check-depth_error_mm": "4.20 µm",
+        "check-picture_error_grey": "1.31 grey",
+    }
+    for name, text in shown.items():
+        expect(page.get_by_test_id(name)).to_have_text(text)
+    expect(page.get_by_test_id("stages")).to_contain_text("gelnet")
+
+
+def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    expect(page.get_by_test_id("mode")).to_be_empty()
+    source.figures |= {"mode": "hybrid", "network_error": None}
+    expect(page.get_by_test_id("mode")).to_have_text("hybrid")
+    source.figures["network_error"] = {"normal_deg": 0.441, "depth_mm": 0.006, "measured_s_ago": 3.1}
+    expect(page.get_by_test_id("mode")).to_have_text("GelNet 0.44° off 3 s ago")
+    source.figures |= {"mode": "photometric", "exposures": {"exposures": 4, "moved": False}}
+    expect(page.get_by_test_id("mode")).to_have_text("photometric, 4 exposures")
+    source.figures["exposures"] = {"exposures": 4, "moved": True}
+    expect(page.get_by_test_id("mode")).to_have_text("photometric, 4 exposures, scene moved")
+
+
+def test_a_failed_self_check_is_shown_as_failed(opened: Open, source: FormulaSource) -> None:
+    source.figures["selfcheck"] = {"passed": False, "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
+    page = opened()
+    expect(page.get_by_test_id("verdict")).to_have_class("verdict failed")
+    expect(page.get_by_test_id("check-depth_error_mm")).to_have_class("failed")
+    source.figures["selfcheck"] = None
+    expect(page.get_by_test_id("checks")).to_have_text("no reference to compare with")
+    expect(page.get_by_test_id("verdict")).to_be_empty()
+
+
+def test_what_the_sensor_says_is_text_never_markup(opened: Open, source: FormulaSource) -> None:
+    source.figures["sensor"] = "<img src=x onerror=alert(1)>"
+    source.error = "<b>cable</b>"
+    page = opened()
+    expect(page.get_by_test_id("sensor")).to_have_text("<img src=x onerror=alert(1)>")
+    expect(page.get_by_test_id("error")).to_have_text("<b>cable</b>")
+
+
+def test_what_the_watch_has_found_is_told_above_the_pictures(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    expect(page.get_by_test_id("sensor")).to_have_text("formula://bump")
+    expect(page.get_by_test_id("watch")).to_be_hidden()
+    dead = {"kind": "led_dead", "severity": "fault", "text": "LED 3 is <b>dark</b>", "figures": {"led": 3}}
+    drift = {"kind": "drift", "severity": "notice", "text": "the light is 96 %", "figures": {}}
+    source.figures["watch"] = {"state": "at rest", "findings": [dead, drift]}
+    expect(page.get_by_test_id("findings").locator("li")).to_have_text(["LED 3 is <b>dark</b>", "the light is 96 %"])
+    expect(page.get_by_test_id("findings").locator("li").first).to_have_class("fault")
+    page.get_by_test_id("hide-watch").click()
+    expect(page.get_by_test_id("watch")).to_be_hidden()
+    source.figures["watch"] = {"state": "at rest", "findings": [{**dead, "figures": {"led": 4}}]}
+    expect(page.get_by_test_id("watch")).to_be_visible()
+
+
+def test_the_colour_of_a_depth_does_not_depend_on_the_rest_of_the_frame(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.4)
+    alone = pixel(page, "depth", 160, 120)
+    rest = pixel(page, "depth", 10, 10)
+    draw(page, source, 1.4)
+    deeper = pixel(page, "depth", 160, 120)
+    assert pixel(page, "depth", 10, 10) == rest
+    assert len({tuple(alone), tuple(deeper), tuple(rest)}) == 3
+    draw(page, source, 0.4, 5.0, 0.0)
+    assert pixel(page, "depth", 160 + round(5.0 / PIXEL_MM / 2), 120) == pytest.approx(alone, abs=2)
+
+
+def test_the_depth_scale_can_be_chosen_and_says_its_ends(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.4)
+    expect(page.get_by_test_id("ticks").locator("li").first).to_have_text("1600 µm")
+    before = pixel(page, "depth", 160, 120)
+    page.get_by_test_id("scale").select_option("200")
+    expect(page.get_by_test_id("ticks").locator("li").first).to_have_text("200 µm")
+    above = pixel(page, "depth", 160, 120)
+    assert above != before
+    assert above[:3] == [255, 92, 160], "what is above the scale is told apart"
+
+
+def test_difference_and_normals_are_drawn_by_their_definition(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 1.2)
+    frame = bump(1.2, 0.0, 0.0)
+    column, row = 195, 110
+    difference = frame.difference[2 * row : 2 * row + 2, 2 * column : 2 * column + 2].mean(axis=(0, 1))
+    normal = frame.normal_map[2 * row : 2 * row + 2, 2 * column : 2 * column + 2].mean(axis=(0, 1))
+    assert pixel(page, "difference", column, row)[:3] == pytest.approx(128 + 2 * difference, abs=2)
+    assert pixel(page, "normal", column, row)[:3] == pytest.approx(127.5 + 127.5 * normal, abs=2)
+    page.get_by_test_id("gain").select_option("4")
+    assert pixel(page, "difference", column, row)[:3] == pytest.approx(np.clip(128 + 4 * difference, 0, 255), abs=4)
+
+
+def test_the_ring_shows_each_led_as_it_is_lit(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    expect(page.get_by_test_id("led-0")).to_have_attribute("fill", "rgb(255,0,0)")
+    expect(page.get_by_test_id("led-4")).to_have_attribute("fill", "rgb(0,255,0)")
+    expect(page.get_by_test_id("led-11")).to_have_attribute("fill", "rgb(0,0,255)")
+    first, third = (page.get_by_test_id(f"led-{i}") for i in (0, 3))
+    assert float(first.get_attribute("cx") or "nan") > 40, "LED 0 is on the right"
+    assert float(third.get_attribute("cy") or "nan") < -40, "anticlockwise: LED 3 is at the top"
+
+
+def test_detail_falls_when_pictures_take_long_and_can_be_fixed(opened: Open) -> None:
+    page = opened()
+    levels = page.evaluate("""async () => {
+        const { Detail } = await import("./detail.js");
+        const feed = (detail, ms, count) => { for (let i = 0; i < count; i++) detail.note(ms); return detail.level; };
+        const slow = new Detail(0), quick = new Detail(0), fixed = new Detail(0), asleep = new Detail(0);
+        fixed.choose(0);
+        return [feed(slow, 300, 7), feed(slow, 300, 7), feed(slow, 300, 50), feed(quick, 30, 200), feed(fixed, 300, 50),
+                feed(asleep, 60000, 50)];
+    }""")
+    assert levels == [1, 2, 2, 0, 0, 0]
+
+
+def test_without_webgl_the_surface_is_a_relief(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 1.0)
+    assert page.evaluate("gellight.level") == "2D relief"
+    expect(page.get_by_test_id("detail")).to_be_disabled()
+
+
+@pytest.mark.parametrize("detail", ["0", "1", "2"])
+def test_the_surface_is_drawn_at_every_level(opened_3d: Open, source: FormulaSource, detail: str) -> None:
+    page = opened_3d()
+    page.get_by_test_id("detail").select_option(detail)
+    draw(page, source, 1.0)
+    name = ("320 × 240 mesh", "160 × 120 mesh", "2D relief")[int(detail)]
+    assert page.evaluate("gellight.level") == name
+    shown = page.get_by_test_id("surface")
+    page.wait_for_timeout(500)
+    bumped = shown.screenshot()
+    draw(page, source, 0.0)
+    page.wait_for_timeout(500)
+    assert shown.screenshot() != bumped
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
+@pytest.mark.parametrize(
+    "error", [None, "/dev/video0 delivers nothing: " + "check the cable " * 5], ids=["well", "error"]
+)
+def test_nothing_overlaps_and_everything_is_in_sight(
+    opened: Open, source: FormulaSource, size: dict[str, int], error: str | None
+) -> None:
+    source.error = error
+    source.figures["sensor"] = "sim://?" + "object=BALL&" * 10
+    drift = {"kind": "drift", "severity": "notice", "text": "the light has changed " * 5, "figures": {}}
+    source.figures["watch"] = {"state": "at rest", "findings": [drift] if error else []}
+    source.figures["stage_ms"] = dict.fromkeys(("difference", "mask", "gradient", "depth", "normals", "contact"), 2.0)
+    page = opened()
+    page.set_viewport_size(size)  # type: ignore[arg-type]
+    draw(page, source, 1.0)
+    expect(page.get_by_test_id("verdict")).to_have_text("passed")
+    expect(page.get_by_test_id("error")).to_have_text((error or "").strip())
+    assert page.evaluate(OVERLAPS) == []
+    assert page.evaluate(OUTSIDE) == []
+
+
+OVERLAPS = """() => {
+    const box = (element) => {
+        const range = document.createRange(); // a heading's words, not its whole line
+        range.selectNodeContents(element);
+        return (element.tagName === "H2" ? range : element).getBoundingClientRect();
+    };
+    const beside = (a, b) => a.right <= b.left + 1 || b.right <= a.left + 1;
+    const apart = (a, b) => beside(a, b) || a.bottom <= b.top + 1 || b.bottom <= a.top + 1;
+    const name = (element) => element.id || element.className || element.textContent;
+    const wrong = [];
+    for (const css of ["main > *, aside > *", "header > *", ".panel > *", ".contact-row > *", ".buttons > *", "td"]) {
+        const seen = [...document.querySelectorAll(css)].filter((e) => e.checkVisibility() && e.tagName !== "ASIDE");
+        seen.forEach((e, i) => {
+            for (const f of seen.slice(i + 1)) if (!apart(box(e), box(f))) wrong.push([name(e), name(f)]);
+        });
+    }
+    return wrong;
+}"""
+OUTSIDE = """() => {
+    const name = (element) => element.id || element.className || element.textContent;
+    const out = ({ left, top, right, bottom }) => left < 0 || top < 0 || right > innerWidth || bottom > innerHeight;
+    const cut = (element) => element.scrollWidth > element.clientWidth + 1;
+    const shown = [...document.querySelectorAll(".panel, .error, header > *")].filter((e) => e.checkVisibility());
+    const wrong = shown.filter((e) => out(e.getBoundingClientRect()));
+    wrong.push(...[...document.querySelectorAll(".objects button, td, dd, h2, header > :not(#sensor)")].filter(cut));
+    const aside = document.querySelector("aside");
+    if (aside.scrollHeight > aside.clientHeight) wrong.push(aside);
+    return wrong.filter((e) => e.checkVisibility()).map(name);
+}"""

@@ -1,0 +1,180 @@
+"""The page in a real browser: what a visitor does reaches the stage, and what is lost is told and comes back."""
+
+import threading
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, draw
+from tests.helpers.dashboard_source import PIXEL_MM, WIDTH, FormulaSource, bump
+
+pytestmark = pytest.mark.browser
+
+IMAGES = ("image", "difference", "normal", "depth")
+
+
+def wait_for_calls(source: FormulaSource, page: Page, count: int) -> list[tuple[str, float, float, float] | None]:
+    assert source.stage is not None
+    waited = 0
+    while len(source.stage.calls) < count and waited < PATIENCE_MS:
+        page.wait_for_timeout(50)
+        waited += 50
+    return source.stage.calls
+
+
+@pytest.mark.parametrize(("canvas", "size"), list(zip(IMAGES, 2 * SIZES, strict=True)), ids=IMAGES)
+def test_a_press_of_the_mouse_arrives_where_it_points(
+    opened: Open, source: FormulaSource, canvas: str, size: dict[str, int]
+) -> None:
+    page = opened()
+    page.set_viewport_size(size)  # type: ignore[arg-type]
+    draw(page, source, 0.5)
+    box = page.get_by_test_id(canvas).bounding_box()
+    assert box is not None
+    mm_per_pixel = WIDTH * PIXEL_MM / min(box["width"], box["height"] * 4 / 3)
+    right, down = 41, -23
+    page.mouse.move(box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 + down)
+    page.mouse.down()
+    name, depth, x_mm, y_mm = wait_for_calls(source, page, 1)[0] or ("", 0.0, 0.0, 0.0)
+    assert (name, depth) == ("BALL", 0.8)
+    assert x_mm == pytest.approx(right * mm_per_pixel, abs=mm_per_pixel)
+    assert y_mm == pytest.approx(down * mm_per_pixel, abs=mm_per_pixel)
+    page.mouse.up()
+    assert wait_for_calls(source, page, 2)[-1] is None, "letting go releases"
+
+
+def test_dragging_moves_the_press_and_stays_inside_the_view(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    box = page.get_by_test_id("depth").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    wait_for_calls(source, page, 1)
+    page.mouse.move(box["x"] - 300, box["y"] + box["height"] / 2)
+    calls = wait_for_calls(source, page, 2)
+    assert calls[-1] is not None
+    assert calls[-1][2] == pytest.approx(-WIDTH * PIXEL_MM / 2, abs=0.02)
+    page.mouse.up()
+    expect(page.get_by_test_id("press-hint")).not_to_have_class("hint wrong")
+
+
+def test_slider_wheel_and_chooser_change_what_is_pressed(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    page.get_by_test_id("object-SINWAVE").click()
+    page.get_by_test_id("press-here").click()
+    assert wait_for_calls(source, page, 1) == [("SINWAVE", 0.8, 0.0, 0.0)]
+    page.get_by_test_id("press-depth").fill("1.25")
+    assert wait_for_calls(source, page, 2)[-1] == ("SINWAVE", 1.25, 0.0, 0.0)
+    page.get_by_test_id("image").hover()
+    page.mouse.wheel(0, -100)
+    assert wait_for_calls(source, page, 3)[-1] == ("SINWAVE", 1.3, 0.0, 0.0)
+    expect(page.get_by_test_id("press-depth-mm")).to_have_text("1.30 mm")
+    page.get_by_test_id("object-QUCAVE").click()
+    assert wait_for_calls(source, page, 4)[-1] == ("QUCAVE", 1.3, 0.0, 0.0)
+    expect(page.get_by_test_id("stage-now")).to_have_text("you: QUCAVE 1.30 mm")
+    page.get_by_test_id("release").click()
+    assert wait_for_calls(source, page, 5)[-1] is None
+    page.mouse.wheel(0, 100)
+    page.wait_for_timeout(300)
+    assert len(wait_for_calls(source, page, 5)) == 5, "depth alone presses nothing"
+
+
+def test_an_object_can_be_kept_pressed(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    page.get_by_test_id("hold").check()
+    page.get_by_test_id("image").click()
+    page.wait_for_timeout(300)
+    calls = wait_for_calls(source, page, 1)
+    assert None not in calls
+
+
+def test_what_the_stage_refuses_is_told_to_the_visitor(opened: Open, source: FormulaSource) -> None:
+    def refuse(*_: object) -> None:
+        raise ValueError("the gel is worn out")
+
+    assert source.stage is not None
+    source.stage.press = refuse  # type: ignore[method-assign]
+    page = opened()
+    draw(page, source, 0.5)
+    page.get_by_test_id("press-here").click()
+    expect(page.get_by_test_id("press-hint")).to_have_text("the gel is worn out")
+
+
+def test_a_real_sensor_offers_no_press(opened: Open, source: FormulaSource) -> None:
+    source.stage = None
+    page = opened()
+    draw(page, source, 0.5)
+    expect(page.get_by_test_id("sensor")).to_have_text("formula://bump")
+    expect(page.get_by_test_id("press")).to_be_hidden()
+    page.get_by_test_id("image").click()
+    expect(page.get_by_test_id("press-hint")).to_be_hidden()
+
+
+def test_frames_that_stop_are_shown_as_old(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    expect(page.get_by_test_id("state")).to_have_text("live")
+    page.wait_for_function("() => gellight.state === 'stale'")
+    assert page.evaluate("gellight.age_ms") > 1000
+    before = page.get_by_test_id("state").text_content() or ""
+    assert before.startswith("no frame ")
+    expect(page.get_by_test_id("state")).not_to_have_text(before)
+    draw(page, source, 0.6)
+    page.wait_for_function("() => gellight.state === 'live'")
+
+
+def test_a_page_opened_on_a_dead_camera_does_not_call_its_last_frame_live(opened: Open, source: FormulaSource) -> None:
+    frame = bump(0.5, 0, 0)
+    source.put(frame)
+    object.__setattr__(frame.camera_frame, "time_s", frame.camera_frame.time_s - 60)
+    page = opened()
+    page.wait_for_function("() => gellight.drawn === 1 && gellight.age_ms !== null")
+    assert page.evaluate("gellight.age_ms") > 50_000
+    assert page.evaluate("gellight.state") == "stale"
+
+
+def test_the_page_comes_back_after_the_server(opened: Open, source: FormulaSource, server: DashboardServer) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    server.stop()
+    expect(page.get_by_test_id("state")).to_have_text("reconnecting")
+    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+        page.wait_for_function("() => gellight.state !== 'lost'")
+        draw(page, source, 0.7)
+        expect(page.get_by_test_id("state")).to_have_text("live")
+        page.get_by_test_id("press-here").click()
+        assert wait_for_calls(source, page, 1)[-1] == ("BALL", 0.8, 0.0, 0.0)
+
+
+def test_a_press_that_was_lost_with_the_server_blocks_no_later_one(
+    opened: Open, source: FormulaSource, server: DashboardServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert source.stage is not None
+    begun, gate, press = threading.Event(), threading.Event(), source.stage.press
+
+    def slow(*where: Any) -> None:
+        begun.set()
+        gate.wait(PATIENCE_MS / 1000)
+        press(*where)
+
+    source.stage.press = slow  # type: ignore[method-assign]
+    page = opened()
+    draw(page, source, 0.5)
+    page.get_by_test_id("press-here").click()
+    assert begun.wait(PATIENCE_MS / 1000)
+    stopping = threading.Thread(target=server.stop)
+    stopping.start()
+    expect(page.get_by_test_id("state")).to_have_text("reconnecting")
+    gate.set()
+    stopping.join()
+    assert [record for record in caplog.records if record.levelname == "ERROR"] == []
+    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+        draw(page, source, 0.7)
+        page.get_by_test_id("object-WAVE").click()
+        page.get_by_test_id("press-here").click()
+        assert wait_for_calls(source, page, 2)[-1] == ("WAVE", 0.8, 0.0, 0.0)

@@ -1,0 +1,287 @@
+"""The calibration wizard in a real browser, and what its server takes and refuses."""
+
+import json
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import PATIENCE_MS, Open, opening
+from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.scripted_desk import WIDTH, ScriptedDesk, pressing, snapshot
+
+PHONE = {"width": 390, "height": 800}
+SIZES = ({"width": 1280, "height": 800}, PHONE)
+
+
+@pytest.fixture
+def desk() -> ScriptedDesk:
+    return ScriptedDesk()
+
+
+@pytest.fixture
+def server(source: FormulaSource, desk: ScriptedDesk) -> Iterator[DashboardServer]:
+    with DashboardServer(source, port=0, desk=desk) as server:
+        yield server
+
+
+@pytest.fixture
+def opened(browser: Browser, server: DashboardServer) -> Iterator[Open]:
+    with opening(browser, server, "calibrate.html") as open_page:
+        yield open_page
+
+
+def wait_for(desk: ScriptedDesk, page: Page, count: int) -> list[Any]:
+    waited = 0
+    while len(desk.asked) < count and waited < PATIENCE_MS:
+        page.wait_for_timeout(50)
+        waited += 50
+    return desk.asked
+
+
+def post(server: DashboardServer, body: object, **headers: str) -> tuple[int, dict[str, Any]]:
+    content = body if isinstance(body, bytes) else json.dumps(body).encode()
+    request = urllib.request.Request(
+        server.url + "calibration", content, {"Content-Type": "application/json", **headers}
+    )
+    try:
+        with urllib.request.urlopen(request) as answer:
+            return answer.status, json.load(answer)
+    except urllib.error.HTTPError as error:
+        text = error.read().decode()
+        return error.code, json.loads(text) if text.startswith("{") else {"message": text}
+
+
+def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, desk: ScriptedDesk) -> None:
+    for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
+                 {"type": "begin", "wishes": {"ball_radius_mm": -4}}, {"type": "begin", "wishes": {"presses": 3}},
+                 {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
+        status, answer = post(server, body)
+        assert status == 400
+        assert answer["message"]
+    assert desk.asked == []
+
+
+def test_what_the_desk_refuses_is_said_in_its_words(server: DashboardServer, desk: ScriptedDesk) -> None:
+    desk.refusal = "next is not possible now: choose nothing, but wait"
+    assert post(server, {"type": "act", "action": "next"}) == (409, {"message": desk.refusal})
+
+
+def test_another_site_can_send_nothing(server: DashboardServer, desk: ScriptedDesk) -> None:
+    assert post(server, {"type": "zero"}, Origin="http://evil.example")[0] == 403
+    assert post(server, {"type": "zero"}, **{"Content-Type": "text/plain"})[0] == 415
+    assert desk.asked == []
+    assert post(server, {"type": "zero"}) == (200, {})
+    assert desk.asked == [("zero",)]
+
+
+def test_without_a_desk_everything_says_so(source: FormulaSource) -> None:
+    with DashboardServer(source, port=0) as server:
+        assert "no calibration" in post(server, {"type": "zero"})[1]["message"]
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.url + "calibration")
+
+
+def test_a_report_is_shown_without_scripts_and_a_missing_one_told(server: DashboardServer) -> None:
+    with urllib.request.urlopen(server.url + "calibration/report/" + "a" * 16) as answer:
+        assert b"Calibration of A17" in answer.read()
+        assert answer.headers["Content-Security-Policy"].startswith("default-src 'none'; style-src 'unsafe-inline'")
+    for wrong in ("b" * 16, "..%2F..%2Fx"):
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.url + "calibration/report/" + wrong)
+
+
+def test_a_picture_that_is_not_there_is_told(server: DashboardServer) -> None:
+    with urllib.request.urlopen(server.url + "calibration/picture/live") as answer:
+        assert answer.read()[:2] == b"\xff\xd8"
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(server.url + "calibration/picture/press")
+
+
+@pytest.mark.browser
+def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, desk: ScriptedDesk) -> None:
+    page = opened()
+    expect(page.get_by_test_id("sensor")).to_have_text("E6605838833A5D2F")
+    expect(page.get_by_test_id("hand")).to_be_hidden()
+    page.get_by_test_id("ball").fill("2.5")
+    page.get_by_test_id("presses").fill("24")
+    page.get_by_test_id("action-begin").click()
+    (begin, wishes), *_ = wait_for(desk, page, 1)
+    assert begin == "begin"
+    assert wishes.pin_pitch_mm is None
+    page.get_by_test_id("pins").fill("2")
+    page.get_by_test_id("action-begin").click()
+    assert wait_for(desk, page, 2)[1][1].pin_pitch_mm == 2
+    assert (wishes.ball_radius_mm, wishes.cylinder_diameter_mm, wishes.presses) == (2.5, 8.0, 24)
+    assert (wishes.hand, wishes.anew) == (False, False)
+
+
+@pytest.mark.browser
+def test_a_radius_that_is_none_is_not_sent(opened: Open, desk: ScriptedDesk) -> None:
+    page = opened()
+    page.get_by_test_id("ball").fill("-4")
+    page.get_by_test_id("action-begin").click()
+    page.wait_for_timeout(300)
+    assert desk.asked == []
+
+
+@pytest.mark.browser
+def test_an_interrupted_calibration_is_offered_to_go_on(opened: Open, desk: ScriptedDesk) -> None:
+    desk.interrupted = True
+    page = opened()
+    expect(page.get_by_test_id("action-begin")).to_have_text("Go on")
+    page.get_by_test_id("anew").check()
+    page.get_by_test_id("action-begin").click()
+    assert wait_for(desk, page, 1)[0][1].anew
+
+
+@pytest.mark.browser
+def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, desk: ScriptedDesk) -> None:
+    desk.routine = pressing()
+    page = opened()
+    expect(page.get_by_test_id("instruction")).to_contain_text("Press the ball of 4 mm radius")
+    expect(page.get_by_test_id("advice")).to_have_text("12 more presses on the left edge")
+    expect(page.get_by_test_id("done")).to_have_text("18 of 40 presses")
+    expect(page.get_by_test_id("steps").locator("[aria-current]")).to_have_text("Ball presses")
+    expect(page.get_by_test_id("places").locator("rect")).to_have_count(48)
+    expect(page.get_by_test_id("places").locator("text").nth(3)).to_have_text("3")
+    expect(page.get_by_test_id("slopes").locator("path")).to_have_count(40)
+    expect(page.get_by_test_id("held-out-now")).to_have_text("1.45°")
+    expect(page.get_by_test_id("figures")).to_contain_text("58.80 µm")
+    expect(page.get_by_test_id("wishes")).to_be_hidden()
+    desk.routine = pressing(problem="the press is too shallow: press deeper", advice="enough")
+    expect(page.get_by_test_id("problem")).to_have_text("the press is too shallow: press deeper")
+    expect(page.get_by_test_id("advice")).to_have_text("Enough: go on when you like.")
+
+
+@pytest.mark.browser
+def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, desk: ScriptedDesk) -> None:
+    desk.routine = pressing()
+    page = opened()
+    page.wait_for_function("() => wizard.picture === 'press' && wizard.shown > 1")
+    box = page.get_by_test_id("picture").bounding_box()
+    assert box is not None
+    scale = box["width"] / WIDTH
+    at = lambda x, y: (box["x"] + x * scale, box["y"] + y * scale)  # noqa: E731
+    page.mouse.move(*at(300, 200))
+    page.mouse.down()
+    page.mouse.move(*at(340, 170))
+    page.mouse.up()
+    action, circle = wait_for(desk, page, 1)[0]
+    assert action == "correct"
+    assert circle == pytest.approx({"center_x_px": 340, "center_y_px": 170, "contact_radius_px": 60}, abs=2)
+    taken = {"number": 18, "state": "corrected", **circle}
+    desk.routine = pressing(press=taken)
+    shown = page.evaluate("wizard.shown")
+    page.wait_for_function("shown => wizard.shown > shown + 1", arg=shown)
+    page.mouse.move(*at(340 + 60, 170))
+    page.mouse.down()
+    page.mouse.move(*at(340 + 75, 170))
+    page.mouse.up()
+    action, circle = wait_for(desk, page, 2)[1]
+    assert circle == pytest.approx({"center_x_px": 340, "center_y_px": 170, "contact_radius_px": 75}, abs=2)
+    page.get_by_test_id("action-drop").click()
+    assert wait_for(desk, page, 3)[2] == ("drop", {})
+
+
+@pytest.mark.browser
+def test_training_draws_its_loss_and_the_verdict_is_told(opened: Open, desk: ScriptedDesk) -> None:
+    page = opened()
+    for epoch, loss in ((1, 0.11), (2, 0.05), (3, 0.031)):
+        desk.routine = snapshot("fit", progress={"done": epoch, "wanted": 16, "unit": "epochs", "loss": loss})
+        expect(page.get_by_test_id("done")).to_have_text(f"{epoch} of 16 epochs")
+    expect(page.get_by_test_id("loss-now")).to_have_text("0.0310")
+    expect(page.get_by_test_id("loss")).to_be_visible()
+    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. 6 fresh presses."}
+    desk.routine = snapshot("finished", verdict=verdict, figures={"verify": {"depth_mm": 0.0105}}, actions=[])
+    expect(page.get_by_test_id("verdict")).to_have_text("Passed. 6 fresh presses.")
+    expect(page.get_by_test_id("verdict")).to_have_class("verdict-text passed")
+    expect(page.get_by_test_id("bundle")).to_have_text("in service: 0123456789abcdef")
+    expect(page.get_by_test_id("figures")).to_contain_text("10.5 µm")
+    desk.routine = snapshot("failed", verdict={**verdict, "passed": False, "text": "Not passed."}, actions=[])
+    expect(page.get_by_test_id("verdict")).to_have_class("verdict-text failed")
+    expect(page.get_by_test_id("bundle")).to_be_empty()
+
+
+@pytest.mark.browser
+def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open, desk: ScriptedDesk) -> None:
+    made = "2026-11-01T10:00:00+00:00"
+    desk.bundles = [
+        {"identity": "aaaaaaaaaaaaaaaa", "created": made, "in_service": False, "problem": "", "report": True},
+        {"identity": "bbbbbbbbbbbbbbbb", "created": None, "in_service": False, "problem": "<b>changed</b>"},
+        {"identity": "0123456789abcdef", "created": made, "in_service": True, "problem": ""},
+    ]
+    page = opened()
+    expect(page.get_by_test_id("bundles").locator("button")).to_have_count(1)
+    expect(page.get_by_test_id("bundles").locator("a")).to_have_count(1)
+    with page.context.expect_page() as shown:
+        page.get_by_test_id("report-aaaaaaaaaaaaaaaa").click()
+    expect(shown.value.locator("h1")).to_have_css("color", "rgb(255, 0, 0)")
+    shown.value.close()
+    expect(page.get_by_test_id("bundles")).to_contain_text("<b>changed</b>")
+    page.get_by_test_id("restore-aaaaaaaaaaaaaaaa").click()
+    assert wait_for(desk, page, 1) == [("restore", "aaaaaaaaaaaaaaaa")]
+    desk.routine = pressing()
+    expect(page.get_by_test_id("restore-aaaaaaaaaaaaaaaa")).to_be_disabled()
+
+
+@pytest.mark.browser
+def test_the_zero_is_set_and_the_wizard_opened_from_the_live_page(
+    browser: Browser, server: DashboardServer, source: FormulaSource, desk: ScriptedDesk
+) -> None:
+    drift = {"kind": "drift", "severity": "notice", "text": "the light is 96 %", "figures": {}}
+    source.figures["watch"] = {"state": "at rest", "findings": [drift]}
+    with opening(browser, server) as open_page:
+        page = open_page()
+        page.get_by_test_id("zero").click()
+        expect(page.get_by_test_id("watch-answer")).to_have_text("the zero is set")
+        assert desk.asked == [("zero",)]
+        page.get_by_test_id("calibrate").click()
+        expect(page.get_by_test_id("action-begin")).to_be_visible()
+        page.get_by_test_id("back").click()
+        expect(page.get_by_test_id("findings")).to_be_visible()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
+def test_nothing_is_cut_or_overlaps(opened: Open, desk: ScriptedDesk, size: dict[str, int]) -> None:
+    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. " + "6 fresh presses. " * 5}
+    made = "2026-11-01T10:00:00+00:00"
+    desk.bundles = [{"identity": "a" * 16, "created": made, "in_service": False, "problem": ""}]
+    desk.routine = pressing(verdict=verdict, problem="the contact at (12, 40) px leaves the picture: press elsewhere")
+    page = opened()
+    page.set_viewport_size(size)  # type: ignore[arg-type]
+    page.wait_for_function("() => wizard.shown > 1")
+    expect(page.get_by_test_id("verdict")).to_be_visible()
+    assert page.evaluate(WRONG) == []
+    guide = page.get_by_test_id("actions").bounding_box()
+    assert guide is not None
+    assert guide["y"] + guide["height"] <= size["height"], "what is to be done is in sight without scrolling"
+
+
+WRONG = """() => {
+    const box = (element) => {
+        const range = document.createRange(); // a heading's words, not its whole line
+        range.selectNodeContents(element);
+        return (element.tagName === "H2" ? range : element).getBoundingClientRect();
+    };
+    const beside = (a, b) => a.right <= b.left + 1 || b.right <= a.left + 1;
+    const apart = (a, b) => beside(a, b) || a.bottom <= b.top + 1 || b.bottom <= a.top + 1;
+    const name = (element) => element.id || element.className || element.textContent;
+    const wrong = [];
+    for (const css of [".panel", ".steps li", "header > *", ".actions button", ".panel > *"]) {
+        const seen = [...document.querySelectorAll(css)].filter((e) => e.checkVisibility());
+        seen.forEach((e, i) => {
+            if (box(e).left < -1 || box(e).right > innerWidth + 1) wrong.push(["outside", name(e)]);
+            for (const f of seen.slice(i + 1)) if (!apart(box(e), box(f))) wrong.push([name(e), name(f)]);
+        });
+    }
+    for (const e of document.querySelectorAll(".panel, .panel p, td, h2, .actions button")) {
+        if (e.checkVisibility() && e.scrollWidth > e.clientWidth + 1) wrong.push(["cut", name(e)]);
+    }
+    return wrong;
+}"""

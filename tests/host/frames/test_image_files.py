@@ -1,0 +1,114 @@
+"""Image files as a camera: order, end, and every kind of file that is not a picture of the gel."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gellight.base.errors import CameraError, InputError
+from gellight.frames.camera import Camera, EndOfStream
+from gellight.frames.image_files import ImageCamera, read_image
+from gellight.opening import open_camera
+
+SHAPE = (6, 8)
+
+
+def write_image(path: Path, value: int = 0, shape: tuple[int, ...] = (*SHAPE, 3), kind: type = np.uint8) -> Path:
+    image = np.full(shape, value, kind)
+    image[0, 0] = 7
+    assert cv2.imwrite(str(path), image)
+    return path
+
+
+def test_a_folder_is_read_in_natural_order_and_ends(tmp_path: Path) -> None:
+    for number in (10, 2, 1):
+        write_image(tmp_path / f"press{number}.png", number)
+    (tmp_path / "notes.txt").write_text("not an image")
+    with open_camera(tmp_path) as camera:
+        assert isinstance(camera, Camera)
+        assert camera.image_shape == SHAPE
+        assert camera.stage is None
+        frames = [camera.read() for _ in range(3)]
+        with pytest.raises(EndOfStream, match="all of its 3 images"):
+            camera.read()
+        with pytest.raises(EndOfStream):
+            camera.read()
+    assert [int(f.image[1, 1, 0]) for f in frames] == [1, 2, 10]
+    assert [f.sequence for f in frames] == [0, 1, 2]
+    assert [Path(f.source).name for f in frames] == ["press1.png", "press2.png", "press10.png"]
+    assert frames[0].time_s <= frames[1].time_s <= frames[2].time_s
+    with pytest.raises(CameraError, match="is closed"):
+        camera.read()
+
+
+def test_channels_are_rgb(tmp_path: Path) -> None:
+    bgr = np.zeros((*SHAPE, 3), np.uint8)
+    bgr[..., 2] = 200
+    cv2.imwrite(str(tmp_path / "red.png"), bgr)
+    image = open_camera(tmp_path / "red.png").read().image
+    assert image.dtype == np.uint8
+    assert image.flags.c_contiguous
+    assert (image == [200, 0, 0]).all()
+
+
+def test_a_pattern_and_a_single_file_are_read(tmp_path: Path) -> None:
+    write_image(tmp_path / "a1.png", 1)
+    write_image(tmp_path / "a2.bmp", 2)
+    write_image(tmp_path / "b1.png", 3)
+    camera = open_camera(str(tmp_path / "a*"))
+    assert [Path(camera.read().source).name for _ in range(2)] == ["a1.png", "a2.bmp"]
+    assert open_camera(str(tmp_path / "b1.png")).read().image[1, 1, 1] == 3
+
+
+def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match=r"has no images \(\.png"):
+        open_camera(tmp_path)
+    with pytest.raises(CameraError, match="no images"):
+        ImageCamera([])
+
+
+def test_what_does_not_exist_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match=r"is no file, no folder and no pattern .* give an image file"):
+        open_camera(str(tmp_path / "none*.png"))
+    with pytest.raises(InputError, match="does not exist: check the name"):
+        read_image(tmp_path / "none.png")
+    with pytest.raises(CameraError, match="no camera speaks rtsp://"):
+        open_camera("rtsp://host/stream")
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "message"),
+    [
+        (SHAPE, np.uint8, "has 1 channels of 8 bit: capture it as RGB"),
+        ((*SHAPE, 4), np.uint8, "has 4 channels of 8 bit"),
+        ((*SHAPE, 3), np.uint16, "has 3 channels of 16 bit"),
+    ],
+)
+def test_other_than_three_channels_of_8_bit_is_refused(
+    tmp_path: Path, shape: tuple[int, ...], kind: type, message: str
+) -> None:
+    write_image(tmp_path / "x.png", 1, shape, kind)
+    with pytest.raises(InputError, match=rf"x\.png {message}"):
+        open_camera(tmp_path / "x.png")
+
+
+def test_a_file_of_another_type_or_damaged_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("1,2")
+    with pytest.raises(InputError, match=r"x\.csv is not an image by its name"):
+        open_camera(tmp_path / "x.csv")
+    (tmp_path / "x.png").write_bytes(b"not an image")
+    with pytest.raises(InputError, match=r"x\.png is not an image or is cut off"):
+        open_camera(tmp_path / "x.png")
+    (tmp_path / "y.png").write_bytes(b"")
+    with pytest.raises(InputError, match=r"y\.png is not an image or is cut off"):
+        open_camera(tmp_path / "y.png")
+
+
+def test_images_of_two_sizes_are_refused_by_name(tmp_path: Path) -> None:
+    write_image(tmp_path / "1.png")
+    write_image(tmp_path / "2.png", shape=(6, 9, 3))
+    camera = open_camera(tmp_path)
+    camera.read()
+    with pytest.raises(InputError, match=r"2\.png is 9 x 6 px, 1\.png is 8 x 6 px"):
+        camera.read()

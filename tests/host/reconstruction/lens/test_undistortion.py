@@ -1,0 +1,213 @@
+"""A bundle with a lens: what is felt has its true shape and size, and without one nothing changes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CalibrationError
+from gellight.base.settings import ReconstructionSettings
+from gellight.bundle.bundle import Calibration, extend_calibration, load_calibration
+from gellight.daemon.modes import frame_path
+from gellight.evaluation.bench import frame_times
+from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord, has_lens
+from gellight.reconstruction.lens.model import Lens
+from gellight.reconstruction.lens.undistortion import Undistortion, circle_on_gel
+from gellight.reconstruction.pipeline import Reconstructor
+from tests.helpers.distorted import TrueLens
+from tests.helpers.linear_sensor import linear_calibration, photograph
+
+SHAPE = (240, 320)
+PIXEL_MM = 0.1
+BALL_MM, PRESSED_MM = 5.0, 0.8
+CONTACT_MM = np.sqrt(BALL_MM**2 - (BALL_MM - PRESSED_MM) ** 2)
+PLACE = np.array([9.0, -6.0])
+"""mm; the radius of the contact is 2.7 mm, the view 32 x 24 mm"""
+MIDDLE = ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2)
+BARREL = TrueLens(k1=-0.10, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
+STRAIGHT = TrueLens(centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
+
+
+def with_lens(calibration: Calibration, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Calibration:
+    record = LensRecord(
+        image_width_px=SHAPE[1],
+        image_height_px=SHAPE[0],
+        centre_px=lens.centre_px,
+        k1=lens.k1,
+        k2=lens.k2,
+        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM),
+        origin_mm=(0.0, 0.0),
+        learnt_from_circles=from_circles,
+        pitch_mm=2.0,
+        images=("grid.png",),
+        pins=200,
+        rms_before_px=2.0,
+        rms_after_px=0.02,
+        created="2026-01-01T00:00:00Z",
+    )
+    return extend_calibration(calibration, folder, {FILE_NAME: record.model_dump_json().encode()})
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> Calibration:
+    return linear_calibration(tmp_path / "plain", SHAPE, pixel_size_mm=(PIXEL_MM, PIXEL_MM))
+
+
+def cap_slopes(offset: np.ndarray, ball: float, contact: float) -> np.ndarray:
+    """Slopes (..., 2) of a ball's cap in a rigid plane, at offsets from its centre in any unit."""
+    r2 = (offset**2).sum(axis=-1, keepdims=True)
+    return np.where(r2 < contact**2, -offset / np.sqrt(np.maximum(ball**2 - r2, 1e-9)), 0).astype(np.float32)
+
+
+def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_gel() -> None:
+    distance = np.linalg.norm(BARREL.gel_of_pixels() - PLACE, axis=-1)
+    rows, columns = np.nonzero(distance < CONTACT_MM)
+    seen = float(columns.mean()), float(rows.mean()), float(np.sqrt(len(rows) / np.pi))
+    lens = Lens(
+        image_shape=SHAPE, centre_px=MIDDLE, k1=BARREL.k1, k2=0.0, px_per_mm=(10.0, 0.0, 10.0), origin_mm=(0.0, 0.0)
+    )
+    x, y, radius = circle_on_gel(lens, (PIXEL_MM, PIXEL_MM), seen)
+    assert np.hypot(seen[0] - MIDDLE[0] - 90, seen[1] - MIDDLE[1] + 60) > 3
+    assert (x, y) == pytest.approx((MIDDLE[0] + 90, MIDDLE[1] - 60), abs=0.3)
+    assert radius * PIXEL_MM == pytest.approx(CONTACT_MM, rel=0.01)
+
+
+def felt(calibration: Calibration, slopes: np.ndarray) -> TactileFrame:
+    return Reconstructor(calibration).reconstruct(photograph(slopes))
+
+
+def extent_mm(frame: TactileFrame) -> tuple[float, float, np.ndarray]:
+    """Standard deviations (largest, smallest), mm, and centre of the part deeper than a quarter, from its moments."""
+    rows, columns = np.nonzero(frame.depth_mm > 0.25 * PRESSED_MM)
+    points = (np.column_stack([columns, rows]) - MIDDLE) * PIXEL_MM
+    small, large = np.sqrt(np.linalg.eigvalsh(np.cov(points.T)))
+    return float(large), float(small), points.mean(axis=0)
+
+
+def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(
+    plain: Calibration, tmp_path: Path
+) -> None:
+    slopes = cap_slopes(BARREL.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
+    bent = felt(plain, slopes)
+    straight = felt(with_lens(plain, tmp_path / "lens", BARREL), slopes)
+    large, small, centre = extent_mm(straight)
+    assert large / small == pytest.approx(1, abs=0.01)
+    # Deeper than a quarter is a disc, whose standard deviation is half its radius.
+    assert 2 * large == pytest.approx(np.sqrt(BALL_MM**2 - (BALL_MM - 0.75 * PRESSED_MM) ** 2), rel=0.02)
+    np.testing.assert_allclose(centre, PLACE, atol=0.02)
+    assert straight.contact.indentation_mm == pytest.approx(PRESSED_MM, rel=0.02)
+    assert bent.contact.indentation_mm < 0.95 * PRESSED_MM
+    assert extent_mm(bent)[0] / extent_mm(bent)[1] > 1.05
+    assert np.linalg.norm(extent_mm(bent)[2] - PLACE) > 0.3
+
+
+def test_a_network_that_learnt_from_circles_in_the_picture_also_feels_the_true_ball(
+    plain: Calibration, tmp_path: Path
+) -> None:
+    centre_px = BARREL.to_picture(PLACE)
+    rows, columns = np.indices(SHAPE)
+    offset_px = np.stack([columns, rows], axis=-1) - centre_px
+    true_offset = BARREL.gel_of_pixels() - PLACE
+    inside = (true_offset**2).sum(axis=-1, keepdims=True) < CONTACT_MM**2
+    # What `gellight calibrate fit` teaches: the ball has the same radius in px everywhere in the picture.
+    taught = np.where(inside, cap_slopes(offset_px, BALL_MM / PIXEL_MM, np.inf), 0).astype(np.float32)
+    frame = felt(with_lens(plain, tmp_path / "lens", BARREL, from_circles=True), taught)
+    unaware = felt(with_lens(plain, tmp_path / "unaware", BARREL), taught)
+    assert frame.contact.indentation_mm == pytest.approx(PRESSED_MM, rel=0.03)
+    assert unaware.contact.indentation_mm < 0.95 * PRESSED_MM
+    assert extent_mm(frame)[0] / extent_mm(frame)[1] == pytest.approx(1, abs=0.02)
+
+
+def test_a_lens_without_distortion_changes_nothing(plain: Calibration, tmp_path: Path) -> None:
+    slopes = cap_slopes(STRAIGHT.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
+    before = felt(plain, slopes)
+    for from_circles in (False, True):
+        bundle = with_lens(plain, tmp_path / f"lens-{from_circles}", STRAIGHT, from_circles=from_circles)
+        after = felt(bundle, slopes)
+        np.testing.assert_allclose(after.gradient_map, before.gradient_map, atol=1e-5)
+        np.testing.assert_allclose(after.depth_mm, before.depth_mm, atol=1e-5)
+        assert (after.contact.mask == before.contact.mask).all()
+
+
+def test_without_the_file_there_is_no_such_stage(plain: Calibration, tmp_path: Path) -> None:
+    flat = np.zeros((*SHAPE, 2), np.float32)
+    assert not has_lens(plain)
+    assert "lens" not in felt(plain, flat).stage_seconds
+    assert "lens" in felt(with_lens(plain, tmp_path / "lens", BARREL), flat).stage_seconds
+
+
+def test_a_bundle_with_a_lens_can_be_timed(plain: Calibration, tmp_path: Path) -> None:
+    times = frame_times(with_lens(plain, tmp_path / "lens", BARREL), rounds=1)
+    assert all("lens" in scene.stages for scene in times)
+
+
+def test_what_the_camera_does_not_see_is_not_felt(plain: Calibration, tmp_path: Path) -> None:
+    pincushion = TrueLens(k1=0.1, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
+    slopes = cap_slopes(pincushion.gel_of_pixels() - (14.0, 10.5), BALL_MM, CONTACT_MM)
+    frame = felt(with_lens(plain, tmp_path / "lens", pincushion), slopes)
+    assert frame.contact.mask.any()
+    assert not frame.contact.mask[-1, -1]
+    assert frame.depth_mm[-1, -1] == 0
+
+
+def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: Calibration, tmp_path: Path) -> None:
+    slopes = cap_slopes(STRAIGHT.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
+    bundle = with_lens(plain, tmp_path / "lens", BARREL)
+    over_picture = Reconstructor(bundle, undistorted=False).reconstruct(photograph(slopes))
+    np.testing.assert_array_equal(over_picture.depth_mm, felt(plain, slopes).depth_mm)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "content"),
+        (b'{"schema_version": 1}', "image_width_px"),
+    ],
+)
+def test_a_damaged_lens_file_is_refused(plain: Calibration, tmp_path: Path, content: bytes, said: str) -> None:
+    bundle = extend_calibration(plain, tmp_path / "broken", {FILE_NAME: content})
+    with pytest.raises(CalibrationError, match=rf"lens.json: {said}.*gellight calibrate lens"):
+        Reconstructor(bundle)
+
+
+def test_a_lens_of_another_picture_size_is_refused(tmp_path: Path) -> None:
+    small = linear_calibration(tmp_path / "small", (120, 160), pixel_size_mm=(PIXEL_MM, PIXEL_MM))
+    bundle = with_lens(small, tmp_path / "lens", BARREL)
+    with pytest.raises(CalibrationError, match="is for 320 x 240 px, the bundle for 160 x 120 px"):
+        Reconstructor(bundle)
+
+
+def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Calibration, tmp_path: Path) -> None:
+    bundle = load_calibration(with_lens(plain, tmp_path / "lens", BARREL).source)
+    with pytest.raises(CalibrationError, match=r"has lens.json.*use network mode"):
+        frame_path(bundle, ReconstructionSettings(mode="hybrid"), Reconstructor(bundle))
+
+
+def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:
+    # A picture that is shifted by half a pixel each way is the worst that resampling can meet.
+    shifted = Lens(
+        image_shape=SHAPE,
+        centre_px=(MIDDLE[0] + 0.5, MIDDLE[1] + 0.5),
+        k1=0.0,
+        k2=0.0,
+        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM),
+        origin_mm=(0.0, 0.0),
+    )
+    undistortion = Undistortion(shifted, (PIXEL_MM, PIXEL_MM), from_circles=False)
+    sigma_px = 3.0
+
+    def slopes(by_px: float) -> np.ndarray:
+        offset = STRAIGHT.gel_of_pixels() / PIXEL_MM + by_px
+        bump = np.exp(-(offset**2).sum(axis=-1, keepdims=True) / (2 * sigma_px**2))
+        return (-offset / sigma_px**2 * bump).astype(np.float32)
+
+    touched = np.linalg.norm(slopes(0.0), axis=-1) > 1e-4
+    moved, moved_touch = undistortion.apply(slopes(0.0), touched)
+    error = np.abs(moved - slopes(0.5)).max() / np.abs(slopes(0.5)).max()
+    assert error < 0.01
+    assert abs(int(moved_touch.sum()) - int(touched.sum())) < 0.02 * touched.sum()
+
+
+def test_the_lens_takes_part_in_the_identity_of_the_bundle(plain: Calibration, tmp_path: Path) -> None:
+    assert with_lens(plain, tmp_path / "lens", BARREL).identity != plain.identity

@@ -1,0 +1,87 @@
+"""`lights.json` in a bundle: what is written is read, and what is damaged is refused with the remedy."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CalibrationError
+from gellight.base.settings import GeometrySettings, SensorSettings, Settings
+from gellight.bundle.bundle import Calibration, extend_calibration, load_calibration
+from gellight.calibration.lights.adding import led_colours
+from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
+from gellight.reconstruction.photometric.lights_file import FILE_NAME, has_lights, read_lights, write_lights
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from tests.helpers.linear_sensor import linear_calibration
+from tests.helpers.simulated_gel import Gel
+
+
+@pytest.fixture(scope="module")
+def model() -> LightModel:
+    return Gel(noise_grey=0).model(1)
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Calibration:
+    return linear_calibration(tmp_path / "bundle", (240, 320))
+
+
+def test_what_is_written_is_read(bundle: Calibration, model: LightModel, tmp_path: Path) -> None:
+    assert not has_lights(bundle)
+    written = write_lights(bundle, model, tmp_path / "new")
+    again = read_lights(load_calibration(tmp_path / "new"))
+    assert has_lights(written)
+    for kind in LightGroups:
+        np.testing.assert_allclose(again.references(kind), model.references(kind), rtol=1e-4)
+    assert (again.ring, again.gamma, again.exposure_us) == (model.ring, model.gamma, model.exposure_us)
+    np.testing.assert_allclose(again.crosstalk, model.crosstalk, atol=1e-6)
+    assert written.manifest.noise_grey == bundle.manifest.noise_grey
+    assert written.network == bundle.network
+
+
+def test_a_bundle_is_not_overwritten_unless_told(bundle: Calibration, model: LightModel, tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="exists: choose another name"):
+        write_lights(bundle, model, tmp_path / "bundle")
+    assert has_lights(write_lights(bundle, model, tmp_path / "bundle", overwrite=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gamma": 0.0}, "gamma"),
+        ({"colours": [[255, 0, 0]]}, "12 LEDs, 1 colours"),
+        ({"patterns": {"singles": [[[0.0]]]}}, "patterns for singles"),
+        ({"patterns": {"singles": [[[0.0]]] * 12, "triples": [[[0.0]]] * 3}}, "3 patterns of triples for 12 LEDs"),
+        ({"wavelength": 1}, "wavelength"),
+    ],
+)
+def test_a_damaged_file_is_refused(
+    bundle: Calibration, model: LightModel, tmp_path: Path, change: dict[str, object], words: str
+) -> None:
+    content = json.loads(write_lights(bundle, model, tmp_path / "good").files[FILE_NAME])
+    damaged = extend_calibration(bundle, tmp_path / "bad", {FILE_NAME: json.dumps(content | change).encode()})
+    with pytest.raises(CalibrationError, match=rf"lights.json: .*{words}.*gellight calibrate lights"):
+        read_lights(damaged)
+
+
+def test_lights_of_another_image_size_are_refused(bundle: Calibration, model: LightModel, tmp_path: Path) -> None:
+    other = write_lights(bundle, replace(model, image_shape=(480, 640)), tmp_path / "other")
+    with pytest.raises(CalibrationError, match=r"is for 640 x 480 px, the bundle for 320 x 240"):
+        read_lights(other)
+
+
+def test_the_shipped_bundle_knows_its_lights() -> None:
+    model = read_lights(load_calibration("synthetic"))
+    assert model.ring == RingGeometry()
+    assert model.exposure_us is not None
+    assert model.pattern_residual < 0.005
+
+
+def test_colours_come_from_the_bundle_and_have_to_agree_with_the_settings() -> None:
+    shipped = load_calibration("synthetic")
+    assert led_colours(shipped, RingGeometry())[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 255, 0], [0, 0, 255]]
+    settings = Settings(sensor=SensorSettings(), geometry=GeometrySettings(led_colours="RGB" * 4))
+    with pytest.raises(CalibrationError, match=r"a ring RRRRGGGGBBBB, the settings say RGBRGB.*led_colours"):
+        led_colours(shipped, RingGeometry.from_overrides(settings.geometry.overrides()))

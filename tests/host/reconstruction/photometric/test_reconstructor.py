@@ -1,0 +1,219 @@
+"""Series of exposures of the simulated gel, from pictures to depth; motion between exposures; the live error."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration, write_calibration
+from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.photometric.hybrid import HybridReconstructor, network_error
+from gellight.reconstruction.photometric.light_model import LightGroups
+from gellight.reconstruction.photometric.reconstructor import STAGES, PhotometricReconstructor
+from gellight.reconstruction.photometric.solver import LEAST_LIGHTS
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.scene import Press
+from tests.helpers.linear_sensor import linear_network
+from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
+
+BALL = Press("BALL", 1.0, 4.0, -3.0)
+
+
+@pytest.fixture(scope="module")
+def gel() -> Gel:
+    return Gel(seed=11)
+
+
+@pytest.fixture(scope="module")
+def bundle(gel: Gel, tmp_path_factory: pytest.TempPathFactory) -> Calibration:
+    return write_calibration(
+        tmp_path_factory.mktemp("photometric") / "bundle",
+        sensor="simulated",
+        reference=gel.mean(RING.colours, 8),
+        reference_frames=8,
+        noise_grey=1.0,
+        pixel_size_mm=PIXEL_MM,
+        network=linear_network(),
+        metrics={},
+    )
+
+
+@pytest.fixture(scope="module")
+def paths(gel: Gel, bundle: Calibration) -> dict[LightGroups, PhotometricReconstructor]:
+    model = gel.model(16)
+    return {kind: PhotometricReconstructor(bundle, model, kind, smoothing_px=0) for kind in LightGroups}
+
+
+def errors(felt: TactileFrame, gel: Gel, press: Press | None) -> tuple[float, float]:
+    """Mean normal error in contact, degrees, and of the depth there, mm; over everything without a contact."""
+    _, surface = gel.scene.show(press)
+    where = surface.contact if surface.contact.any() else np.ones_like(surface.contact)
+    angle = angle_deg(felt.normal_map, normals(surface.gradient_map))
+    return float(angle[where].mean()), float(np.abs(felt.depth_mm - surface.depth_mm)[where].mean())
+
+
+@pytest.mark.parametrize("kind", LightGroups)
+def test_a_ball_is_felt_as_it_is(
+    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor], kind: LightGroups
+) -> None:
+    gel.expose(3.0)
+    felt = paths[kind].reconstruct(gel.series(kind, BALL))
+    gel.expose(1.0)
+    angle, depth = errors(felt, gel, BALL)
+    assert angle < 0.5
+    assert depth < 0.01
+    assert felt.contact.indentation_mm == pytest.approx(1.0, abs=0.02)
+    assert felt.contact.centroid_mm == pytest.approx((4.0, -3.0), abs=0.1)
+    assert tuple(felt.stage_seconds) == STAGES
+    assert felt.depth_mm.dtype == felt.gradient_map.dtype == felt.normal_map.dtype == np.float32
+
+
+def test_the_untouched_gel_is_flat(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
+    felt = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, None))
+    assert np.abs(felt.depth_mm).max() < 0.02
+    assert felt.contact.area_mm2 == 0
+    assert felt.exposures is not None
+    assert not felt.exposures.moved
+    assert (felt.exposures.lights == 12).mean() > 0.99
+
+
+def test_a_longer_exposure_than_that_of_the_lights_changes_nothing_but_noise(
+    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]
+) -> None:
+    path = paths[LightGroups.TRIPLES]
+    short = errors(path.reconstruct(gel.series(LightGroups.TRIPLES, BALL)), gel, BALL)[0]
+    gel.expose(3.0)
+    long = errors(path.reconstruct(gel.series(LightGroups.TRIPLES, BALL)), gel, BALL)[0]
+    gel.expose(1.0)
+    assert long < short / 2
+
+
+def test_the_picture_is_that_of_the_whole_ring(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
+    gel.expose(3.0)
+    series = replace(gel.series(LightGroups.TRIPLES, BALL), exposure_us=24000.0)
+    gel.expose(1.0)
+    felt = paths[LightGroups.TRIPLES].reconstruct(series)
+    whole = gel.picture(BALL, RING.colours).astype(float)
+    assert np.abs(felt.camera_frame.image - whole).mean() < 1.5
+    assert felt.camera_frame.light is not None
+    assert felt.camera_frame.light.max() == 85
+    assert np.abs(felt.difference[:40]).mean() < 1.5, "nothing touches there"
+
+
+def test_shadows_of_a_plate_are_left_out(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
+    press = Press("CCONVEX", 0.8)
+    gel.expose(3.0)
+    path, series = paths[LightGroups.TRIPLES], gel.series(LightGroups.TRIPLES, press)
+    gel.expose(1.0)
+    felt = path.reconstruct(series)
+    assert felt.exposures is not None
+    shadowed = felt.exposures.lights < 12
+    assert 0.01 < shadowed.mean() < 0.6
+    assert (felt.exposures.lights < LEAST_LIGHTS).mean() < 0.01
+    truth = normals(gel.scene.show(press)[1].gradient_map)
+    aware, blind = (
+        angle_deg(result.normal_map, truth)[shadowed].mean() for result in (felt, _blind(path).reconstruct(series))
+    )
+    assert aware < 0.6 * blind
+
+
+def _blind(path: PhotometricReconstructor) -> PhotometricReconstructor:
+    """A copy that takes every signal for light."""
+    from gellight.reconstruction.photometric import reconstructor
+
+    class Blind(PhotometricReconstructor):
+        def _refined(self, scaled, depth, signals):  # type: ignore[no-untyped-def]
+            everything = replace(signals, valid=np.ones_like(signals.valid), deviation=signals.deviation * 1e6)
+            return super()._refined(scaled, depth, everything)
+
+    blind = object.__new__(Blind)
+    blind.__dict__ = dict(path.__dict__)
+    assert reconstructor.REFINEMENTS > 0
+    return blind
+
+
+@pytest.mark.parametrize("kind", LightGroups)
+def test_a_scene_at_rest_is_never_called_moved(
+    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor], kind: LightGroups
+) -> None:
+    gel.expose(3.0)
+    presses = [None, BALL, Press("BALL", 1.5, -7.0, 5.0), Press("TSTEP", 0.8), Press("SINWAVE", 0.8, 1.0)]
+    reports = [paths[kind].reconstruct(gel.series(kind, press)).exposures for press in presses]
+    gel.expose(1.0)
+    assert not any(report is None or report.moved for report in reports), [r and r.as_json() for r in reports]
+
+
+@pytest.mark.parametrize("kind", LightGroups)
+def test_a_press_that_deepens_slides_or_returns_is_called_moved(
+    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor], kind: LightGroups
+) -> None:
+    count = len(RING.colours) if kind is LightGroups.SINGLES else 4
+    half = count // 2
+    deeper: list[Press | None] = [BALL] * half + [replace(BALL, depth_mm=1.1)] * (count + 1 - half)
+    slides: list[Press | None] = [BALL] * half + [replace(BALL, x_mm=4.2)] * (count + 1 - half)
+    returns: list[Press | None] = [BALL, None, *[BALL] * (count - 1)]
+    gel.expose(3.0)
+    reports = [paths[kind].reconstruct(gel.series(kind, presses)).exposures for presses in (deeper, slides, returns)]
+    gel.expose(1.0)
+    assert all(report is not None and report.moved for report in reports), [r and r.as_json() for r in reports]
+    last = reports[-1]
+    assert last is not None
+    assert last.repetition_grey < last.repetition_limit_grey, "only the misfit can see what came back"
+    assert last.misfit > 1
+
+
+def test_one_picture_is_refused(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
+    series = gel.series(LightGroups.TRIPLES, None)
+    with pytest.raises(InputError, match=r"test is one picture.*--mode network"):
+        paths[LightGroups.TRIPLES].reconstruct(series.opening)
+
+
+def test_the_status_tells_of_the_last_series(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
+    path = paths[LightGroups.SINGLES]
+    path.reconstruct(gel.series(LightGroups.SINGLES, None))
+    status = path.status()
+    assert status["mode"] == "photometric"
+    assert status["exposures"]["exposures"] == 12  # type: ignore[index]
+
+
+def test_hybrid_measures_the_network_by_the_light_when_the_scene_rests(
+    gel: Gel, bundle: Calibration, paths: dict[LightGroups, PhotometricReconstructor]
+) -> None:
+    stereo = paths[LightGroups.TRIPLES]
+    hybrid = HybridReconstructor(Reconstructor(bundle), stereo)
+    assert hybrid.status()["network_error"] is None
+    whole = replace(gel.series(LightGroups.TRIPLES, BALL).opening, image=gel.picture(BALL, RING.colours))
+    felt = hybrid.reconstruct(whole)
+    assert felt.exposures is None
+    gel.expose(3.0)
+    rest = replace(gel.series(LightGroups.TRIPLES, BALL), opening=whole, closing=whole)
+    gel.expose(1.0)
+    felt = hybrid.reconstruct(rest)
+    assert felt.exposures is not None
+    status = hybrid.status()
+    assert status["measurements"] == 1
+    # The network of this test knows nothing of this sensor, so its error is large, and the light says how large.
+    where = stereo.reconstruct(rest).contact.mask
+    _, surface = gel.scene.show(BALL)
+    true = angle_deg(felt.normal_map[where], normals(surface.gradient_map)[where]).mean()
+    assert status["network_error"]["normal_deg"] == pytest.approx(true, rel=0.02)  # type: ignore[index]
+    moved = replace(rest, closing=replace(whole, image=gel.picture(replace(BALL, depth_mm=0.8), RING.colours)))
+    hybrid.reconstruct(moved)
+    assert hybrid.status()["spoilt_by_motion"] == 1
+    assert hybrid.status()["measurements"] == 1
+
+
+def test_two_equal_frames_have_no_error_and_an_untouched_gel_no_contact(
+    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]
+) -> None:
+    felt = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, BALL))
+    assert network_error(felt, felt).normal_deg == 0
+    untouched = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, None))
+    assert network_error(felt, untouched).contact_px == 0
+
+
+def test_lights_of_another_size_are_refused(gel: Gel, bundle: Calibration) -> None:
+    with pytest.raises(ValueError, match="the lights are for"):
+        PhotometricReconstructor(bundle, replace(gel.model(1), image_shape=(10, 10)), LightGroups.TRIPLES)

@@ -1,0 +1,119 @@
+"""Contact patch, area, indentation and centroid on surfaces that are known in closed form."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gellight.evaluation.analytic_surfaces import centred_grid, gaussian, smooth_cap
+from gellight.reconstruction.contact import find_contact
+
+
+def hertz(shape: tuple[int, int], radius: float, indentation: float, centre: tuple[float, float]) -> np.ndarray:
+    """Surface displacement under a Hertz contact of a radius (Johnson 1985, eq. 3.42), in px and mm."""
+    x, y = centred_grid(shape)
+    r = np.maximum(np.hypot(x - centre[0], y - centre[1]), 1e-9)
+    a = radius
+    inside = (2 * a * a - r * r) / 2
+    outside = (
+        (2 * a * a - r * r) * np.arcsin(np.minimum(a / r, 1)) + a * np.sqrt(np.maximum(r * r - a * a, 0))
+    ) / np.pi
+    return indentation / a**2 * np.where(r <= a, inside, outside)
+
+
+@pytest.mark.parametrize("radius", [8, 20, 60])
+def test_the_patch_of_a_hertz_contact_is_its_contact_circle(radius: float) -> None:
+    depth = hertz((240, 320), radius, 0.6, (12.3, -7.8)).astype(np.float32)
+    contact = find_contact(depth, 0.05)
+    assert contact.area_mm2 == pytest.approx(np.pi * (radius * 0.05) ** 2, rel=0.03)
+    assert contact.indentation_mm == pytest.approx(0.6, rel=2 / radius**2)
+    assert contact.centroid_mm == pytest.approx((12.3 * 0.05, -7.8 * 0.05), abs=0.01)
+    x, y = centred_grid((240, 320))
+    r = np.hypot(x - 12.3, y + 7.8)
+    assert contact.mask[r < radius - 1].all()
+    assert not contact.mask[r > radius + 1].any()
+
+
+def test_untouched_gel_has_no_contact() -> None:
+    noise = np.random.default_rng(0).normal(0, 0.004, (240, 320)).astype(np.float32)
+    contact = find_contact(noise, 0.05)
+    assert (contact.area_mm2, contact.indentation_mm, contact.centroid_mm) == (0.0, 0.0, None)
+    assert contact.mask.shape == (240, 320)
+    assert contact.mask.dtype == np.bool_
+    assert not contact.mask.any()
+
+
+def test_each_region_is_measured_by_its_own_depth() -> None:
+    deep = smooth_cap((240, 320), 60, (-80, 0), height=1.0).depth
+    shallow = smooth_cap((240, 320), 60, (80, 0), height=0.1).depth
+    contact = find_contact(deep + shallow, 0.05)
+    left, right = contact.mask[:, :160], contact.mask[:, 160:]
+    assert np.count_nonzero(left) == pytest.approx(np.count_nonzero(right), rel=0.01)
+    assert contact.indentation_mm == pytest.approx(1.0, rel=0.01)
+    assert contact.centroid_mm == pytest.approx((0, 0), abs=0.01)
+
+
+def test_a_lone_pixel_is_neither_contact_nor_indentation() -> None:
+    depth = smooth_cap((240, 320), 60, (0, 0), height=0.5).depth
+    spiked = depth.copy()
+    spiked[120, 160] = 5.0
+    spiked[10, 11] = 5.0
+    contact = find_contact(spiked, 0.05)
+    clean = find_contact(depth, 0.05)
+    assert contact.indentation_mm == pytest.approx(clean.indentation_mm, rel=0.001)
+    assert not contact.mask[10, 11]
+    assert abs(contact.area_mm2 - clean.area_mm2) <= 0.05**2
+
+
+def test_the_indentation_of_a_ball_is_low_by_less_than_documented() -> None:
+    size, radius = 0.06, 4.0
+    for shift in np.linspace(0, 1, 7):
+        x, y = centred_grid((80, 80))
+        depth = 0.5 - ((x - shift) ** 2 + (y - shift / 2) ** 2) * size**2 / (2 * radius)
+        assert 0 <= 0.5 - find_contact(depth, size).indentation_mm <= 1.2501 * size**2 / radius
+
+
+def test_pixels_of_two_sizes_count_in_area_and_centroid() -> None:
+    depth = gaussian((240, 320), 20, (30.0, 40.0), height=0.5).depth
+    contact = find_contact(depth, (0.05, 0.1))
+    assert contact.area_mm2 == pytest.approx(np.pi * 2 * np.log(2) * 400 * 0.05 * 0.1, rel=0.01)
+    assert contact.centroid_mm == pytest.approx((1.5, 4.0), abs=0.02)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(16, 32), st.integers(16, 32), st.floats(-8, 8), st.floats(-8, 8))
+def test_mirroring_the_depth_mirrors_the_contact(height: int, width: int, x: float, y: float) -> None:
+    depth = gaussian((2 * height, 2 * width), 6, (x, y)).depth
+    contact, mirrored = find_contact(depth, 0.1), find_contact(depth[:, ::-1].copy(), 0.1)
+    assert contact.area_mm2 == pytest.approx(mirrored.area_mm2)
+    assert contact.centroid_mm is not None
+    assert mirrored.centroid_mm == pytest.approx((-contact.centroid_mm[0], contact.centroid_mm[1]), abs=1e-9)
+
+
+def test_a_contact_cut_by_the_border_is_found() -> None:
+    depth = gaussian((61, 81), 10, (40.0, 0.0), height=0.5).depth
+    contact = find_contact(depth, 0.1)
+    assert contact.mask[30, 80]
+    assert contact.area_mm2 == pytest.approx(np.pi * 2 * np.log(2) * 100 * 0.01 / 2, rel=0.06)
+
+
+def test_nan_counts_as_untouched() -> None:
+    depth = np.zeros((20, 30), np.float32)
+    depth[3, 4] = np.nan
+    assert find_contact(depth, 0.1).area_mm2 == 0
+
+
+@pytest.mark.parametrize(
+    ("depth", "size", "threshold", "message"),
+    [
+        (np.zeros(5), 0.1, 0.02, "shape"),
+        (np.zeros((0, 5)), 0.1, 0.02, "shape"),
+        (np.zeros((5, 5)), 0.0, 0.02, "pixel size"),
+        (np.zeros((5, 5)), (0.1, -1.0), 0.02, "pixel size"),
+        (np.zeros((5, 5)), 0.1, 0.0, "threshold_mm = 0.0"),
+        (np.zeros((5, 5)), 0.1, float("nan"), "threshold_mm = nan"),
+    ],
+)
+def test_bad_arguments_are_refused(depth: np.ndarray, size: object, threshold: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        find_contact(depth, size, threshold_mm=threshold)  # type: ignore[arg-type]

@@ -1,0 +1,252 @@
+"""Integration and normals against surfaces that are known in closed form."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from gellight.bundle.manifest import BULGE
+from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
+from gellight.reconstruction.integration import _edge_integrals, integrate, normals, surface_gradient
+from sim_reference.deformation import NO_OBJECT, grid
+from sim_reference.gel import press
+from sim_reference.geometry import SensorGeometry
+from sim_reference.surface import GRID_EXTENT_MM, press_object, sample
+
+SHAPES = [(240, 320), (480, 640)]
+slope_maps = arrays.arrays(
+    np.float64, st.tuples(st.integers(2, 17), st.integers(2, 17), st.just(2)), elements=st.floats(-2, 2, width=32)
+)
+
+
+def centre(shape: tuple[int, int], place: str, extent: float) -> tuple[float, float]:
+    """Off the pixel grid in the middle, or so that the right border cuts the contact."""
+    return (0.3, 0.2) if place == "middle" else (shape[1] / 2 - 0.2 * extent, 0.2)
+
+
+def in_float32(surface: Surface, pixel_size_mm: float = 1.0) -> np.ndarray:
+    depth = integrate(surface.gradient_map.astype(np.float32), pixel_size_mm)
+    assert depth.dtype == np.float32
+    return depth
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("place", ["middle", "border"])
+@pytest.mark.parametrize("sigma", [2, 5, 10, 20, 40])
+def test_a_gaussian_bump_keeps_its_height(shape: tuple[int, int], place: str, sigma: float) -> None:
+    bump = gaussian(shape, sigma, centre(shape, place, 4 * sigma))
+    depth = in_float32(bump)
+    assert fitted_scale(depth, bump.depth) == pytest.approx(1, abs=0.001)
+    assert depth.max() == pytest.approx(bump.depth.max() - np.median(bump.depth), rel=0.002)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("place", ["middle", "border"])
+@pytest.mark.parametrize("diameter", [10, 20, 40, 60])
+def test_a_smooth_cap_keeps_its_height(shape: tuple[int, int], place: str, diameter: float) -> None:
+    cap = smooth_cap(shape, diameter, centre(shape, place, diameter))
+    depth = in_float32(cap)
+    assert fitted_scale(depth, cap.depth) == pytest.approx(1, abs=0.005)
+    assert depth.max() == pytest.approx(cap.depth.max(), rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("diameter", "mean_within", "each_within"), [(5, 0.03, 0.2), (20, 0.005, 0.04), (60, 0.005, 0.01)]
+)
+def test_a_cap_with_a_sharp_rim_is_right_on_average(diameter: float, mean_within: float, each_within: float) -> None:
+    """A jump of the slope lies between two samples and nobody can know where: 5 px across that costs +-15 %."""
+    rng = np.random.default_rng(1)
+    scales = []
+    for x, y in rng.uniform(-0.5, 0.5, (40, 2)):
+        cap = sharp_cap((96, 96), diameter, (x, y))
+        scales.append(fitted_scale(integrate(cap.gradient_map, 1.0), cap.depth))
+    assert np.mean(scales) == pytest.approx(1, abs=mean_within)
+    assert np.abs(np.array(scales) - 1).max() < each_within
+
+
+@pytest.mark.parametrize("shape", [*SHAPES, (2, 2), (3, 50), (4, 5), (6, 7)])
+def test_a_tilted_plane_is_exact(shape: tuple[int, int]) -> None:
+    tilted = plane(shape, 0.3, -0.2)
+    assert np.ptp(in_float32(tilted, 0.1) - 0.1 * tilted.depth) < 1e-5 * np.ptp(0.1 * tilted.depth)
+    assert np.ptp(integrate(tilted.gradient_map, 0.1) - 0.1 * tilted.depth) < 1e-12 * shape[1]
+
+
+def test_polynomials_up_to_the_stated_degree_are_exact_at_every_pixel() -> None:
+    x = np.arange(40.0)[None, :].repeat(30, axis=0)
+    for degree in range(1, 5):
+        depth = (x / 40) ** degree
+        slope = degree * x ** (degree - 1) / 40**degree
+        found = integrate(np.stack([slope, np.zeros_like(x)], axis=2), 1.0)
+        assert np.ptp(found - depth) < 1e-12
+
+
+def test_the_inner_edge_rule_is_of_sixth_order() -> None:
+    """Halving the step of a bump far from the border divides the error by 2^6."""
+    errors = []
+    for sigma in (4, 8):
+        bump = gaussian((160, 160), sigma, (0.3, 0.2))
+        errors.append(np.ptp(integrate(bump.gradient_map, 1.0) - bump.depth))
+    assert 5.3 < np.log2(errors[0] / errors[1]) < 6.7
+
+
+def test_pixels_of_two_sizes_scale_their_own_axis() -> None:
+    tilted = plane((30, 40), 0.3, -0.2)
+    found = integrate(tilted.gradient_map, (0.1, 0.2))
+    x, y = np.arange(40) - 19.5, np.arange(30) - 14.5
+    assert np.ptp(found - (0.3 * 0.1 * x[None, :] - 0.2 * 0.2 * y[:, None])) < 1e-12
+
+
+def test_the_median_is_zero_and_a_touch_of_less_than_half_leaves_the_rest_at_zero() -> None:
+    cap = smooth_cap((240, 320), 150, (0, 0), height=20)
+    depth = in_float32(cap)
+    assert np.abs(depth[cap.depth == 0]).max() < 1e-3
+
+
+def test_a_known_rest_sets_the_zero_where_most_is_touched() -> None:
+    cap = smooth_cap((100, 100), 105, (0, 0), height=10)
+    assert integrate(cap.gradient_map, 1.0).max() < 9.5
+    depth = integrate(cap.gradient_map, 1.0, at_rest=cap.depth == 0)
+    assert depth.max() == pytest.approx(10, rel=0.001)
+
+
+@pytest.mark.parametrize("name", ["WAVE", "BALLCAVE", "PCONVEX", "TSTEP"])
+def test_where_nothing_is_at_rest_the_gel_keeps_its_volume(name: str) -> None:
+    geometry = SensorGeometry()
+    truth = sample(press_object(name, 0.8, geometry, size=256), geometry, 1.0, -1.0)
+    nothing = np.zeros(geometry.image_shape, np.bool_)
+    depth = integrate(truth.gradient_map, geometry.pixel_size_mm, at_rest=nothing)
+    # The bulge is between 1.5 and 2.1 times what is pressed down, so a tenth of it is open: some 0.02 mm here.
+    assert np.abs(depth - truth.depth_mm).mean() < 0.03
+    assert np.abs(integrate(truth.gradient_map, geometry.pixel_size_mm) - truth.depth_mm).mean() > 0.05
+
+
+@settings(deadline=None)
+@given(slope_maps, st.floats(0.25, 4))
+def test_integration_is_linear_in_slope_and_pixel_size(slopes: np.ndarray, factor: float) -> None:
+    depth = integrate(slopes, 0.5)
+    tolerance = 1e-9 * slopes.size
+    assert np.ptp(integrate(slopes * factor, 0.5) - factor * depth) <= tolerance
+    assert np.ptp(integrate(slopes, 0.5 * factor) - factor * depth) <= tolerance
+    assert np.ptp(integrate(slopes + slopes[::-1], 0.5) - depth - integrate(slopes[::-1].copy(), 0.5)) <= tolerance
+
+
+@settings(deadline=None)
+@given(slope_maps)
+def test_a_mirrored_gradient_map_gives_the_mirrored_depth(slopes: np.ndarray) -> None:
+    mirrored = slopes[:, ::-1] * [-1, 1]
+    assert np.ptp(integrate(mirrored, 1.0) - integrate(slopes, 1.0)[:, ::-1]) < 1e-9 * slopes.size
+    transposed = slopes.transpose(1, 0, 2)[..., ::-1]
+    assert np.ptp(integrate(transposed, 1.0) - integrate(slopes, 1.0).T) < 1e-9 * slopes.size
+
+
+@settings(deadline=None)
+@given(st.floats(-3, 3), st.floats(-3, 3), st.integers(2, 40), st.integers(2, 40))
+def test_every_plane_is_exact(slope_x: float, slope_y: float, height: int, width: int) -> None:
+    tilted = plane((height, width), slope_x, slope_y)
+    assert np.ptp(integrate(tilted.gradient_map, 1.0) - tilted.depth) < 1e-10
+
+
+@settings(max_examples=20, deadline=None)
+@given(slope_maps)
+def test_no_other_surface_fits_the_edges_better(slopes: np.ndarray) -> None:
+    """Least squares: the residual has no component along any small change of the surface."""
+    depth = integrate(slopes, 1.0)
+    residual_x = np.diff(depth, axis=1) - _edge_integrals(slopes[..., 0])
+    residual_y = np.diff(depth, axis=0) - _edge_integrals(slopes[..., 1].T).T
+    change = np.random.default_rng(0).normal(size=depth.shape)
+    along = (residual_x * np.diff(change, axis=1)).sum() + (residual_y * np.diff(change, axis=0)).sum()
+    assert abs(along) < 1e-8 * slopes.size
+
+
+def test_normals_are_unit_vectors_against_the_slope() -> None:
+    bump = gaussian((60, 80), 10, (0, 0), height=12)
+    found = normals(bump.gradient_map.astype(np.float32))
+    gx, gy = bump.gradient_map[..., 0], bump.gradient_map[..., 1]
+    true = np.stack([-gx, -gy, np.ones_like(gx)], axis=2) / np.sqrt(1 + gx**2 + gy**2)[..., None]
+    assert found.dtype == np.float32
+    assert np.abs(found - true).max() < 1e-6
+    assert np.abs(np.linalg.norm(found, axis=2) - 1).max() < 1e-6
+    assert normals(bump.gradient_map).dtype == np.float32
+
+
+@pytest.mark.parametrize("shape", [(5, 5), (5, 5, 3), (1, 5, 2), (5, 1, 2), (0, 0, 2)])
+def test_a_wrong_shape_is_refused_with_its_value(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=r"shape \(" + ", ".join(map(str, shape))):
+        integrate(np.zeros(shape), 1.0)
+
+
+def test_normals_of_another_shape_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"shape \(4, 5, 3\): give \(H, W, 2\)"):
+        normals(np.zeros((4, 5, 3)))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_slopes_that_are_not_finite_are_counted_and_refused(bad: float) -> None:
+    slopes = np.zeros((5, 6, 2), np.float32)
+    slopes[2, 3] = bad
+    with pytest.raises(ValueError, match="2 values that are NaN or infinite"):
+        integrate(slopes, 1.0)
+
+
+@pytest.mark.parametrize("size", [0, -0.1, np.nan, np.inf, (0.1, 0), (-1.0, 1.0)])
+def test_a_pixel_size_that_is_not_above_zero_is_refused(size: float | tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=r"pixel size .* above 0"):
+        integrate(np.zeros((5, 6, 2)), size)
+
+
+def test_a_rest_mask_of_another_shape_is_refused() -> None:
+    with pytest.raises(ValueError, match="at_rest has shape"):
+        integrate(np.zeros((5, 6, 2)), 1.0, at_rest=np.ones((6, 5), np.bool_))
+
+
+def test_the_proportion_of_the_bulge_is_that_of_random_presses() -> None:
+    """Domes at random places on a plate, of another seed than the constant was fitted to."""
+    geometry, size = SensorGeometry(), 256
+    spacing = GRID_EXTENT_MM / size
+    at, random = grid(size, spacing), np.random.default_rng(20)
+    on_plate = np.hypot(at[None, :], at[:, None]) < 17.5
+    proportions = []
+    for _ in range(8):
+        height = np.full((size, size), -1.0)
+        for _ in range(random.integers(5, 40)):
+            angle, radius = random.uniform(0, 2 * np.pi), random.uniform(0.8, 5.0)
+            x, y = 16 * np.sqrt(random.uniform()) * np.array([np.cos(angle), np.sin(angle)])
+            inside = 1 - ((at[None, :] - x) ** 2 + (at[:, None] - y) ** 2) / radius**2
+            height = np.maximum(height, np.sqrt(np.maximum(inside, 0)) - 1)
+        height = np.where(on_plate, height - height[on_plate].max(), NO_OBJECT)
+        depth = sample(press(height, spacing, random.uniform(0.3, 0.9), geometry), geometry, 0.0, 0.0).depth_mm
+        border = np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]])
+        proportions.append(-depth.mean() / np.median(border))
+    assert np.median(proportions) == pytest.approx(BULGE, rel=0.15)
+
+
+def test_the_bulge_of_the_gel_sets_the_height_of_a_view_that_is_touched_all_over() -> None:
+    bump = gaussian((60, 80), 12, (0, 0), height=1.0)
+    nowhere = np.zeros((60, 80), np.bool_)
+    stiff, soft = (integrate(bump.gradient_map, 1.0, at_rest=nowhere, bulge=bulge) for bulge in (0.0, 1.71))
+    assert stiff.mean() == pytest.approx(0, abs=1e-6), "no bulge: what is pressed down comes up inside the view"
+    border = np.concatenate([soft[0], soft[-1], soft[:, 0], soft[:, -1]])
+    assert soft.mean() == pytest.approx(-1.71 * np.median(border), rel=1e-4)
+
+
+def test_a_depth_map_has_the_gradient_of_its_polynomial() -> None:
+    y, x = np.indices((24, 31)).astype(np.float64)
+    quadratic = 0.02 * x * x - 0.03 * x * y + 0.01 * y * y
+    slopes = np.stack([(0.04 * x - 0.03 * y) / 0.5, (-0.03 * x + 0.02 * y) / 0.25], axis=2)
+    np.testing.assert_allclose(surface_gradient(quadratic, (0.5, 0.25)), slopes, atol=2e-4)
+    inside = (slice(3, -3), slice(3, -3))
+    sextic = 1e-7 * (x - 15) ** 6
+    np.testing.assert_allclose(surface_gradient(sextic, 1.0)[inside][..., 0], 6e-7 * (x - 15)[inside] ** 5, atol=2e-4)
+
+
+def test_integration_and_differentiation_give_the_slopes_of_a_surface_back() -> None:
+    bump = gaussian((240, 320), 8.0, (40.3, -20.2))
+    back = surface_gradient(integrate(bump.gradient_map.astype(np.float32), 0.06), 0.06)
+    np.testing.assert_allclose(back, bump.gradient_map, atol=1e-5)
+
+
+@pytest.mark.parametrize("depth", [np.zeros((2, 9)), np.zeros((9, 2)), np.zeros((4, 4, 2))])
+def test_what_is_no_depth_map_has_no_gradient(depth: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="depth map has shape"):
+        surface_gradient(depth, 1.0)

@@ -1,0 +1,187 @@
+"""Ways to the board: the simulated one in its own process, a pseudo-terminal with real pyserial, the verbs."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gellight.base.errors import BoardError, InputError
+from gellight.cli import firmware as firmware_verb
+from gellight.cli import ring as ring_verb
+from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.light_ring import LightRing, RefusedError, Step, colour_bytes, connect
+from gellight.ring.transport import find_port, open_transport
+
+RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))
+
+
+def eventually(condition, timeout_s: float = 20.0) -> None:
+    """Wait for something in the other process; only a hang makes this fail."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "did not happen"
+        time.sleep(0.01)
+
+
+def is_lit(board: SimulatedBoard) -> bool:
+    return bool(board.light_at(board.now_us()).any())
+
+
+@pytest.fixture
+def terminal() -> Iterator[SimulatedBoard]:
+    board = SimulatedBoard(pty=True)
+    yield board
+    board.close()
+    assert board.faults == []
+
+
+def test_sim_is_a_board_like_any_other() -> None:
+    with connect("sim://") as ring:
+        board = ring.transport
+        assert isinstance(board, SimulatedBoard)
+        reply = ring.set_leds(RED)
+        event = ring.wait_for_light(reply.light_id, timeout_s=5)
+        eventually(lambda: is_lit(board))
+        shown = board.light_during(event.first_bit_us, event.latched_us + 1)
+        assert not shown[0].colours.any()
+        np.testing.assert_array_equal(shown[-1].colours, RED)
+        assert event.first_bit_us < shown[-1].time_us <= event.latched_us
+    assert not board.timeline[-1].colours.any()
+    assert board.faults == []
+
+
+def test_real_pyserial_reaches_it_through_a_terminal(terminal: SimulatedBoard) -> None:
+    with connect(terminal.path) as ring:
+        ring.set_leds(RED)
+        eventually(lambda: is_lit(terminal))
+    eventually(lambda: not is_lit(terminal))
+
+
+def test_a_program_that_dies_leaves_the_leds_dark(terminal: SimulatedBoard) -> None:
+    child = os.fork()
+    if child == 0:
+        ring = connect(terminal.path)
+        ring.set_leds(RED)
+        time.sleep(60)
+        os._exit(1)
+    eventually(lambda: is_lit(terminal))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    eventually(lambda: not is_lit(terminal))
+
+
+def test_the_ring_is_kept_alive_while_it_is_open(terminal: SimulatedBoard) -> None:
+    with connect(terminal.path) as ring:
+        ring.set_leds(RED)
+        eventually(lambda: is_lit(terminal))
+        start = terminal.now_us()
+        eventually(lambda: terminal.now_us() > start + 1_500_000)
+        assert is_lit(terminal)
+        assert ring.counters().dark_faults == 0
+
+
+def test_a_board_that_ends_is_an_error() -> None:
+    ring = connect("sim://")
+    board = ring.transport
+    assert isinstance(board, SimulatedBoard)
+    board._process.kill()
+    board._process.wait()
+    with pytest.raises(BoardError, match="sim://"):
+        ring.status()
+    ring.close()
+
+
+@pytest.mark.parametrize("url", ["", "ftp://board", "sim://7"])
+def test_other_urls_are_refused(url: str) -> None:
+    with pytest.raises(BoardError, match="names no board"):
+        open_transport(url)
+
+
+def test_a_port_that_is_not_there_is_a_remedy() -> None:
+    with pytest.raises(BoardError, match="plug the light ring in"):
+        open_transport("/dev/ttyNONE")
+    with pytest.raises(BoardError, match="sim://"):
+        find_port("0000")
+
+
+def test_another_firmware_is_named_with_both_versions(
+    terminal: SimulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gellight.ring.protocol.schema_crc", lambda: 0x12345678)
+    with pytest.raises(BoardError, match=r"schema [0-9a-f]{8}.*12345678.*gellight firmware flash"):
+        connect(terminal.path)
+
+
+def test_a_port_where_nobody_answers_is_an_error() -> None:
+    class Silent:
+        url = "silent"
+        closed = False
+
+        def write(self, data: bytes) -> None:
+            """Swallow."""
+
+        def read(self, timeout_s: float) -> bytes:
+            return b""
+
+        def close(self) -> None:
+            self.closed = True
+
+    transport = Silent()
+    with pytest.raises(BoardError, match="did not answer HELLO in 3 attempts"):
+        LightRing(transport, attempts=3)
+    assert transport.closed
+
+
+def test_colours_have_to_be_twelve_times_rgb() -> None:
+    assert len(colour_bytes(RED)) == 36
+    with pytest.raises(ValueError, match=r"\(12, 3\) uint8"):
+        colour_bytes(RED.astype(np.float32))
+    with pytest.raises(ValueError, match=r"\(12, 3\) uint8"):
+        colour_bytes(RED[:11])
+
+
+# ---- the verbs ----
+
+
+def test_the_verbs_drive_the_ring(terminal: SimulatedBoard) -> None:
+    runner = CliRunner()
+
+    def run(*words: str) -> str:
+        result = runner.invoke(ring_verb.app, [*words, "--url", terminal.path])
+        assert result.exit_code == 0, result.output + str(result.exception)
+        return result.output
+
+    assert "nothing wrong" in run("info")
+    assert "lit, 58 mA" in run("set", "300000", "--seconds", "0.1")
+    assert "[0, 1, 8]" in run("group", "0-1,8", "--seconds", "0.1")
+    assert "0 of them late" in run("sequence", "--dwell-ms", "50", "--seconds", "0.5")
+    assert "dark" in run("off")
+
+
+def test_the_verbs_refuse_what_makes_no_sense(terminal: SimulatedBoard) -> None:
+    runner = CliRunner()
+    for words in (["set", "red"], ["set", "ff00"], ["group", "12"], ["group", "x"]):
+        result = runner.invoke(ring_verb.app, [*words, "--url", terminal.path])
+        assert isinstance(result.exception, InputError)
+    result = runner.invoke(ring_verb.app, ["set", "ffffff", "--url", terminal.path])
+    assert isinstance(result.exception, RefusedError)
+
+
+def test_the_firmware_verb_tells_about_the_image() -> None:
+    result = CliRunner().invoke(firmware_verb.app, ["info"])
+    assert result.exit_code == 0
+    assert "SHA-256" in result.output
+
+
+def test_a_sequence_runs_in_wall_time(terminal: SimulatedBoard) -> None:
+    with connect(terminal.path) as ring:
+        from gellight.ring.enumerations import SyncMode
+
+        ring.load_sequence([RED], [Step(group=0, dwell_us=100_000, blank_us=100_000)])
+        ring.set_sync(SyncMode.FREE)
+        ring.start()
+        eventually(lambda: len(terminal.timeline) > 6)

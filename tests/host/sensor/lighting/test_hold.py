@@ -1,0 +1,191 @@
+"""HOLD: one clean frame for each light, whatever the camera still had in its queue."""
+
+from collections import deque
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
+from gellight.frames.timing import CameraTiming
+from gellight.opening import open_camera
+from gellight.ring import protocol
+from gellight.ring.enumerations import Dark, State, SyncMode
+from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.ring.light_ring import Step
+from gellight.sensor.lighting import hold
+from gellight.sensor.lighting.hold import exposures
+from gellight.simulator.simulated_camera import SimulatedCamera
+
+RING = np.zeros((12, 3), np.uint8)
+for third in range(3):
+    RING[4 * third : 4 * third + 4, third] = 255
+TRIPLES = colour_triples(RING)
+
+
+@pytest.fixture(scope="module")
+def sensor() -> Iterator[SimulatedCamera]:
+    with open_camera("sim://?programme=0&noise=0.5&fps=60") as camera:
+        assert isinstance(camera, SimulatedCamera)
+        yield camera
+
+
+def test_four_exposures_of_the_simulated_sensor_show_four_triples(sensor: SimulatedCamera) -> None:
+    frames = exposures(sensor, TRIPLES)
+    for index, (frame, group) in enumerate(zip(frames, TRIPLES, strict=True)):
+        pure, _ = sensor._scene.show(None, group / 255)
+        assert frame.label == LightLabel(state=LightState.CLEAN, group=index)
+        assert np.abs(frame.image - pure).max() < 8 * 0.5 + 0.5, "every row under this light alone"
+
+
+def test_the_light_is_given_back(sensor: SimulatedCamera) -> None:
+    before = sensor.ring.still.copy()
+    exposures(sensor, single_leds(RING)[:2])
+    np.testing.assert_array_equal(sensor.ring.still, before)
+    now_us = sensor.ring.transport.now_us()
+    (shown,) = sensor.ring.transport.light_during(now_us, now_us)
+    np.testing.assert_array_equal(shown.colours, before)
+
+
+def test_a_running_sequence_is_not_disturbed(sensor: SimulatedCamera) -> None:
+    before = sensor.ring.still.copy()
+    sensor.ring.load_sequence(list(TRIPLES), [Step(group=k, dwell_us=50_000) for k in range(4)])
+    sensor.ring.set_sync(SyncMode.FREE)
+    sensor.ring.start()
+    with pytest.raises(BoardError, match="stop the sequence"):
+        exposures(sensor, TRIPLES)
+    sensor.ring.stop()
+    sensor.ring.wait_for_light(sensor.ring.set_leds(before).light_id)
+
+
+# ---- a ring and a camera of which every step is known ----
+
+
+class FakeRing:
+    """Latches at once; the clock of the test moves 10 ms with every frame and 1 ms with every request."""
+
+    def __init__(self, clock: "Clock") -> None:
+        self.clock, self.shown = clock, deque()
+        self.still = None
+        self.scale = protocol.FULL_SCALE
+        self.lights = 0
+        self.lost = deque()
+        self.dark = Dark.NOT_DARK
+
+    def set_leds(self, colours):
+        self.clock.now += 0.001
+        self.lights += 1
+        self.still = colours
+        self.shown.append((self.clock.now, colours))
+        return SimpleNamespace(light_id=self.lights, scale=self.scale)
+
+    def wait_for_light(self, light_id, timeout_s):
+        self.clock.now += 0.001
+
+    def status(self):
+        lost = self.lost.popleft() if self.lost else False
+        return SimpleNamespace(light_id=self.lights + lost, state=State.STILL, dark=self.dark)
+
+    def blank(self):
+        self.still = None
+
+
+class Clock:
+    now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+class QueuedCamera(Camera):
+    """Delivers frames that are `old` frames old, each stamped with its true start, and filled with the light then."""
+
+    url, image_shape, stage = "fake://", (4, 4), None
+
+    def __init__(self, ring: FakeRing, old: int) -> None:
+        self.ring, self.clock = ring, ring.clock
+        self.queue = deque([self.clock.now] * old)
+        self.count = 0
+
+    def read(self) -> CameraFrame:
+        self.clock.now += 0.010
+        self.queue.append(self.clock.now)
+        self.clock.now += 0.020
+        start = self.queue.popleft()
+        lit = [colours for t, colours in self.ring.shown if t + 0.0025 <= start]
+        mixed = any(start < t + 0.0025 < start + 0.020 for t, _ in self.ring.shown)
+        self.count += 1
+        level = 255 if mixed else (lit[-1].max() if lit else 0)
+        return CameraFrame(image=np.full((4, 4, 3), level, np.uint8), time_s=start, sequence=self.count)
+
+    def close(self) -> None: ...
+    def selfcheck(self, pixel_size_mm): ...
+
+
+LEVELS = [np.full((12, 3), level, np.uint8) for level in (10, 20, 30)]
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeRing:
+    clock = Clock()
+    monkeypatch.setattr(hold, "time", clock)
+    return FakeRing(clock)
+
+
+@pytest.mark.parametrize("old", [0, 1, 4, 20])
+def test_frames_that_were_queued_are_told_by_their_stamps_not_counted(fake: FakeRing, old: int) -> None:
+    frames = exposures(QueuedCamera(fake, old), LEVELS)
+    assert [int(frame.image[0, 0, 0]) for frame in frames] == [10, 20, 30]
+
+
+def test_a_camera_whose_stamps_never_pass_the_light_is_named(fake: FakeRing) -> None:
+    with pytest.raises(CameraError, match=r"fake://.*stamps"):
+        exposures(QueuedCamera(fake, 10_000), LEVELS)
+
+
+def test_a_light_that_went_out_under_the_frame_is_taken_again(fake: FakeRing) -> None:
+    fake.lost.extend([False, True, True, False])
+    (frame,) = exposures(QueuedCamera(fake, 0), LEVELS[:1])
+    assert frame.label.group == 0
+    fake.lost.extend([False, True, True, True])
+    with pytest.raises(BoardError, match="another program"):
+        exposures(QueuedCamera(fake, 0), LEVELS[:1])
+
+
+def test_leds_darkened_for_safety_give_no_frame(fake: FakeRing) -> None:
+    fake.dark = Dark.HOST_SILENT
+    with pytest.raises(BoardError, match="did not stay on"):
+        exposures(QueuedCamera(fake, 0), LEVELS[:1])
+
+
+def test_a_light_that_the_current_limit_scales_is_refused_and_the_ring_goes_dark(fake: FakeRing) -> None:
+    fake.scale //= 2
+    with pytest.raises(BoardError, match=r"50\.0%.*dim the group"):
+        exposures(QueuedCamera(fake, 0), LEVELS)
+    assert fake.still is None
+
+
+def test_a_picture_that_shows_another_light_is_taken_again_and_then_told(fake: FakeRing) -> None:
+    answers = deque([LightLabel(state=LightState.MIXED), LightLabel(state=LightState.CLEAN, group=0)])
+    check = SimpleNamespace(label=lambda image: answers.popleft())
+    (frame,) = exposures(QueuedCamera(fake, 0), LEVELS[:1], check=check)
+    assert frame.label == LightLabel(state=LightState.CLEAN, group=0)
+    answers.extend([LightLabel(state=LightState.CLEAN, group=2)] * 3)
+    with pytest.raises(CameraError, match=r"clean light \(group 2\) where group 0 was asked"):
+        exposures(QueuedCamera(fake, 0), LEVELS[:1], check=check)
+
+
+def test_a_camera_without_a_ring_is_told() -> None:
+    with open_camera("sim://?board=0&programme=0") as camera, pytest.raises(CameraError, match="no light ring"):
+        exposures(camera, TRIPLES)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"exposure_s": 0.04}, {"exposure_s": 0.0}, {"readout_s": -1e-3}, {"pulse_period_s": -1.0}]
+)
+def test_times_that_no_camera_has_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(InputError):
+        CameraTiming(**wrong)

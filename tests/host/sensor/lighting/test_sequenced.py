@@ -1,0 +1,181 @@
+"""Sequences on the firmware's image, seen by a rolling shutter, on virtual time: every label against the truth."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.frames.frames import LightLabel, LightState
+from gellight.frames.timing import CameraTiming
+from gellight.ring.enumerations import Dark
+from gellight.ring.light_groups import colour_triples
+from gellight.sensor.lighting.content import ContentCheck
+from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
+from gellight.simulator.simulated_camera import open_simulated
+from tests.helpers.virtual_sensor import RING, VirtualCamera, virtual_sensor
+
+TRIPLES = colour_triples(RING)
+TIMING = CameraTiming(pulse_period_s=0.0005)
+
+
+def reference_check(camera: VirtualCamera) -> ContentCheck:
+    return ContentCheck([camera.picture(group / 255) for group in TRIPLES])
+
+
+def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Counter:
+    """Count (truth, label) of so many frames; "right" where a clean label has the right group."""
+    counts: Counter = Counter()
+    for _ in range(frames):
+        frame = sequenced.read()
+        truth = camera.truth(TRIPLES)
+        assert frame.label is not None
+        said = "right" if frame.label == truth and truth.state == LightState.CLEAN else str(frame.label.state)
+        counts[str(truth.state) if truth else "dark", said] += 1
+    return counts
+
+
+def test_free_and_locked_every_frame_of_a_thirty_hertz_camera_is_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    with SequencedCamera(camera, TRIPLES, timing=TIMING, check=reference_check(camera)) as sequenced:
+        assert sequenced.frames == 1
+        follow(sequenced, camera, 25)
+        locked = follow(sequenced, camera, 40)
+        groups = [sequenced.read().label.group for _ in range(8)]
+        assert sequenced.counters.slips == 0
+        assert 1 <= sequenced.counters.trims < 10
+    assert locked["clean", "right"] >= 39
+    assert locked["clean", "clean"] == locked["mixed", "clean"] == 0
+    assert groups[4:] == groups[:4]
+    assert sorted(groups[:4]) == [0, 1, 2, 3]
+    assert camera.board.faults == []
+
+
+def test_before_the_lock_nothing_mixed_is_called_clean(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in range(3):  # another phase each time
+        camera = virtual_sensor(monkeypatch, seed=seed)
+        with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
+            counts = follow(sequenced, camera, 8)
+        assert counts["mixed", "clean"] == counts["clean", "clean"] == 0
+
+
+def test_with_a_strobe_no_frame_is_mixed_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch, strobe=True)
+    with SequencedCamera(
+        camera, TRIPLES, mode=LightMode.EXT, timing=TIMING, check=reference_check(camera)
+    ) as sequenced:
+        counts = follow(sequenced, camera, 25)
+    assert counts["mixed", "mixed"] == 0
+    assert counts["clean", "right"] >= 23
+
+
+def test_a_strobe_that_falls_silent_leaves_the_ring_dark_and_no_frame_clean(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch, strobe=True)
+    with SequencedCamera(camera, TRIPLES, mode=LightMode.EXT, timing=TIMING) as sequenced:
+        follow(sequenced, camera, 5)
+        camera.strobe = False
+        follow(sequenced, camera, 8)
+        counts = follow(sequenced, camera, 3)
+        assert Dark(camera.ring.status().dark) == Dark.TRIGGER_MISSED
+    assert counts == {("dark", "unknown"): 3}
+
+
+@pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT])
+def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
+    monkeypatch: pytest.MonkeyPatch, mode: LightMode
+) -> None:
+    camera = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT)
+    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING, check=reference_check(camera)) as sequenced:
+        follow(sequenced, camera, 5)
+        camera.board.run(1_500_000)
+        assert not camera.board.timeline.at(camera.board.now_us).any()
+        meanwhile = follow(sequenced, camera, 25)
+        after = follow(sequenced, camera, 15)
+    assert meanwhile["mixed", "clean"] == meanwhile["clean", "clean"] == meanwhile["dark", "clean"] == 0
+    assert after["clean", "right"] >= 13
+
+
+def test_hold_gives_the_groups_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    with SequencedCamera(camera, TRIPLES, mode=LightMode.HOLD, timing=TIMING) as sequenced:
+        for number in range(6):
+            frame = sequenced.read()
+            assert frame.label == camera.truth(TRIPLES) == LightLabel(state=LightState.CLEAN, group=number % 4)
+
+
+def test_a_wrong_picture_of_a_light_makes_its_frames_unknown_not_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The board shows group 1 and 2 exchanged, as after a wiring fault: the times alone cannot know."""
+    camera = virtual_sensor(monkeypatch)
+    check = ContentCheck([camera.picture(group / 255) for group in TRIPLES[[0, 2, 1, 3]]])
+    with SequencedCamera(camera, TRIPLES, timing=TIMING, check=check) as sequenced:
+        follow(sequenced, camera, 20)
+        frames = [sequenced.read() for _ in range(20)]
+        assert sequenced.counters.slips >= 8
+    assert {frame.label.group for frame in frames if frame.label.state == LightState.CLEAN} == {0, 3}
+
+
+def test_a_stamp_that_is_wrong_is_found_by_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The camera stamps a whole frame early: no frame gets the label of the light before its own."""
+    camera = virtual_sensor(monkeypatch, late_s=-0.0333)
+    with SequencedCamera(camera, TRIPLES, timing=TIMING, check=reference_check(camera)) as sequenced:
+        counts = follow(sequenced, camera, 30)
+        assert sequenced.counters.slips > 15
+    assert counts["clean", "clean"] == counts["mixed", "clean"] == 0
+
+
+def test_a_stamp_that_is_too_late_leaves_frames_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such a frame ends, by its stamp, after it arrived: nobody has asked the board about that time yet."""
+    camera = virtual_sensor(monkeypatch, late_s=0.0333)
+    with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
+        counts = follow(sequenced, camera, 15)
+    assert counts["clean", "clean"] == counts["mixed", "clean"] == counts["clean", "right"] == 0
+
+
+def test_stopping_gives_the_light_back_and_leaves_the_camera_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    before = RING // 3
+    camera.ring.wait_for_light(camera.ring.set_leds(before).light_id)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    sequenced.read()
+    with pytest.raises(BoardError, match="running a sequence"):
+        SequencedCamera(camera, TRIPLES, timing=TIMING)
+    sequenced.stop()
+    np.testing.assert_array_equal(camera.board.timeline.at(camera.board.now_us), before)
+    assert camera.ring.event_listeners == camera.ring.ping_listeners == []
+    camera.read()
+    sequenced.close()
+    assert not camera.board.timeline.at(camera.board.now_us).any()
+
+
+def test_a_board_that_is_gone_is_an_error_not_a_label(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    sequenced.read()
+    camera.board.power_off()
+    with pytest.raises(BoardError, match="did not answer"):
+        sequenced.read()
+
+
+def test_darkness_that_nobody_planned_is_no_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another thread darkens the ring: frames that saw it are not clean, from the first on."""
+    camera = virtual_sensor(monkeypatch)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    follow(sequenced, camera, 10)
+    camera.ring.blank()
+    counts = follow(sequenced, camera, 4)
+    assert counts["dark", "unknown"] >= 3
+    assert counts["dark", "clean"] == counts["mixed", "clean"] == 0
+
+
+def test_more_groups_than_the_board_holds_or_a_camera_without_ring_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    with pytest.raises(InputError, match="17 light groups: the board holds 1 to 16"):
+        SequencedCamera(camera, np.zeros((17, 12, 3), np.uint8), timing=TIMING)
+    with open_simulated("sim://?board=0&programme=0") as dark, pytest.raises(CameraError, match="no light ring"):
+        SequencedCamera(dark, TRIPLES)
+
+
+def test_an_exposure_longer_than_the_measured_frame_period_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch, fps=60.0)
+    with pytest.raises(InputError, match="longer than the frame period of 16"):
+        SequencedCamera(camera, TRIPLES, timing=CameraTiming(exposure_s=0.018))

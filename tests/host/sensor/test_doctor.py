@@ -1,0 +1,342 @@
+"""The doctor, the list of sensors and the udev rule: every finding with its remedy, on a computer made of nothing."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.cli.main import app
+from gellight.sensor import doctor, udev
+from gellight.sensor.discovery import discover
+from gellight.sensor.doctor import examine
+from gellight.sensor.findings import Finding, Level
+from gellight.sensor.sensor_checks import check_stamps
+from gellight.sensor.v4l2 import controls as c
+from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.options import parse_url
+from gellight.sensor.v4l2.video_camera import V4l2Camera
+from tests.helpers.sensor_bench import Bench, FakeRing
+from tests.helpers.v4l2_pictures import jpeg, scene
+
+WEBCAM = (0x046D, 0x0825)
+
+
+class TalkingRing(FakeRing):
+    """Answers what the doctor asks; a round trip takes `answer_s`."""
+
+    answer_s = 0.001
+
+    def counters(self) -> SimpleNamespace:
+        return SimpleNamespace(packets=7)
+
+    def clock(self) -> None:
+        self.kernel.sleep(self.answer_s)
+
+    def __enter__(self) -> "TalkingRing":
+        self.hello.firmware_major, self.hello.firmware_minor, self.hello.firmware_patch = 1, 2, 3
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self.close()
+
+
+class Clinic(Bench):
+    """A computer whose pictures are as bright as its LEDs."""
+
+    blind = False
+
+    def plug(self, port: str, serial: str, **changes: Any) -> Any:
+        camera = super().plug(port, serial, **{"formats": {"YUYV": {(32, 24): [30]}}, **changes})
+        camera.payload = self.look
+        return camera
+
+    def look(self, number: int) -> bytes:
+        lit = max((int(ring.lit.mean()) for ring in self.rings), default=0)
+        return bytes([20 + (0 if self.blind else lit), number % 251] * 32 * 24)
+
+    def open_ring(self, url: str) -> Any:
+        self.rings.append(TalkingRing(self.kernel, url))
+        return self.rings[-1]
+
+    def examine(self, tmp_path: Path, name: str | None = None) -> list[Finding]:
+        return list(examine(name, surroundings=self.surroundings, folder=tmp_path, rules=tmp_path))
+
+
+@pytest.fixture
+def clinic(tmp_path: Path) -> Clinic:
+    udev.install(folder=tmp_path, run=lambda command: None)
+    return Clinic(tmp_path / "computer")
+
+
+def wrong(findings: list[Finding]) -> dict[str, Finding]:
+    assert all(bool(finding.remedy) == (finding.level is not Level.OK) for finding in findings)
+    return {finding.check: finding for finding in findings if finding.level is not Level.OK}
+
+
+def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001")
+    findings = clinic.examine(tmp_path)
+    assert wrong(findings) == {}
+    checks = {finding.check for finding in findings}
+    assert checks >= {"udev rule", "disk", "clock", "sensors", "usb", "permission", "formats", "settings", "rate",
+                      "stamps", "bandwidth", "frames", "board", "leds"}  # fmt: skip
+    text = {finding.check: finding.text for finding in findings}
+    assert "30.00 frames/s by the kernel's stamps" in text["rate"]
+    assert clinic.all_dark()
+    assert not clinic.kernel.opened
+
+
+@pytest.mark.parametrize(
+    ("fault", "check", "words", "remedy"),
+    [
+        ({"stamp": lambda number, time_s: 98 + (time_s - 100) * 1.5}, "rate", "20.00 frames/s", "exposure"),
+        ({"missing": lambda number: number % 4 == 2}, "frames", "lost", "cable"),
+        ({"bad": lambda number: v.FLAG_ERROR * (number % 4 == 2)}, "frames", "damaged", "cable"),
+        ({"stamp": lambda number, time_s: time_s + 9}, "clock", "cannot be true", "hwtimestamps"),
+        (
+            {"stamp": lambda number, time_s: time_s + 0.005 * (number % 7 == 3)},
+            "stamps",
+            "than the 2 ms",
+            "without a hub",
+        ),
+        (
+            {"missing": lambda number: number % 9 == 4, "sequence": lambda number: number - (number + 4) // 9},
+            "frames",
+            "missing without a gap in the driver's numbers",
+            "lower the rate",
+        ),
+    ],
+)
+def test_what_is_wrong_with_the_frames_is_found(
+    clinic: Clinic, tmp_path: Path, fault: dict[str, Any], check: str, words: str, remedy: str
+) -> None:
+    clinic.plug("1-2", "GL0001", **fault)
+    found = wrong(clinic.examine(tmp_path))
+    assert words in found[check].text
+    assert remedy in found[check].remedy
+    assert clinic.all_dark()
+
+
+def test_a_camera_that_does_not_tell_its_rates_is_examined_too(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", formats={"YUYV": {(32, 24): []}})
+    findings = clinic.examine(tmp_path)
+    assert wrong(findings) == {}
+    assert "YUYV 32x24 at ? fps" in [finding.text for finding in findings]
+
+
+def test_the_remedy_for_stamps_that_wander_is_one_that_helps(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", stamp=lambda number, time_s: time_s + 0.005 * (number % 7 == 3))
+    remedy = wrong(clinic.examine(tmp_path))["stamps"].remedy
+    option = remedy.rpartition("?")[2]
+    node = next(iter(clinic.kernel.cameras))
+    with V4l2Camera(node, parse_url(f"v4l2://x?{option}")[1], kernel=clinic.kernel) as camera:
+        pictures = [camera.picture() for _ in range(60)]
+        assert check_stamps(camera, pictures).level is Level.OK
+        assert camera.timing.stamp_error_s >= 0.0042, "5 ms, less what the steady rate takes of it"
+
+
+def test_a_camera_that_stumbles_at_its_start_is_no_finding(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", stamp=lambda number, time_s: time_s + 0.009 * (number == 1))
+    assert wrong(clinic.examine(tmp_path)) == {}
+
+
+def test_jpegs_that_are_not_whole_are_found(clinic: Clinic, tmp_path: Path) -> None:
+    whole = jpeg(scene(shape=(24, 32)))
+    camera = clinic.plug("1-2", "GL0001", formats={"MJPG": {(32, 24): [30]}})
+    camera.payload = lambda number: (
+        (whole[:-40] if number % 4 == 1 else whole[:-2]) + bytes([number % 251]) + whole[-2:]
+    )
+    found = [finding for finding in clinic.examine(tmp_path) if finding.check == "frames"]
+    assert "15 not whole" in found[0].text
+    assert "cable" in found[0].remedy
+
+
+def test_a_camera_that_repeats_its_pictures_is_found(clinic: Clinic, tmp_path: Path) -> None:
+    camera = clinic.plug("1-2", "GL0001")
+    camera.payload = lambda number: clinic.look(number // 2)
+    assert "repeat the one before" in wrong(clinic.examine(tmp_path))["frames"].text
+
+
+def test_leds_that_the_camera_does_not_see_are_found(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001")
+    clinic.blind = True
+    found = wrong(clinic.examine(tmp_path))["leds"]
+    assert found.level is Level.PROBLEM
+    assert "data wire" in found.remedy
+    assert clinic.all_dark()
+
+
+def test_a_slow_board_a_slow_bus_and_a_shared_bus_are_found(
+    clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(TalkingRing, "answer_s", 0.05)
+    clinic.plug("1-2", "GL0001")
+    clinic.usb.plug("1-7", serial="CAM", ids=WEBCAM, cameras=1)
+    found = wrong(clinic.examine(tmp_path))
+    assert "50.00 ms" in found["clock"].text
+    assert "1 more cameras share USB bus 1" in found["usb"].text
+    next(clinic.usb.root.rglob("1-2/speed")).write_text("12\n")
+    findings = [finding for finding in clinic.examine(tmp_path) if finding.check == "usb"]
+    assert "12 Mbit/s" in findings[0].text
+    assert "cable" in findings[0].remedy
+
+
+@pytest.mark.parametrize(
+    ("number", "words"), [(c.EXPOSURE, "cannot be fixed"), (c.GAIN, "no gain"), (c.WHITE_BALANCE, "white_balance_k")]
+)
+def test_a_camera_without_a_control_is_found(clinic: Clinic, tmp_path: Path, number: int, words: str) -> None:
+    camera = clinic.plug("1-2", "GL0001")
+    del camera.controls[number]
+    assert words in wrong(clinic.examine(tmp_path))["settings"].text
+
+
+def test_a_setting_that_comes_loose_is_found(clinic: Clinic, tmp_path: Path) -> None:
+    camera = clinic.plug("1-2", "GL0001")
+    look = camera.payload
+
+    def spoil(number: int) -> bytes:
+        camera.controls[c.EXPOSURE_AUTO].value = 3
+        return bytes(look(number))
+
+    camera.payload = spoil
+    assert "automatic exposure_us" in wrong(clinic.examine(tmp_path))["settings"].text
+
+
+def test_a_node_that_others_have_open_is_told_and_one_that_may_not_be_used_is_not_opened(
+    clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clinic.plug("1-2", "GL0001")
+    monkeypatch.setattr(doctor, "holders", lambda path: [(4711, "cheese")])
+    found = wrong(clinic.examine(tmp_path))
+    assert "also open in cheese (process 4711)" in found["permission"].text
+    assert len(clinic.rings) == 1, "having it open is not yet using it: the checks go on"
+    monkeypatch.setattr(doctor.os, "access", lambda path, mode: False)
+    assert "install-udev" in wrong(clinic.examine(tmp_path))["permission"].remedy
+    assert len(clinic.rings) == 1
+
+
+def test_a_fault_of_the_sensor_is_a_finding_too(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001", busy=True)
+    assert "is in use by" in wrong(clinic.examine(tmp_path))["sensor"].text
+
+    def mute(url: str) -> Any:
+        raise BoardError("the board speaks protocol 0.9: run `gellight firmware flash`")
+
+    next(iter(clinic.kernel.cameras.values())).busy = False
+    clinic.open_ring = mute  # type: ignore[method-assign]
+    found = wrong(clinic.examine(tmp_path))["sensor"]
+    assert (found.text, found.remedy) == ("the board speaks protocol 0.9", "run `gellight firmware flash`")
+
+
+def test_a_computer_without_sensor_rule_disk_or_date_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clinic = Clinic(tmp_path / "computer")
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda folder: SimpleNamespace(free=5e8))
+    monkeypatch.setattr(doctor.time, "gmtime", lambda: SimpleNamespace(tm_year=1970))
+    clock = clinic.usb.sysfs / "devices/system/clocksource/clocksource0/current_clocksource"
+    clock.parent.mkdir(parents=True)
+    clock.write_text("hpet\n")
+    findings = clinic.examine(tmp_path / "computer")
+    found = wrong(findings)
+    assert set(found) == {"udev rule", "disk", "clock", "sensors"}
+    assert "0.5 GB" in found["disk"].text
+    assert "believes it is 1970" in " ".join(finding.text for finding in findings)
+    assert "sim://" in found["sensors"].remedy
+
+
+def test_ambiguous_and_missing_sensors_are_findings(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0009")
+    clinic.plug("1-3", "GL0009")
+    found = [finding for finding in clinic.examine(tmp_path, "1-2") if finding.level is Level.PROBLEM]
+    assert [finding.remedy for finding in found] == ["tell them apart as sensor://1-2 or sensor://1-3"]
+    assert "no sensor is called GL0001" in wrong(clinic.examine(tmp_path, "GL0001"))["sensors"].text + str(found)
+
+
+def test_a_camera_without_a_ring_can_be_examined_by_its_node(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001")
+    node = next(iter(clinic.kernel.cameras))
+    clinic.usb.unplug("1-2")
+    (camera,) = clinic.usb.plug("1-2", serial="CAM", ids=WEBCAM, cameras=1)
+    clinic.kernel.cameras[camera] = clinic.kernel.cameras.pop(node)
+    findings = clinic.examine(tmp_path, camera)
+    assert wrong(findings) == {}
+    assert "rate" in {finding.check for finding in findings}
+    assert "board" not in {finding.check for finding in findings}
+    assert "shares a USB parent" in wrong(clinic.examine(tmp_path))["sensors"].text
+
+
+# ---- the verbs ----
+
+
+def invoke(*arguments: str) -> Any:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_find_lists_sensors_and_what_is_left_over(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:
+    clinic.plug("1-2", "GL0001")
+    clinic.usb.plug("1-7", serial="CAM", ids=WEBCAM, cameras=1)
+    clinic.usb.plug("1-8", serial="RING", rings=1)
+    usb = clinic.usb
+    monkeypatch.setattr("gellight.sensor.discovery.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
+    shown = invoke("find")
+    assert shown.exit_code == 0
+    assert "sensor://GL0001   USB 1-2, camera " in shown.output
+    assert "camera without a ring: " in shown.output
+    assert "ring without a camera: " in shown.output
+    listed = json.loads(invoke("find", "--json").output)
+    assert [sensor["url"] for sensor in listed["sensors"]] == ["sensor://GL0001"]
+    assert listed["sensors"][0]["camera"]["speed_mbps"] == 480
+    assert [len(listed[kind]) for kind in ("cameras", "rings", "ambiguities")] == [1, 1, 0]
+
+
+def test_find_says_what_to_do_where_nothing_is_plugged_in(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:
+    usb = clinic.usb
+    monkeypatch.setattr("gellight.sensor.discovery.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
+    assert isinstance(invoke("find").exception, CameraError)
+
+
+def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    findings = [doctor.ok("disk", "1 GB"), doctor.problem("usb", "slow", "use another cable")]
+    monkeypatch.setattr("gellight.sensor.doctor.examine", lambda name, surroundings, folder: iter(findings))
+    shown = invoke("doctor")
+    assert shown.exit_code == 1
+    assert shown.output.splitlines()[1:] == ["problem  usb         slow", f"{'':21}-> use another cable"]
+    listed = json.loads(invoke("doctor", "--json").output)["findings"]
+    assert listed[1] == {"level": "problem", "check": "usb", "text": "slow", "remedy": "use another cable"}
+    findings.pop()
+    assert invoke("doctor").exit_code == 0
+
+
+def test_the_udev_rule_is_written_and_applied(tmp_path: Path) -> None:
+    ran: list[Sequence[str]] = []
+    assert not udev.installed(folder=tmp_path / "rules.d")
+    target = udev.install(folder=tmp_path / "rules.d", run=ran.append)
+    assert udev.installed(folder=tmp_path / "rules.d")
+    assert [command[:2] for command in ran] == [("udevadm", "control"), ("udevadm", "trigger")]
+    target.write_text("old")
+    assert not udev.installed(folder=tmp_path / "rules.d")
+    assert invoke("install-udev", "--print").output == udev.RULE.read_text()
+
+
+def test_the_udev_rule_names_our_devices_and_comes_before_the_seat_rules() -> None:
+    from gellight.ring.transport import PRODUCT, VENDOR
+
+    text = udev.RULE.read_text()
+    assert text.count(f'{{idVendor}}=="{VENDOR:04x}"') == text.count(f'{{idProduct}}=="{PRODUCT:04x}"') == 3
+    assert udev.RULE.name < "73-seat-late.rules"
+
+
+def test_a_rule_that_cannot_be_written_or_applied_is_told_with_the_way_out(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"cannot write .*: run `sudo .* install-udev`"):
+        udev.install(folder=tmp_path / "file" / "rules.d", run=lambda command: None)
+
+    def fail(command: Sequence[str]) -> None:
+        raise OSError("no udevadm")
+
+    with pytest.raises(InputError, match="is written, but `udevadm control --reload` failed"):
+        udev.install(folder=tmp_path / "rules.d", run=fail)

@@ -1,0 +1,342 @@
+"""A real sensor on a kernel and a bus made of nothing: lit, set, unplugged in mid-stream, found again, never stale."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError, CameraError, GellightError
+from gellight.bundle.bundle import Calibration, LedSetting, write_calibration
+from gellight.frames.camera import ReconnectingError
+from gellight.sensor.v4l2 import controls as c
+from gellight.sensor.v4l2.errors import BusyError, DeniedError
+from tests.helpers.linear_sensor import linear_network
+from tests.helpers.sensor_bench import BOARD, Bench, lit_bundle
+
+SIZE = "width=32&height=24&format=YUYV"
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path / "computer")
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Calibration:
+    return lit_bundle(tmp_path / "bundle")
+
+
+def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Calibration) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        frame = camera.read()
+        assert (bench.rings[0].lit == [led.rgb for led in bundle.manifest.led]).all()
+        assert frame.time_s - camera.timing.stamp_error_s > bench.rings[0].lit_s, "nothing from before the light"
+        assert frame.image.shape == (24, 32, 3)
+        assert device.controls[c.EXPOSURE].value == 80
+        assert device.controls[c.WHITE_BALANCE].value == 5000
+        assert device.controls[c.DYNAMIC_RATE].value == 0
+        assert camera.ring is bench.rings[0]
+        assert camera.controls is not None
+        assert camera.controls.read("exposure_us") == 8000
+    assert bench.all_dark()
+    assert not bench.kernel.opened
+    with pytest.raises(CameraError, match="is closed"):
+        camera.read()
+
+
+def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnection(
+    bench: Bench, bundle: Calibration, tmp_path: Path
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    darker = tuple(
+        LedSetting(colour=led.colour, rgb=(led.rgb[0] // 2, led.rgb[1] // 2, 0)) for led in bundle.manifest.led
+    )
+    other = write_calibration(
+        tmp_path / "other", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, led=darker,
+        camera={"exposure_us": 16000, "format": "YUYV"},
+    )  # fmt: skip
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        camera.adopt(other)
+        assert camera.read().time_s - camera.timing.stamp_error_s > bench.rings[0].lit_s
+        assert device.controls[c.EXPOSURE].value == 160
+        assert (bench.rings[0].lit == [led.rgb for led in darker]).all()
+        bench.rings[0].refusal = BoardError("over the current limit")
+        with pytest.raises(BoardError):
+            camera.adopt(bundle)
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        device = bench.plug("1-2", "GL0001")
+        camera.read()
+        assert device.controls[c.EXPOSURE].value == 160
+        assert (bench.rings[-1].lit == [led.rgb for led in darker]).all()
+
+
+def test_a_sensor_that_was_opened_dark_is_dark_again_when_a_bundle_cannot_be_adopted(
+    bench: Bench, bundle: Calibration
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open(f"auto?{SIZE}&exposure_us=4000") as camera:
+
+        def fail(light_id: int) -> None:
+            raise BoardError("the board did not say that it is lit")
+
+        bench.rings[0].wait_for_light = fail  # type: ignore[method-assign]
+        with pytest.raises(BoardError, match="did not say that it is lit"):
+            camera.adopt(bundle)
+        assert not bench.rings[0].lit.any()
+        assert device.controls[c.EXPOSURE].value == 40
+        assert camera.read().sequence == 0
+
+
+def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto?format=YUYV&width=32&height=24") as camera:
+        camera.read()
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        camera.adopt(bundle)
+        bench.plug("1-3", "GL0001")
+        camera.read()
+        assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
+
+
+def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    camera = bench.open("auto", bundle)
+    camera.read()
+    bench.unplug("1-2")
+    with pytest.raises(ReconnectingError):
+        camera.read()
+    bench.plug("1-2", "GL0001")
+    opened = bench.kernel.open
+
+    def closing(path: str) -> int:
+        camera.close()
+        return opened(path)
+
+    bench.kernel.open = closing  # type: ignore[method-assign]
+    with pytest.raises(CameraError, match="is closed"):
+        camera.read()
+    assert bench.all_dark()
+    assert not bench.kernel.opened
+
+
+def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Calibration) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open("sensor://GL0001?exposure_us=4000", bundle):
+        assert device.controls[c.EXPOSURE].value == 40
+        assert device.controls[c.WHITE_BALANCE].value == 5000
+
+
+def test_a_camera_alone_has_no_ring_unless_one_is_named(bench: Bench) -> None:
+    bench.plug("1-2", "GL0001")
+    node = next(iter(bench.kernel.cameras))
+    with bench.open(f"v4l2://{node}?{SIZE}") as camera:
+        assert camera.ring is None
+        assert camera.read().sequence == 0
+        assert not bench.rings
+    with bench.open(f"v4l2://{node}?{SIZE}&ring=serial://GL0001") as camera:
+        assert camera.ring is bench.rings[0]
+    assert bench.all_dark()
+
+
+def test_ring_and_camera_of_different_sensors_are_refused(bench: Bench) -> None:
+    bench.plug("1-2", "GL0001")
+    bench.plug("1-3", "GL0002")
+    first = next(iter(bench.kernel.cameras))
+    with pytest.raises(CameraError, match=r"of different sensors: serial://GL0002 belongs to .* use sensor://GL0002"):
+        bench.open(f"v4l2://{first}?{SIZE}&ring=serial://GL0002")
+    bench.usb.unplug("1-2")
+    bench.plug("1-2", "0123456789ABCDEF")
+    with pytest.raises(BoardError, match=f"is {BOARD}, the one beside the camera is 0123456789ABCDEF"):
+        bench.open(f"sensor://0123456789ABCDEF?{SIZE}")
+    assert bench.all_dark()
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind"),
+    [({"busy": True}, BusyError), ({"denied": True}, DeniedError), ({"formats": {"MJPG": {(8, 8): [5]}}}, CameraError)],
+)
+def test_the_leds_are_dark_when_the_camera_cannot_be_used(bench: Bench, fault: dict[str, Any], kind: type) -> None:
+    bench.plug("1-2", "GL0001", **fault)
+    with pytest.raises(kind):
+        bench.open(f"auto?{SIZE}")
+    assert len(bench.rings) == 1
+    assert bench.all_dark()
+
+
+def test_the_leds_are_dark_and_the_camera_is_free_when_the_light_is_refused(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    open_ring = bench.open_ring
+
+    def refusing(url: str) -> Any:
+        ring = open_ring(url)
+        ring.refusal = BoardError("over the current limit")
+        return ring
+
+    bench.open_ring = refusing  # type: ignore[method-assign]
+    with pytest.raises(BoardError, match="over the current limit"):
+        bench.open("auto", bundle)
+    assert bench.all_dark()
+    assert not bench.kernel.opened
+
+
+def test_an_unplugged_sensor_is_found_again_on_another_port_and_nothing_old_comes(
+    bench: Bench, bundle: Calibration
+) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        frames = [camera.read() for _ in range(20)]
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError, match=r"reconnecting to sensor GL0001 since 0.0 s: .*was unplugged"):
+            camera.read()
+        assert bench.all_dark()
+        assert camera.ring is None
+        for _ in range(4):
+            with pytest.raises(ReconnectingError, match=r"since \d"):
+                camera.read()
+        status = camera.status()
+        assert (status["connection"], status["reconnections"]) == ("reconnecting", 0)
+        assert 1.5 < float(str(status["reconnecting_s"])) < 3
+        bench.plug("1-4", "GL0002")
+        with pytest.raises(ReconnectingError, match="GL0001 is not there"):
+            camera.read()
+        replugged_s = bench.kernel.now_s
+        bench.plug("1-3.1", "GL0001")
+        frames.append(camera.read())
+        assert frames[-1].time_s > replugged_s
+        assert [frame.sequence for frame in frames] == list(range(21))
+        frames.append(camera.read())
+        assert frames[-1].sequence == 21
+        assert bench.rings[-1].lit.any()
+        status = camera.status()
+        assert (status["connection"], status["reconnections"], status["why"]) == ("connected", 1, None)
+        assert status["delivered"] >= 22, "counted over all connections"
+    assert bench.all_dark()
+
+
+def test_a_sensor_whose_serial_number_is_shared_comes_back_only_at_its_port(bench: Bench) -> None:
+    bench.plug("1-2", "SAME")
+    bench.plug("1-3", "SAME")
+    with bench.open(f"sensor://1-3?{SIZE}") as camera:
+        camera.read()
+        bench.unplug("1-3")
+        for _ in range(3):
+            with pytest.raises(ReconnectingError):
+                camera.read()
+        bench.plug("1-3", "SAME")
+        assert camera.read().sequence == 1
+
+
+def test_a_stalled_camera_is_started_anew(bench: Bench, bundle: Calibration) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        device.stalled = True
+        with pytest.raises(ReconnectingError, match="is there but sent no picture"):
+            camera.read()
+        device.stalled = False
+        camera.read()
+        assert device.streams == 2
+        assert camera.status()["reconnections"] == 1
+
+
+def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        Path(bench.rings[0].transport.url).unlink()
+        bench.kernel.sleep(3)
+        with pytest.raises(ReconnectingError, match=r"light ring at .* was unplugged"):
+            camera.read()
+
+
+def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.rings[0].mute = True
+        bench.kernel.sleep(3)
+        with pytest.raises(ReconnectingError, match="did not answer CLOCK"):
+            camera.read()
+        camera.read()
+        assert len(bench.rings) == 2
+        assert bench.rings[1].lit.any()
+
+
+def test_leds_that_the_board_made_dark_are_lit_again_and_no_dark_frame_is_delivered(
+    bench: Bench, bundle: Calibration, caplog: pytest.LogCaptureFixture
+) -> None:
+    device = bench.plug("1-2", "GL0001")
+    device.payload = lambda number: bytes([200 if bench.rings[0].lit.any() else 10, 128] * 32 * 24)
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.kernel.at(bench.kernel.now_s + 1.0, bench.rings[0].go_dark)
+        bench.kernel.sleep(1.5)
+        frames = [camera.read() for _ in range(5)]
+        assert min(frame.image.mean() for frame in frames) > 150
+        assert (bench.rings[0].lit == [led.rgb for led in bundle.manifest.led]).all()
+        assert camera.status()["reconnections"] == 0
+    assert "made its LEDs dark (host silent); they are lit again" in caplog.text
+
+
+def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        bench.rings[0].set_leds(np.full((12, 3), 9, np.uint8))
+        bench.rings[0].go_dark()
+        bench.kernel.sleep(1.0)
+        camera.read()
+        assert not bench.rings[0].lit.any()
+
+
+def test_a_bundle_that_does_not_tell_its_light_is_told(
+    bench: Bench, bundle: Calibration, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.plug("1-2", "GL0001")
+    unlit = write_calibration(
+        tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
+    )  # fmt: skip
+    with bench.open("auto", unlit) as camera:
+        assert not bench.rings[0].lit.any()
+        camera.adopt(bundle)
+        assert bench.rings[0].lit.any()
+        camera.adopt(unlit)
+        assert not bench.rings[0].lit.any(), "the light of another bundle is not left on"
+    assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
+
+
+def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: Bench, bundle: Calibration) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open("auto", bundle) as camera:
+        camera.read()
+        device.controls[c.EXPOSURE].value = 200
+        bench.kernel.sleep(3)
+        with pytest.raises(ReconnectingError, match="somebody changed the camera: exposure_us was set to 8000 and is"):
+            camera.read()
+        camera.read()
+        assert device.controls[c.EXPOSURE].value == 80
+
+
+def test_time_stamps_that_stand_still_are_not_believed_for_long(bench: Bench, bundle: Calibration) -> None:
+    bench.plug("1-2", "GL0001", stamp=lambda number, time_s: 99.5 + number * 1e-6)
+    with bench.open("auto", bundle) as camera:
+        frame = camera.read()
+        assert frame.time_s > bench.rings[0].lit_s
+        assert camera.status()["wrong_stamps"] == 1
+
+
+def test_a_bundle_of_a_camera_with_other_controls_is_refused(bench: Bench, bundle: Calibration) -> None:
+    device = bench.plug("1-2", "GL0001")
+    del device.controls[c.WHITE_BALANCE]
+    with pytest.raises(GellightError, match="no control white_balance_k"):
+        bench.open("auto", bundle)
+    assert bench.all_dark()

@@ -1,0 +1,140 @@
+"""From bytes to frames: whole pictures only, dated by what a time stamp means."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CameraError, InputError
+from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.errors import CorruptPictureError, StalledError
+from gellight.sensor.v4l2.formats import Mode, Wanted
+from gellight.sensor.v4l2.options import parse_url
+from gellight.sensor.v4l2.stamps import hardware_stamps
+from gellight.sensor.v4l2.video_camera import V4l2Camera, open_v4l2
+from tests.helpers.v4l2_pictures import PATH, fake, jpeg, scene
+
+# ---- decoding raw pictures ----
+
+
+@pytest.mark.parametrize(("letters", "pixel_bytes"), [("RGB3", 3), ("GREY", 1), ("YUYV", 2)])
+def test_raw_pictures_are_exact_with_padded_lines_and_refused_when_short(letters: str, pixel_bytes: int) -> None:
+    mode = Mode(letters=letters, width=32, height=24, fps=30, line_bytes=32 * pixel_bytes + 8)
+    lines = np.full((24, 32 * pixel_bytes), 128, np.uint8)
+    if letters != "YUYV":
+        lines = np.random.default_rng(0).integers(0, 256, lines.shape, np.uint8)
+    padded = np.pad(lines, ((0, 0), (0, 8)), constant_values=7).tobytes()
+    image = decode(padded, mode)
+    assert image.shape == (24, 32, 3)
+    if letters == "RGB3":
+        assert (image == lines.reshape(24, 32, 3)).all()
+    if letters == "GREY":
+        assert (image == lines[..., None]).all()
+    if letters == "YUYV":
+        assert (image == 130).all(), "(128 - 16) * 255 / 219 by BT.601"
+    with pytest.raises(CorruptPictureError, match="bytes instead of"):
+        decode(padded[:-9], mode)
+
+
+# ---- the camera ----
+
+
+def test_corrupt_pictures_are_counted_and_never_delivered() -> None:
+    whole = [jpeg(scene(k)) for k in range(3)]
+
+    def payload(number: int) -> bytes:
+        data = whole[number % 3]
+        return data[:4000] + data[6000:] if number % 3 == 1 else data
+
+    kernel, _ = fake(payload=payload)
+    with open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel=kernel) as camera:
+        frames = [camera.read() for _ in range(8)]
+    assert all(frame.sequence % 3 != 1 for frame in frames)
+    assert camera.counts.corrupt == 4
+    assert all(frame.source == f"v4l2://{PATH}?width=640&height=480" for frame in frames)
+    assert camera.status()["mode"] == "MJPG 640x480 at 30 fps"
+    with pytest.raises(CameraError, match="is closed"):
+        camera.read()
+
+
+def test_a_camera_that_never_sends_a_whole_picture_is_stalled() -> None:
+    kernel, _ = fake()
+    camera = open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel=kernel)
+    with camera, pytest.raises(StalledError, match="not whole"):
+        camera.read()
+
+
+@pytest.mark.parametrize(
+    ("driver", "flags", "setting", "wanted_s"),
+    [
+        ("other", v.SOURCE_SOE, "0", 0.0),
+        ("uvcvideo", v.SOURCE_SOE, "1", 0.0),
+        ("uvcvideo", v.SOURCE_SOE, "0", -0.008),
+        ("other", 0, "0", -0.008 - 1 / 30),
+    ],
+)
+def test_the_start_of_the_exposure_follows_from_what_the_stamp_means(
+    tmp_path: Path, driver: str, flags: int, setting: str, wanted_s: float
+) -> None:
+    (tmp_path / "module/uvcvideo/parameters").mkdir(parents=True)
+    (tmp_path / "module/uvcvideo/parameters/hwtimestamps").write_text(f"{setting}\n")
+    kernel, _ = fake(driver=driver, flags=v.TIMESTAMP_MONOTONIC | flags, payload=lambda number: b"\x80" * 32 * 24 * 2)
+    options = parse_url("v4l2://x?exposure_us=8000&width=32&height=24")[1]
+    with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
+        assert camera.read().time_s == pytest.approx(100.0 + wanted_s, abs=1e-5)
+
+
+def test_a_stamp_in_the_future_gives_way_to_the_arrival() -> None:
+    kernel, _ = fake(stamp=lambda number, time_s: time_s + 5, payload=lambda number: b"\x80" * 32 * 24 * 2)
+    url = f"v4l2://{PATH}?exposure_us=8000&width=32&height=24&readout_us=12000"
+    with open_v4l2(url, kernel=kernel) as camera:
+        frame = camera.read()
+        assert frame.time_s == pytest.approx(kernel.now_s - 0.020, abs=1e-5)
+
+
+def test_what_was_not_measured_makes_the_light_of_a_frame_less_sure(tmp_path: Path) -> None:
+    kernel, _ = fake()
+    doubts = []
+    for known in ("", "&readout_us=12000", "&readout_us=12000&delay_us=4000"):
+        options = parse_url(f"v4l2://x?exposure_us=8000&width=32&height=24{known}")[1]
+        with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
+            doubts.append(camera.timing.stamp_error_s)
+    assert camera.timing.exposure_s == 0.008
+    assert camera.timing.readout_s == 0.012
+    assert np.diff(doubts) == pytest.approx([-1 / 30, -1 / 30])
+    assert doubts[-1] == 0.002
+    options = parse_url("v4l2://x?exposure_us=8000&width=32&height=24&readout_us=12000&delay_us=0&stamp_error_us=500")[
+        1
+    ]
+    with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
+        assert camera.timing.stamp_error_s == 0.0005
+
+
+def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_path: Path) -> None:
+    assert not hardware_stamps("uvcvideo", sysfs=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("query", "message"),
+    [
+        ("format=H264", "format"),
+        ("fps=0", "fps"),
+        ("speed=3", "unknown parameter speed: choose one of width, height, format"),
+        ("width=640", "width and height together"),
+        ("exposure_us=x", "exposure_us"),
+        ("delay_us=inf", "delay_us"),
+        ("readout_us=2e6", "readout_us"),
+        ("gain=nan", "gain"),
+    ],
+)
+def test_wrong_parameters_of_a_url_are_named(query: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_url(f"v4l2:///dev/video0?{query}")
+
+
+def test_a_url_keeps_its_path_and_its_options() -> None:
+    path, options = parse_url("v4l2:///dev/v4l/by-id/usb-X_1-video-index0?format=yuyv&fps=25&gain=3")
+    assert path == "/dev/v4l/by-id/usb-X_1-video-index0"
+    assert options.wanted((480, 640)) == Wanted(width=640, height=480, letters="YUYV", fps=25)
+    assert options.controls() == {"gain": 3}

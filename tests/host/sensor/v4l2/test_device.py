@@ -1,0 +1,274 @@
+"""Modes, controls, and who stands in the way: chosen, verified, named."""
+
+import errno
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from gellight.base.errors import CameraError, InputError
+from gellight.base.holders import holders, holders_text
+from gellight.sensor.v4l2 import controls as c
+from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.controls import V4l2Controls
+from gellight.sensor.v4l2.device import Device
+from gellight.sensor.v4l2.errors import BusyError, DeniedError, UnpluggedError
+from gellight.sensor.v4l2.formats import Wanted, choose
+from gellight.sensor.v4l2.options import parse_url
+from gellight.sensor.v4l2.video_camera import V4l2Camera
+from tests.helpers.fake_kernel import FakeCamera, FakeControl, refuse
+from tests.helpers.v4l2_pictures import PATH, fake, jpeg, scene
+
+# ---- the choice of a mode ----
+
+
+def test_a_mode_is_chosen_by_size_and_rate_and_the_preferred_format_wins() -> None:
+    kernel, _ = fake()
+    with Device(PATH, kernel=kernel) as device:
+        assert str(device.configure(Wanted(width=640, height=480))) == "MJPG 640x480 at 30 fps"
+        assert str(device.configure(Wanted(width=640, height=480, fps=60))) == "MJPG 640x480 at 60 fps"
+        assert str(device.configure(Wanted(letters="YUYV", width=640, height=480))) == "YUYV 640x480 at 30 fps"
+        assert str(device.configure(Wanted(width=32, height=24))) == "YUYV 32x24 at 30 fps"
+        assert device.configure(Wanted()).letters == "MJPG"
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        Wanted(width=641, height=480),
+        Wanted(width=640, height=480, fps=31),
+        Wanted(letters="GREY", width=640, height=480),
+        Wanted(letters="H264", width=640, height=480),
+    ],
+)
+def test_what_is_not_offered_is_refused_with_the_list_of_what_is(wanted: Wanted) -> None:
+    kernel, _ = fake()
+    with Device(PATH, kernel=kernel) as device, pytest.raises(CameraError) as caught:
+        device.configure(wanted)
+    assert "MJPG 640x480 at 60, 30, 15 fps" in str(caught.value)
+    assert "H264, not decoded" in str(caught.value)
+    assert str(wanted) in str(caught.value)
+
+
+def test_a_range_of_sizes_holds_every_step_of_it() -> None:
+    kernel, _ = fake(formats={"MJPG": {(640, 480): [30]}})
+
+    def range_of_sizes(camera: FakeCamera, entry: v.FrameSize) -> None:
+        if entry.index:
+            raise refuse(errno.EINVAL)
+        entry.type = 3
+        entry.size.values[:] = [320, 960, 16, 240, 720, 8]
+
+    kernel.enum_framesizes = range_of_sizes  # type: ignore[method-assign]
+    kernel.enum_frameintervals = lambda camera, entry: kernel._index(entry, 0)  # type: ignore[method-assign]
+    with Device(PATH, kernel=kernel) as device:
+        (offer,) = device.offers()
+    assert offer.has(640, 480)
+    assert offer.has(336, 248)
+    assert not offer.has(641, 480)
+    assert not offer.has(1280, 720)
+    assert "320x240 to 960x720" in str(offer)
+
+
+def test_a_range_of_rates_holds_every_rate_in_it() -> None:
+    kernel, _ = fake(formats={"MJPG": {(640, 480): [30]}})
+
+    def range_of_rates(camera: FakeCamera, entry: v.FrameInterval) -> None:
+        kernel._index(entry, 1)
+        entry.type = 3
+        entry.values[:] = [1, 60, 1, 1, 1, 1000]  # the shortest and the longest interval, and the step
+
+    kernel.enum_frameintervals = range_of_rates  # type: ignore[method-assign]
+    with Device(PATH, kernel=kernel) as device:
+        (offer,) = offered = device.offers()
+    assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
+    assert choose(offered, Wanted(), path=PATH)[1].fps == 30, "not 1, the nearer one of its ends"
+    assert choose(offered, Wanted(fps=25), path=PATH)[1].fps == 25
+    with pytest.raises(CameraError, match="60 to 1 fps"):
+        choose(offered, Wanted(fps=90), path=PATH)
+
+
+# ---- who and what stands in the way ----
+
+
+def test_no_camera_a_foreign_camera_and_no_permission_are_told_apart() -> None:
+    kernel, camera = fake()
+    with pytest.raises(UnpluggedError, match=r"no camera at /dev/video8.*gellight find"):
+        Device("/dev/video8", kernel=kernel)
+    camera.denied = True
+    with pytest.raises(DeniedError, match="sudo gellight install-udev"):
+        Device(PATH, kernel=kernel)
+    camera.denied, camera.capabilities = False, 0x00800000
+    with pytest.raises(CameraError, match="delivers no pictures"):
+        Device(PATH, kernel=kernel)
+    camera.errors[v.QUERYCAP] = errno.ENOTTY
+    with pytest.raises(CameraError, match="is no V4L2 camera: `gellight find` lists"):
+        Device(PATH, kernel=kernel)
+    assert not kernel.opened, "what could not be used was closed again"
+
+
+def test_a_busy_camera_says_who_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel, _ = fake(busy=True)
+    monkeypatch.setattr("gellight.base.holders.holders", lambda path, proc: [(4711, "cheese")])
+    with pytest.raises(BusyError, match=r"in use by cheese \(process 4711\): end that programme"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert not kernel.opened
+
+
+def test_a_full_usb_bus_is_told_with_the_way_out() -> None:
+    kernel, camera = fake()
+    camera.errors[v.STREAMON] = errno.ENOSPC
+    with pytest.raises(CameraError, match="has no bandwidth left: use format=MJPG"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert not kernel.opened
+
+
+def test_a_camera_without_memory_for_two_pictures_is_told_and_nothing_stays_mapped() -> None:
+    kernel, camera = fake()
+    kernel.reqbufs = lambda camera, argument: setattr(argument, "count", 1)  # type: ignore[method-assign]
+    with pytest.raises(CameraError, match="memory for 1 pictures only: ask for a smaller size"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert not kernel.opened
+    kernel, camera = fake()
+    camera.errors[v.STREAMON] = errno.EIO
+    with pytest.raises(CameraError, match="fails to start its stream"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert all(memory.closed for memory in kernel.mapped)
+
+
+def test_the_controls_of_a_camera_that_was_closed_say_so() -> None:
+    kernel, _ = fake()
+    camera = V4l2Camera(PATH, kernel=kernel)
+    camera.close()
+    for use in (camera.controls.names, camera.controls.deviations, lambda: camera.controls.set("gain", 3)):
+        with pytest.raises(CameraError, match="is closed: open it again"):
+            use()
+
+
+def test_holders_are_found_by_their_open_files(tmp_path: Path) -> None:
+    device = tmp_path / "video7"
+    device.touch()
+    for number, name in ((4711, "cheese"), (os.getpid(), "ourselves")):
+        (tmp_path / f"proc/{number}/fd").mkdir(parents=True)
+        (tmp_path / f"proc/{number}/comm").write_text(f"{name}\n")
+        (tmp_path / f"proc/{number}/fd/5").symlink_to(device)
+    (tmp_path / "proc/12/fd").mkdir(parents=True)
+    (tmp_path / "by-id").symlink_to(device)
+    assert holders(tmp_path / "by-id", proc=tmp_path / "proc") == [(4711, "cheese")]
+    assert holders_text(device, proc=tmp_path / "proc") == "cheese (process 4711)"
+    assert "may not see" in holders_text(tmp_path / "other", proc=tmp_path / "proc")
+    (tmp_path / "proc/4711/fd/5").unlink()
+    (tmp_path / f"proc/{os.getpid()}/fd/6").symlink_to(device)
+    assert "this programme itself" in holders_text(device, proc=tmp_path / "proc")
+
+
+def test_an_open_file_of_another_process_is_seen_for_real(tmp_path: Path) -> None:
+    import subprocess
+    import sys
+
+    path = tmp_path / "device"
+    path.touch()
+    code = f"import sys; f = open({str(path)!r}); print('open', flush=True); sys.stdin.read()"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        assert [number for number, _ in holders(path)] == [other.pid]
+        other.communicate()
+
+
+# ---- controls ----
+
+
+def controls_of(**changes: FakeControl) -> tuple[FakeCamera, V4l2Controls]:
+    kernel, camera = fake()
+    return camera, Device(PATH, kernel=kernel).controls
+
+
+def test_locking_switches_everything_automatic_off_and_keeps_what_is_not_named() -> None:
+    camera, controls = controls_of()
+    controls.lock({"exposure_us": 8000, "white_balance_k": 5000})
+    values = {number: control.value for number, control in camera.controls.items()}
+    assert values == {c.EXPOSURE_AUTO: 1, c.EXPOSURE: 80, c.DYNAMIC_RATE: 0, c.GAIN: 0, c.WHITE_BALANCE_AUTO: 0,
+                      c.WHITE_BALANCE: 5000, c.POWER_LINE: 0}  # fmt: skip
+    assert all(controls.locked().values())
+    controls.verify()
+
+
+def test_values_are_in_units_and_read_back_from_the_camera() -> None:
+    camera, controls = controls_of()
+    assert controls.names() == ("exposure_us", "gain", "white_balance_k")
+    assert controls.range("exposure_us") == (100, 500_000, 100)
+    assert controls.set("exposure_us", 7849) == 7800
+    assert controls.read("exposure_us") == 7800
+    assert controls.set("white_balance_k", 5004) == 5000
+    assert camera.controls[c.EXPOSURE_AUTO].value == 1, "set alone switches the automatic off too"
+
+
+def test_a_value_out_of_range_and_a_control_that_is_not_there_are_refused() -> None:
+    camera, controls = controls_of()
+    with pytest.raises(InputError, match="takes 2800 to 6500 in steps of 10"):
+        controls.set("white_balance_k", 9000)
+    del camera.controls[c.GAIN]
+    with pytest.raises(CameraError, match=r"no control gain \(it has: exposure_us, white_balance_k\)"):
+        controls.set("gain", 3)
+
+
+def test_an_exposure_longer_than_the_frame_period_is_refused_with_the_way_out() -> None:
+    kernel, camera = fake()
+    with pytest.raises(InputError, match=r"exposure of 40 ms is longer than the frame period of 33.33 ms.*at most 25"):
+        V4l2Camera(PATH, parse_url(f"v4l2://{PATH}?exposure_us=40000")[1], kernel=kernel)
+    camera.controls[c.EXPOSURE].value = 500
+    with pytest.raises(CameraError, match="exposure of 50 ms is longer"):
+        V4l2Camera(PATH, kernel=kernel)
+    assert not kernel.opened
+
+
+@pytest.mark.parametrize("number", [c.EXPOSURE, c.WHITE_BALANCE_AUTO, c.DYNAMIC_RATE])
+def test_a_control_that_does_not_hold_is_an_error(number: int) -> None:
+    camera, controls = controls_of()
+    camera.controls[number].keeps = lambda value: value + 1
+    with pytest.raises(CameraError, match=r"does not keep its settings: .* was set to \S+ and is \S+; use a camera"):
+        controls.lock({"exposure_us": 8000})
+
+
+def test_a_control_that_is_reset_when_the_stream_starts_is_an_error() -> None:
+    kernel, camera = fake(payload=lambda number: jpeg(scene(number)))
+    with V4l2Camera(PATH, parse_url("v4l2://x?exposure_us=8000")[1], shape=(480, 640), kernel=kernel) as opened:
+        camera.controls[c.EXPOSURE].value = 157
+        with pytest.raises(CameraError, match="exposure_us was set to 8000 and is 15700"):
+            opened.read()
+
+
+def test_a_mains_filter_that_cannot_be_off_is_left_alone_unless_one_is_asked_for() -> None:
+    camera, controls = controls_of()
+    camera.controls[c.POWER_LINE] = FakeControl(1, 2, 1, 2)
+    controls.lock({})
+    assert camera.controls[c.POWER_LINE].value == 2
+    controls.lock({}, power_line_hz=50)
+    assert camera.controls[c.POWER_LINE].value == 1
+
+
+def test_a_value_that_is_being_set_is_never_found_changed() -> None:
+    camera, controls = controls_of()
+    controls.lock({})
+    wrong: list[object] = []
+    camera.controls[c.EXPOSURE].keeps = lambda value: wrong.extend(looked()) or value
+
+    def looked() -> list[object]:
+        watcher = threading.Thread(target=lambda: wrong.extend(controls.deviations()))
+        watcher.start()
+        watcher.join(0.05)
+        assert watcher.is_alive(), "it waits until the value is noted"
+        return []
+
+    controls.set("exposure_us", 5000)
+    assert not wrong
+
+
+def test_a_refusal_by_the_camera_is_told() -> None:
+    kernel, camera = fake()
+    controls = Device(PATH, kernel=kernel).controls
+    camera.errors[v.S_CTRL] = errno.EIO
+    with pytest.raises(CameraError, match="refuses the dynamic frame rate = 0"):
+        controls.lock({})

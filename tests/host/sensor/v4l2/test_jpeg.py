@@ -1,0 +1,179 @@
+"""JPEGs that are not whole are never taken for whole, and JPEGs as cameras send them are."""
+
+import re
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+from gellight.sensor.v4l2.errors import CorruptPictureError
+from gellight.sensor.v4l2.jpeg import decode_jpeg, layout_of
+from tests.helpers.v4l2_pictures import SAMPLINGS, coded_jpeg, jpeg, scene
+
+SHAPE = (240, 320)
+KINDS = [(sampling, restart) for sampling in SAMPLINGS for restart in (0, 4, 40)]
+MARKER = re.compile(rb"\xff[\xd0-\xd9]")
+
+
+def data_at(data: bytes) -> int:
+    layout = layout_of(data)
+    assert layout is not None
+    return layout.data_at
+
+
+def accepted(data: bytes) -> bool:
+    try:
+        decode_jpeg(data, SHAPE)
+    except CorruptPictureError:
+        return False
+    return True
+
+
+# ---- whole ones ----
+
+
+@pytest.mark.parametrize(("sampling", "restart"), KINDS)
+@pytest.mark.parametrize("shape", [SHAPE, (60, 80), (36, 50)])
+def test_a_whole_jpeg_is_decoded_as_by_opencv_to_the_last_row(
+    sampling: str, restart: int, shape: tuple[int, int]
+) -> None:
+    for image in (scene(shape=shape), np.zeros((*shape, 3), np.uint8), np.full((*shape, 3), 127, np.uint8)):
+        data = coded_jpeg(image, sampling, restart)
+        plain = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
+        assert (decode_jpeg(data, shape) == plain).all()
+
+
+@pytest.mark.parametrize(("sampling", "restart"), KINDS)
+def test_a_whole_jpeg_is_decoded_without_a_word(sampling: str, restart: int, capfd: pytest.CaptureFixture[str]) -> None:
+    """The decoder writes to standard error by itself: a line for every picture would bury everything else."""
+    decode_jpeg(coded_jpeg(scene(shape=SHAPE), sampling, restart), SHAPE)
+    assert capfd.readouterr().err == ""
+    decode_jpeg(coded_jpeg(np.full((*SHAPE, 3), 7, np.uint8), sampling, restart), SHAPE)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_jpeg_with_tables_of_its_own_is_decoded_too(capfd: pytest.CaptureFixture[str]) -> None:
+    options = [cv2.IMWRITE_JPEG_QUALITY, 90, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+    data = cv2.imencode(".jpg", scene(shape=SHAPE), options)[1].tobytes()
+    assert accepted(data)
+    assert capfd.readouterr().err == ""
+    assert not accepted(data[: len(data) // 2] + data[-2:])
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_a_whole_jpeg_of_any_width_is_decoded(sampling: str) -> None:
+    """Where a width is no multiple of an MCU, the last of each row is cut off."""
+    for width in (2, 7, 9, 17, 24, 30, 132, 136, 140, 264, 270):
+        assert (decode_jpeg(coded_jpeg(scene(shape=(24, width)), sampling), (24, width))).shape == (24, width, 3)
+
+
+def test_filling_behind_the_end_and_zeros_before_it_do_not_matter() -> None:
+    data = coded_jpeg(scene(shape=SHAPE))
+    whole = decode_jpeg(data, SHAPE)
+    for filling in (bytes(40), bytes(range(200)) * 10, b"\xff" * 9, coded_jpeg(scene(1, SHAPE), restart=40)[-3000:]):
+        assert (decode_jpeg(data + filling, SHAPE) == whole).all()
+    assert (decode_jpeg(data[:-2] + bytes(300) + data[-2:], SHAPE) == whole).all()
+
+
+@pytest.mark.parametrize(("sampling", "restart"), KINDS)
+def test_ten_bytes_too_many_before_each_marker_do_not_matter_as_some_cameras_leave_them(
+    sampling: str, restart: int
+) -> None:
+    rng = np.random.default_rng(4)
+    data = coded_jpeg(scene(shape=SHAPE), sampling, restart)
+    begin = data_at(data)
+
+    def padded(marker: re.Match[bytes]) -> bytes:
+        return bytes(rng.integers(1, 255, int(rng.integers(11)), np.uint8)) + marker.group()
+
+    for _ in range(5):
+        assert accepted(data[:begin] + MARKER.sub(padded, data[begin:]))
+
+
+def test_a_jpeg_without_its_huffman_tables_is_decoded_as_cameras_send_it() -> None:
+    data = jpeg(scene(shape=SHAPE))
+    stripped, place = data[:2], 2
+    while data[place + 1] != 0xDA:
+        length = 2 + int.from_bytes(data[place + 2 : place + 4])
+        stripped += b"" if data[place + 1] == 0xC4 else data[place : place + length]
+        place += length
+    stripped += data[place:]
+    assert len(stripped) < len(data)
+    assert (decode_jpeg(stripped, SHAPE) == decode_jpeg(data, SHAPE)).all()
+
+
+def test_mid_grey_that_was_seen_is_no_fault() -> None:
+    corner = scene(shape=SHAPE)
+    corner[200:, 250:] = 128
+    assert accepted(coded_jpeg(corner, quality=50))
+    smooth = np.broadcast_to(np.linspace(126, 130, 320)[:, None].astype(np.uint8), (*SHAPE, 3))
+    assert accepted(coded_jpeg(smooth, restart=4, quality=50))
+
+
+# ---- damaged ones ----
+
+
+@pytest.mark.parametrize(("sampling", "restart"), KINDS)
+def test_a_jpeg_that_lost_bytes_is_not_taken_for_whole(sampling: str, restart: int) -> None:
+    data, rng = coded_jpeg(scene(shape=SHAPE), sampling, restart), np.random.default_rng(1)
+    begin, taken = data_at(data), 0
+    for _ in range(40):
+        start = int(rng.integers(begin, len(data) - 1500))
+        taken += accepted(data[:start] + data[start + int(rng.integers(20, 1200)) :])
+    assert taken <= 1, "OpenCV takes all 40 where restart markers are far apart"
+
+
+@pytest.mark.parametrize(("sampling", "restart"), [*KINDS[::3], ("4:2:2", 4)])
+def test_two_pictures_that_were_spliced_are_not_taken_for_one(sampling: str, restart: int) -> None:
+    pictures, rng = [coded_jpeg(scene(seed, SHAPE), sampling, restart) for seed in range(2)], np.random.default_rng(2)
+    begin, taken = data_at(pictures[0]), 0
+    for _ in range(40):
+        leave, join = (int(rng.integers(begin + 50, len(data) - 300)) for data in pictures)
+        taken += accepted(pictures[0][:leave] + pictures[1][join:])
+    assert taken <= 2, "half of them have data enough, or too much"
+
+
+def test_a_restart_marker_that_is_lost_or_out_of_order_is_noticed() -> None:
+    data = coded_jpeg(scene(shape=SHAPE), restart=40)
+    begin = data_at(data)
+    places = [begin + found.start() for found in MARKER.finditer(data[begin:])]
+    with pytest.raises(CorruptPictureError, match="13 of 14 restart markers"):
+        decode_jpeg(data[: places[5]] + data[places[5] + 2 :], SHAPE)
+    with pytest.raises(CorruptPictureError, match="6 of 14 restart markers"):
+        decode_jpeg(data[: places[5]] + data[places[13] :], SHAPE)
+    with pytest.raises(CorruptPictureError, match="not in their order"):
+        decode_jpeg(data[: places[5]] + b"\xff\xd7" + data[places[5] + 2 :], SHAPE)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data[:-2],
+        lambda data: data[1:],
+        lambda data: data[: len(data) // 2] + b"\xff\xd9",
+        lambda data: data[:300] + b"\xff\xd9",
+        lambda data: b"\xff\xd8\xff\xc0\xff\xd9",
+        lambda data: b"\xff\xd8\xff\xd9",
+        lambda data: b"\xff\xd8\xff\xc0\x00\x02\xff\xda\x00\x02\xff\xd9",
+        lambda data: b"\xff\xd8\xff\xc0\x00\x0b\x08\x00\xf0\x01\x40\x03\xff\xda\x00\x02\xff\xd9",
+        lambda data: b"",
+    ],
+)
+def test_what_is_no_whole_jpeg_is_refused(change: Callable[[bytes], bytes]) -> None:
+    assert accepted(coded_jpeg(scene(shape=SHAPE)))
+    assert not accepted(change(coded_jpeg(scene(shape=SHAPE))))
+
+
+def test_no_header_however_damaged_is_more_than_a_picture_that_is_not_whole() -> None:
+    data, rng = coded_jpeg(scene(shape=(24, 32)), restart=2), np.random.default_rng(3)
+    for _ in range(400):
+        spoilt = bytearray(data)
+        for place in rng.integers(2, data_at(data), 3):
+            spoilt[place] = int(rng.integers(256))
+        accepted(bytes(spoilt))
+
+
+def test_a_jpeg_of_another_size_is_refused() -> None:
+    with pytest.raises(CorruptPictureError, match="of 160x120"):
+        decode_jpeg(jpeg(scene(shape=(120, 160))), SHAPE)

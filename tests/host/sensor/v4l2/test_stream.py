@@ -1,0 +1,190 @@
+"""Streams on a kernel made of nothing: the newest picture, everything else counted, cables told apart."""
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.sensor.v4l2 import controls as c
+from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.device import Device
+from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
+from gellight.sensor.v4l2.formats import Wanted
+from tests.helpers.v4l2_pictures import PATH, fake, streaming
+
+NEWEST_AGE_S = 1 / 30 + 0.010 + 1e-6
+"""a period and the latency of the fake camera"""
+
+# ---- structures ----
+
+
+def test_request_numbers_are_those_of_the_kernel_headers() -> None:
+    assert (v.QUERYCAP, v.S_FMT, v.DQBUF) == (0x80685600, 0xC0D05605, 0xC0585611)
+    assert (v.S_PARM, v.S_CTRL, v.QUERYCTRL) == (0xC0CC5616, 0xC008561C, 0xC0445624)
+    assert (v.ENUM_FRAMESIZES, v.ENUM_FRAMEINTERVALS, v.STREAMON) == (0xC02C564A, 0xC034564B, 0x40045612)
+    assert ctypes.sizeof(v.Buffer) == 88
+    assert (c.EXPOSURE, c.WHITE_BALANCE, c.POWER_LINE) == (0x9A0902, 0x98091A, 0x980918)
+
+
+# ---- the newest picture ----
+
+
+def test_every_picture_comes_once_and_in_order_to_a_reader_that_keeps_up() -> None:
+    kernel, _ = fake()
+    stream = streaming(kernel)
+    assert [stream.newest(1).sequence for _ in range(50)] == list(range(50))
+    assert stream.counts.delivered == 50
+    assert sum(stream.counts.as_json().values()) == 50, "nothing else was counted"
+
+
+@pytest.mark.parametrize("pause_s", [0.01, 0.05, 0.12, 0.14, 0.5, 3.0])
+@pytest.mark.parametrize("buffers", [3, 4])
+def test_a_slow_reader_never_gets_an_old_picture(pause_s: float, buffers: int) -> None:
+    kernel, camera = fake()
+    stream = streaming(kernel, buffers=buffers)
+    for _ in range(20):
+        kernel.sleep(pause_s)
+        picture = stream.newest(1)
+        assert kernel.now_s - picture.stamp_s <= NEWEST_AGE_S
+    counts = stream.counts
+    assert counts.delivered + counts.skipped + counts.lost == picture.sequence + 1, "every picture is accounted for"
+    assert camera.number - picture.sequence <= 1
+
+
+def test_no_reader_however_irregular_gets_an_old_picture_and_all_are_accounted_for() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        latency_s = float(rng.uniform(0.001, 0.08))
+        kernel, _ = fake(latency_s=latency_s)
+        stream = streaming(kernel, buffers=int(rng.integers(3, 9)))
+        for _ in range(60):
+            kernel.sleep(float(rng.exponential(rng.choice([0.005, 0.03, 0.1, 0.4]))))
+            picture = stream.newest(1)
+            assert kernel.now_s - picture.stamp_s <= 1 / 30 + latency_s + 1e-6
+        counts = stream.counts
+        assert counts.delivered + counts.skipped + counts.lost == picture.sequence + 1
+
+
+def test_pictures_that_never_came_are_counted_as_lost() -> None:
+    kernel, _ = fake(missing=lambda number: number % 5 == 3)
+    stream = streaming(kernel)
+    last = [stream.newest(1).sequence for _ in range(40)][-1]
+    assert stream.counts.lost == sum(number % 5 == 3 for number in range(last))
+
+
+def test_a_picture_that_comes_again_is_counted_and_not_delivered() -> None:
+    kernel, _ = fake(sequence=lambda number: number - (number % 4 == 3))
+    stream = streaming(kernel)
+    seen = [stream.newest(1).sequence for _ in range(30)]
+    assert len(set(seen)) == 30
+    assert stream.counts.duplicated == sum(number % 4 == 3 for number in range(seen[-1]))
+    kernel, _ = fake(stamp=lambda number, time_s: time_s - (number % 2) / 30)
+    stream = streaming(kernel)
+    seen = [stream.newest(1).sequence for _ in range(10)]
+    assert seen == list(range(0, 20, 2)), "the same time stamp twice is the same picture twice"
+
+
+def test_a_camera_that_repeats_its_bytes_is_noticed() -> None:
+    kernel, _ = fake(payload=lambda number: b"picture %d" % (number // 2))
+    stream = streaming(kernel)
+    for _ in range(20):
+        stream.newest(1)
+    assert stream.counts.identical == 10
+
+
+def test_damaged_and_empty_pictures_are_counted_and_not_delivered() -> None:
+    kernel, _ = fake(
+        bad=lambda number: v.FLAG_ERROR if number % 3 == 1 else 0,
+        payload=lambda number: b"" if number % 3 == 2 else b"x" * 10,
+    )
+    stream = streaming(kernel)
+    assert [stream.newest(1).sequence % 3 for _ in range(10)] == [0] * 10
+    assert stream.counts.damaged == 18
+
+
+def test_a_camera_that_sends_only_damaged_pictures_is_stalled_not_waited_for() -> None:
+    kernel, _ = fake(bad=lambda number: v.FLAG_ERROR)
+    with pytest.raises(StalledError, match=r"only damaged pictures .*another cable"):
+        streaming(kernel).newest(1)
+
+
+def test_sequence_numbers_may_wrap_around() -> None:
+    kernel, _ = fake(sequence=lambda number: (number + 2**32 - 3) % 2**32)
+    stream = streaming(kernel)
+    assert [stream.newest(1).sequence for _ in range(5)] == [2**32 - 3, 2**32 - 2, 2**32 - 1, 0, 1]
+    assert stream.counts.lost == stream.counts.duplicated == 0
+
+
+@pytest.mark.parametrize(
+    ("lie", "share"),
+    [
+        (lambda number, time_s: time_s + 1.0, 1.0),
+        (lambda number, time_s: time_s - 10.0, 1.0),
+        (lambda number, time_s: time_s - 0.05 * (number % 2), 0.5),
+    ],
+)
+def test_time_stamps_that_cannot_be_true_are_noticed(lie: Callable[[int, float], float], share: float) -> None:
+    kernel, _ = fake(stamp=lie)
+    stream = streaming(kernel)
+    sound = [stream.newest(1).stamp_is_sound for _ in range(20)]
+    assert sound.count(False) == stream.counts.wrong_stamps == round(20 * share)
+
+
+def test_a_stamp_on_another_clock_is_not_believed() -> None:
+    kernel, _ = fake(flags=0)
+    assert not streaming(kernel).newest(1).stamp_is_sound
+
+
+# ---- cables ----
+
+
+def test_unplugging_in_mid_stream_is_told_from_a_stall() -> None:
+    kernel, camera = fake()
+    stream = streaming(kernel)
+    stream.newest(1)
+    kernel.at(kernel.now_s + 0.2, lambda: setattr(camera, "plugged", False))
+    while camera.plugged:
+        try:
+            stream.newest(1)
+        except UnpluggedError as error:
+            assert "was unplugged: plug it in" in str(error)  # noqa: PT017  (it may come in any of the reads)
+            break
+    with pytest.raises(UnpluggedError, match="was unplugged: plug it in"):
+        stream.newest(1)
+    assert kernel.now_s < 101
+
+    kernel, camera = fake()
+    stream = streaming(kernel)
+    stream.newest(1)
+    camera.stalled = True
+    with pytest.raises(StalledError, match="is there but sent no picture for 1 s"):
+        stream.newest(1)
+
+
+def test_a_poll_error_of_a_camera_that_is_there_is_no_unplugging() -> None:
+    kernel, camera = fake()
+    stream = streaming(kernel)
+    camera.streaming = False
+    with pytest.raises(StalledError, match="is there but stopped its stream"):
+        stream.newest(1)
+
+
+def test_closing_what_was_unplugged_is_quiet_and_gives_everything_back() -> None:
+    kernel, camera = fake()
+    device = Device(PATH, kernel=kernel)
+    device.configure(Wanted(width=640, height=480))
+    device.start()
+    camera.plugged = False
+    device.close()
+    device.close()
+    assert not kernel.opened
+
+
+def test_a_stream_can_be_started_again() -> None:
+    kernel, camera = fake()
+    with Device(PATH, kernel=kernel) as device:
+        device.configure(Wanted(width=640, height=480))
+        for _ in range(12):
+            assert device.start().newest(1).sequence == 0
+    assert camera.streams == 12

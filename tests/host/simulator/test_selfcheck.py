@@ -1,0 +1,88 @@
+"""The self-check fails when it should."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import load_calibration
+from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.selfcheck import SMOOTH, STEEP, SelfCheck, blocks
+from gellight.simulator.simulated_camera import SimulatedCamera, open_simulated
+
+
+@pytest.fixture(scope="module")
+def camera() -> SimulatedCamera:
+    return open_simulated("sim://?object=BALL&depth=1.0&fps=1000")
+
+
+@pytest.fixture(scope="module")
+def frame(camera: SimulatedCamera) -> TactileFrame:
+    return Reconstructor(load_calibration("synthetic")).reconstruct(camera.read())
+
+
+@pytest.fixture(scope="module")
+def judge(camera: SimulatedCamera) -> SelfCheck:
+    return camera.selfcheck((0.0588, 0.0588))
+
+
+def test_a_good_frame_passes(judge: SelfCheck, frame: TactileFrame) -> None:
+    result = judge.compare(frame)
+    assert result.bounds == SMOOTH
+    assert result.passed
+    assert result.true_indentation_mm == pytest.approx(0.997, abs=0.01)
+
+
+def test_a_wrong_scale_of_the_depth_fails(judge: SelfCheck, frame: TactileFrame) -> None:
+    result = judge.compare(replace(frame, depth_mm=1.05 * frame.depth_mm))
+    assert not result.passed
+    assert result.depth_error_mm > SMOOTH["depth_error_mm"]
+    assert result.integral_error_mm > judge.compare(frame).integral_error_mm
+
+
+def test_swapped_slopes_fail_by_normals_and_by_picture(judge: SelfCheck, frame: TactileFrame) -> None:
+    result = judge.compare(
+        replace(
+            frame,
+            gradient_map=np.ascontiguousarray(frame.gradient_map[..., ::-1]),
+            normal_map=np.ascontiguousarray(frame.normal_map[..., [1, 0, 2]]),
+        )
+    )
+    assert result.normal_error_deg > SMOOTH["normal_error_deg"]
+    assert result.picture_error_grey > 1.5 * judge.compare(frame).picture_error_grey
+    assert not result.passed
+
+
+def test_an_integral_that_is_not_one_fails(judge: SelfCheck, frame: TactileFrame) -> None:
+    tilted = frame.depth_mm + np.linspace(0, 0.1, 640, dtype=np.float32)
+    assert judge.compare(replace(frame, depth_mm=tilted)).integral_error_mm > SMOOTH["integral_error_mm"]
+
+
+def test_another_light_than_the_real_one_shows_in_the_picture(judge: SelfCheck, frame: TactileFrame) -> None:
+    light = frame.camera_frame.light
+    assert light is not None
+    dark = light.copy()
+    dark[0] = 0
+    dimmed = replace(frame, camera_frame=replace(frame.camera_frame, light=dark))
+    assert judge.compare(dimmed).picture_error_grey > SMOOTH["picture_error_grey"]
+
+
+def test_a_steep_object_is_judged_by_the_bounds_for_steep_objects(camera: SimulatedCamera, judge: SelfCheck) -> None:
+    camera.stage.press("PCONVEX", 0.8, 0.0, 0.0)
+    steep = Reconstructor(load_calibration("synthetic")).reconstruct(camera.read())
+    assert judge.compare(steep).bounds == STEEP
+    camera.stage.press("BALL", 1.0, 0.0, 0.0)
+
+
+def test_a_frame_without_truth_cannot_be_compared(judge: SelfCheck, frame: TactileFrame) -> None:
+    blind = replace(frame, camera_frame=replace(frame.camera_frame, truth=None))
+    with pytest.raises(InputError, match="carries no truth"):
+        judge.compare(blind)
+
+
+def test_blocks_are_means() -> None:
+    picture = np.arange(8 * 8 * 3, dtype=np.float64).reshape(8, 8, 3)
+    assert blocks(picture).shape == (2, 2, 3)
+    assert blocks(picture)[0, 0] == pytest.approx(picture[:4, :4].mean(axis=(0, 1)))

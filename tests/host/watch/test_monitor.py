@@ -1,0 +1,162 @@
+"""The watch on the simulated sensor: faults are made where they arise, named and measured; a sound one is left alone.
+
+Thresholds were chosen on runs with seeds below 100.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration
+from gellight.frames.frames import LightLabel, LightState
+from gellight.simulator.scene import Press, Scene
+from tests.helpers.watched_sensor import WatchedSensor, dusty, torn
+
+SHAPE = (480, 640)
+PIXEL_MM = 0.0588
+New = Callable[[int], WatchedSensor]
+
+
+@pytest.mark.parametrize("seed", [1000, 1001, 1002])
+def test_nothing_is_told_of_a_sound_sensor_at_work(new_sensor: New, seed: int) -> None:
+    sensor = new_sensor(seed)
+    sensor.work(12)
+    for name, depth in (("TSTEP", 0.5), ("SINWAVE", 0.6), ("BALL", 0.05)):
+        sensor.run(1.5, Press(name, depth, 2.0, 1.0))
+        sensor.work(2)
+    assert sensor.watch.status()["looks"] >= 100
+    assert sensor.told == []
+    assert sensor.watch.status()["expected"] is None
+    assert sensor.watch.refusal(asked=False) == "the zero is right"
+
+
+@pytest.mark.parametrize(("led", "light"), [(1, 0.8), (6, 0.5), (10, 0.85)])
+def test_a_dimmed_led_is_named_and_its_light_measured_while_the_sensor_works(
+    new_sensor: New, led: int, light: float
+) -> None:
+    sensor = new_sensor(1100 + led)
+    sensor.work(3)
+    sensor.leds = {led: light}
+    sensor.work(6)
+    assert set(sensor.told) <= {"led_dimmed", "recalibrate"}
+    figures = sensor.figures("led_dimmed")
+    assert figures["led"] == led
+    assert figures["light"] == pytest.approx(light, abs=0.03)
+
+
+@pytest.mark.parametrize("led", [0, 3, 8])
+def test_a_dead_led_is_told_from_a_dimmed_one(new_sensor: New, led: int) -> None:
+    sensor = new_sensor(1200 + led)
+    sensor.leds = {led: 0.0}
+    sensor.work(6)
+    assert set(sensor.told) == {"led_dead", "recalibrate"}
+    assert sensor.figures("led_dead")["led"] == led
+
+
+def test_two_dimmed_leds_are_both_named(new_sensor: New) -> None:
+    sensor = new_sensor(1300)
+    sensor.leds = {2: 0.5, 7: 0.7}
+    sensor.run(5)
+    found = {f.figures["led"]: f.figures["light"] for f in sensor.watch.findings() if f.kind == "led_dimmed"}
+    assert found == {2: pytest.approx(0.5, abs=0.05), 7: pytest.approx(0.7, abs=0.05)}
+
+
+@pytest.mark.parametrize("shift_px", [(0.5, -0.7), (-2.3, 1.1)])
+def test_a_camera_that_moved_is_told_to_a_tenth_of_a_pixel(new_sensor: New, shift_px: tuple[float, float]) -> None:
+    sensor = new_sensor(1400)
+    sensor.work(2)
+    sensor.shift_px = shift_px
+    sensor.work(2)
+    sensor.run(3)
+    assert sensor.told == ["camera_moved"]
+    figures = sensor.figures("camera_moved")
+    assert (figures["x_px"], figures["y_px"]) == pytest.approx(shift_px, abs=0.1)
+    assert figures["x_mm"] == pytest.approx(shift_px[0] * PIXEL_MM, abs=0.006)
+
+
+def test_a_camera_that_moved_while_the_light_fades_is_told_as_both(new_sensor: New) -> None:
+    sensor = new_sensor(1450)
+    sensor.shift_px, sensor.gain = (0.8, 0.4), np.full(3, 0.95)
+    sensor.run(5)
+    assert {"drift", "camera_moved"} <= set(sensor.told) <= {"drift", "camera_moved", "recalibrate"}
+    assert sensor.figures("camera_moved")["x_px"] == pytest.approx(0.8, abs=0.1)
+    assert sensor.figures("drift")["red"] == pytest.approx(0.95, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("spot", "kind"), [(torn(SHAPE, 180, 330, seed=7), "tear"), (dusty(SHAPE, 450, 120), "dirt")], ids=["tear", "dirt"]
+)
+def test_a_spot_is_told_when_it_outlasts_the_touches(new_sensor: New, spot: np.ndarray, kind: str) -> None:
+    sensor = new_sensor(1500)
+    sensor.work(2)
+    sensor.spot = spot
+    sensor.work(14)
+    assert sensor.told == [kind]
+    rows, columns = np.nonzero(spot[..., 0] < 0.9)
+    figures = sensor.figures(kind)
+    assert figures["x_mm"] == pytest.approx((columns.mean() - 319.5) * PIXEL_MM, abs=0.4)
+    assert figures["y_mm"] == pytest.approx((rows.mean() - 239.5) * PIXEL_MM, abs=0.4)
+
+
+def test_a_crumb_that_sticks_is_told_from_a_tear(new_sensor: New, watched_scene: Scene) -> None:
+    sensor = new_sensor(1550)
+    crumb, clean = Press("BALL", 0.1, 9.0, 6.0), watched_scene.show(None)[0]
+    dent = watched_scene.show(crumb)[0] - clean
+    picture = sensor.picture
+    sensor.picture = lambda press: picture(press) + dent  # type: ignore[method-assign]
+    for x in np.linspace(-12, 2, 16):
+        sensor.run(1.0, Press("BALL", 0.7, float(x), -5.0))
+        sensor.run(0.5)
+    assert sensor.told == ["stuck"]
+    assert sensor.figures("stuck")["x_mm"] == pytest.approx(9.0, abs=0.4)
+
+
+def test_an_object_that_is_held_for_minutes_is_no_spot(new_sensor: New) -> None:
+    sensor = new_sensor(1600)
+    sensor.run(1)
+    sensor.run(60, Press("BALL", 0.5, 3.0, 2.0))
+    assert sensor.told == []
+    sensor.run(3)
+    assert sensor.told == []
+
+
+def test_a_gel_that_was_never_seen_at_rest_is_told_until_it_is(new_sensor: New) -> None:
+    sensor = new_sensor(1650)
+    frame = sensor.frame(Press("TSTEP", 0.5))
+    for second in range(0, 130, 5):
+        object.__setattr__(frame.camera_frame, "time_s", float(second))
+        sensor.watch.note(frame)
+    assert [finding.kind for finding in sensor.watch.findings()] == ["never_at_rest"]
+    sensor.time_s = 130.0
+    sensor.run(4)
+    assert sensor.watch.findings() == []
+
+
+def test_frames_under_another_light_are_not_judged(new_sensor: New, synthetic: Calibration) -> None:
+    sensor = new_sensor(1700)
+    sensor.run(3)
+    looks = sensor.watch.status()["looks"]
+    sensor.leds = {0: 0.0}
+    told = np.array([led.rgb for led in synthetic.manifest.led], np.uint8)
+    told[0] = 0
+    for light, label in ((told, None), (None, LightLabel(state=LightState.CLEAN, group=1))):
+        for _ in range(20):
+            frame = sensor.frame()
+            object.__setattr__(frame.camera_frame, "light", light)
+            object.__setattr__(frame.camera_frame, "label", label)
+            sensor.watch.note(frame)
+        assert sensor.watch.status()["state"] == "other light"
+    assert sensor.watch.status()["looks"] == looks
+    assert sensor.watch.findings() == []
+
+
+def test_a_watch_that_is_paused_sees_nothing(new_sensor: New) -> None:
+    sensor = new_sensor(1750)
+    sensor.watch.paused = True
+    sensor.leds = {3: 0.0}
+    sensor.run(5)
+    assert (sensor.watch.status()["state"], sensor.told) == ("paused", [])
+    with pytest.raises(InputError, match="not been seen at rest"):
+        sensor.watch.propose_zero(asked=True)

@@ -1,0 +1,211 @@
+"""The zero follows slow drift, never a touch, never far, never a jump; and what a change costs is known beforehand."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Calibration
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.scene import Press
+from gellight.watch.cells import spread
+from gellight.watch.expected import ErrorEstimate
+from gellight.watch.monitor import Watch
+from sim_reference.camera import digitise
+from sim_reference.deformation import NO_OBJECT
+from sim_reference.objects import PROBES, ObjectParameters
+from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
+
+New = Callable[[int], WatchedSensor]
+
+
+def fade(sensor: WatchedSensor, to: float, seconds: float) -> None:
+    """Let the light fade slowly, in steps of a second."""
+    for gain in np.linspace(float(sensor.gain[0]), to, round(seconds) + 1)[1:]:
+        sensor.gain = np.full(3, gain)
+        sensor.run(1.0)
+
+
+def test_slow_drift_is_followed_and_the_depth_returns_to_zero(new_sensor: New, synthetic: Calibration) -> None:
+    sensor = new_sensor(2000)
+    sensor.run(3)
+    fade(sensor, 0.96, 40)
+    sensor.run(4)
+    frame = sensor.frame().camera_frame
+    before = Reconstructor(synthetic).reconstruct(frame)
+    assert np.abs(before.depth_mm).mean() > 0.1, "four per cent less light is taken for a tenth of a millimetre"
+    zero = sensor.watch.propose_zero(asked=False)
+    sensor.watch.accept_zero(zero)
+    after = Reconstructor(synthetic.with_reference(zero.reference, frames=100)).reconstruct(frame)
+    assert np.abs(after.depth_mm).mean() < 0.002
+    assert np.abs(zero.reference - synthetic.reference * 0.96).mean() < 0.15
+    assert sensor.watch.refusal(asked=False) == "the zero is right"
+
+
+@pytest.mark.parametrize("press", [Press("BALL", 0.03, 4.0, 2.0), Press("BALL", 1.0, -9.0, 6.0), Press("TSTEP", 0.3)])
+def test_the_zero_is_never_set_in_contact(new_sensor: New, press: Press) -> None:
+    sensor = new_sensor(2100)
+    sensor.run(3)
+    fade(sensor, 0.97, 20)
+    assert sensor.watch.refusal(asked=False) == ""
+    sensor.run(1, press)
+    for asked in (False, True):
+        assert "lift everything off" in sensor.watch.refusal(asked=asked)
+        with pytest.raises(InputError, match="the zero was not set: something touches"):
+            sensor.watch.propose_zero(asked=asked)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.004])
+def test_a_flat_plate_on_the_whole_gel_is_not_taken_for_light(
+    new_sensor: New, monkeypatch: pytest.MonkeyPatch, tilt: float
+) -> None:
+    def plate(x: np.ndarray, y: np.ndarray, _: ObjectParameters) -> np.ndarray:
+        on_plate = (np.abs(x) < 23) & (np.abs(y) < 18)
+        return np.where(on_plate, tilt * (x + 0.5 * y - 32), NO_OBJECT)  # its highest point, a corner, at 0
+
+    monkeypatch.setitem(PROBES, "PLATE", plate)
+    press = Press("PLATE", 0.1 + 25 * tilt)
+    sensor = new_sensor(2120)
+    sensor.run(4)
+    sensor.run(4, press)
+    assert sensor.watch.status()["state"] == "at rest", "no cell shows what light could not do"
+    for asked in (False, True):
+        assert "something flat pressed the whole gel" in sensor.watch.refusal(asked=asked)
+    sensor.run(4)
+    assert sensor.watch.refusal(asked=True) == ""
+
+
+def test_a_touch_that_nobody_noticed_is_not_taken_into_the_zero(new_sensor: New, synthetic: Calibration) -> None:
+    sensor = new_sensor(2150)
+    fade(sensor, 0.97, 20)
+    sensor.run(4, Press("BALL", 0.01, 4.0, 2.0))
+    zero = sensor.watch.propose_zero(asked=True)
+    at = (slice(240 + 34 - 12, 240 + 34 + 12), slice(320 + 68 - 12, 320 + 68 + 12))
+    print_grey = sensor.scene.show(Press("BALL", 0.01, 4.0, 2.0))[0] - sensor.scene.show(None)[0]
+    assert np.abs(print_grey[at]).max() > 1.5
+    absorbed = zero.reference - 0.97 * synthetic.reference
+    assert np.ptp(absorbed[at], axis=(0, 1)).max() < 0.02, "a smooth light cannot hold the print of a ball"
+
+
+def test_a_jump_is_told_and_set_to_zero_only_when_asked(new_sensor: New) -> None:
+    sensor = new_sensor(2200)
+    sensor.run(4)
+    sensor.gain = np.full(3, 0.95)
+    sensor.run(5)
+    assert set(sensor.told) == {"drift", "recalibrate"}
+    assert "at once: that is no drift" in sensor.watch.refusal(asked=False)
+    assert sensor.watch.refusal(asked=True) == ""
+    sensor.watch.accept_zero(sensor.watch.propose_zero(asked=True))
+    assert sensor.watch.status()["zeros"] == 1
+
+
+def test_the_zero_does_not_follow_beyond_its_bound_nor_what_is_not_understood(new_sensor: New) -> None:
+    sensor = new_sensor(2300)
+    sensor.gain = np.full(3, 0.8)
+    sensor.run(5)
+    assert "more than 15%: calibrate the sensor again" in sensor.watch.refusal(asked=True)
+    strange = new_sensor(2301)
+    shade = 1 - 0.1 * np.sin(np.linspace(0, 3 * np.pi, 640, dtype=np.float32))[None, :, None]
+    strange.spot = np.broadcast_to(shade, (480, 640, 3))
+    strange.run(5)
+    assert strange.watch.refusal(asked=True) != ""
+
+
+def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic: Calibration) -> None:
+    sensor = new_sensor(2350)
+    sensor.watch = Watch(synthetic, rezero=False)
+    sensor.run(3)
+    fade(sensor, 0.97, 20)
+    assert "only when asked" in sensor.watch.refusal(asked=False)
+    assert sensor.watch.refusal(asked=True) == ""
+
+
+@pytest.mark.parametrize(("leds", "gain"), [({}, 0.93), ({0: 0.5}, 1.0), ({5: 0.0}, 1.0)])
+def test_the_expected_error_is_the_error_that_presses_then_show(
+    new_sensor: New, synthetic: Calibration, leds: dict[int, float], gain: float
+) -> None:
+    sensor = new_sensor(2400)
+    sensor.leds, sensor.gain = leds, np.full(3, gain)
+    sensor.run(5)
+    expected = sensor.watch.status()["expected"]
+    assert isinstance(expected, dict)
+    change = sensor.watch._judgement.fitted  # type: ignore[union-attr]
+    zeroed = synthetic.with_reference(
+        np.clip(synthetic.reference + spread(change, synthetic.image_shape), 0, 255), frames=100
+    )
+    plain, again = Reconstructor(synthetic), Reconstructor(zeroed)
+    untouched = plain.reconstruct(sensor.frame().camera_frame)
+    flat = np.zeros_like(untouched.gradient_map)
+    assert expected["zero_deg"] == pytest.approx(angle_deg(untouched.normal_map, normals(flat)).mean(), rel=0.05)
+    assert expected["zero_mm"] == pytest.approx(np.abs(untouched.depth_mm).mean(), rel=0.05)
+    extra = contact_error_deg(sensor, again) - 0.5  # what the bundle itself is wrong by, in contact
+    assert extra / 2 < expected["gain_deg"] < 2 * extra + 0.3
+
+
+def contact_error_deg(sensor: WatchedSensor, reconstructor: Reconstructor) -> float:
+    errors = []
+    for place in ((0.0, 0.0), (-9.0, 4.0), (8.0, -6.0), (10.0, 5.0)):
+        press = Press("BALL", 1.0, *place)
+        felt = reconstructor.reconstruct(sensor.frame(press).camera_frame)
+        surface = sensor.scene.show(press)[1]
+        errors.append(angle_deg(felt.normal_map, normals(surface.gradient_map))[surface.contact].mean())
+    return float(np.mean(errors))
+
+
+def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Calibration) -> None:
+    nothing = np.zeros((60, 80, 3), np.float32)
+    reference = np.full_like(nothing, 100)
+    errors = ErrorEstimate(synthetic).of(nothing, reference, nothing)
+    assert vars(errors) == pytest.approx({"zero_deg": 0, "zero_mm": 0, "gain_deg": 0, "gain_mm": 0}, abs=1e-4)
+
+
+class FadingCamera(Camera):
+    """Gives the untouched gel while its light fades from frame to frame; four frames are a second of its clock."""
+
+    def __init__(self, sensor: WatchedSensor, to: float, frames: int) -> None:
+        self.url, self.image_shape, self.stage = "fading", (480, 640), None
+        self.sensor, self.gains = sensor, np.linspace(1, to, frames)
+        self.bare = sensor.scene.show(None)[0]
+        self.sequence = 0
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        return None
+
+    def read(self) -> CameraFrame:
+        time.sleep(0.02)
+        self.sequence += 1
+        gain = self.gains[min(self.sequence, len(self.gains) - 1)]
+        image = digitise((self.bare * gain).astype(np.float32), NOISE_GREY, self.sensor._random)
+        return CameraFrame(image=image, time_s=self.sequence / 4, sequence=self.sequence)
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
+    new_sensor: New, synthetic: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
+    camera = FadingCamera(new_sensor(2500), 0.97, 160)
+    with Daemon(camera, Reconstructor(synthetic), watch=Watch(synthetic)) as daemon:
+        frame = daemon.wait_frame(0, 10)
+        while frame.camera_frame.sequence < 200 or np.abs(frame.depth_mm).mean() > 0.01:
+            frame = daemon.wait_frame(frame.camera_frame.sequence, 10)
+            assert frame.camera_frame.sequence < 2000, "the zero was not found"
+        status = daemon.status()["watch"]
+        assert isinstance(status, dict)
+        assert status["zeros"] >= 1
+        assert np.abs(Reconstructor(synthetic).reconstruct(frame.camera_frame).depth_mm).mean() > 0.05
+        assert daemon.calibration.identity == synthetic.identity, "a zero is no other calibration"
+
+
+def test_a_daemon_without_a_watch_cannot_set_its_zero(synthetic: Calibration, new_sensor: New) -> None:
+    camera = FadingCamera(new_sensor(2600), 1.0, 2)
+    with Daemon(camera, Reconstructor(synthetic)) as daemon, pytest.raises(InputError, match="not watched"):
+        daemon.rezero()
