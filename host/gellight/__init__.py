@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gellight.base.errors import GellightError
-    from gellight.bundle.bundle import Calibration, load_calibration
+    from gellight.bundle.bundle import Bundle, load_bundle
     from gellight.daemon.daemon import Daemon
     from gellight.frames.frames import CameraFrame, Contact, TactileFrame
     from gellight.opening import open_camera
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from gellight.reconstruction.pipeline import Reconstructor
 
 _HOME = {
-    "Calibration": "bundle.bundle",
-    "load_calibration": "bundle.bundle",
+    "Bundle": "bundle.bundle",
+    "load_bundle": "bundle.bundle",
     "open_camera": "opening",
     "find_contact": "reconstruction.contact",
     "Daemon": "daemon.daemon",
@@ -33,7 +33,7 @@ _HOME = {
 }
 
 __all__ = [
-    "Calibration",
+    "Bundle",
     "CameraFrame",
     "Contact",
     "Daemon",
@@ -42,7 +42,7 @@ __all__ = [
     "TactileFrame",
     "find_contact",
     "integrate",
-    "load_calibration",
+    "load_bundle",
     "normals",
     "open_camera",
 ]

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gellight.base.errors import CameraError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
 
@@ -18,11 +18,11 @@ def open_camera(
     url: str | Path,
     *,
     geometry: Mapping[str, float | int | str] | None = None,
-    calibration: Calibration | None = None,
+    bundle: Bundle | None = None,
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 
-    `geometry` is how a simulated sensor differs from the paper's. A real sensor is set and lit as `calibration` was
+    `geometry` is how a simulated sensor differs from the paper's. A real sensor is set and lit as `bundle` was
     made; without one its LEDs stay dark. Raises CameraError, BoardError, InputError or ConfigError with the remedy.
     """
     text = str(url)
@@ -34,7 +34,7 @@ def open_camera(
     if scheme in ("auto", "sensor", "v4l2") and not is_file(text):
         from gellight.sensor.sensor_camera import open_sensor
 
-        return open_sensor(text, calibration=calibration)
+        return open_sensor(text, bundle=bundle)
     if scheme == "opencv":
         from gellight.sensor.opencv_camera import open_opencv
 

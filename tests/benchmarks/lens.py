@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gellight.bundle.bundle import Calibration, extend_calibration, load_calibration
+from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.calibration.lens.lens_fit import fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures, measure_lens
 from gellight.calibration.lens.pins import dimples, spots
@@ -77,7 +77,7 @@ class Bench:
             surface,
         )
 
-    def trained(self) -> Calibration:
+    def trained(self) -> Bundle:
         (self.folder / "untouched").mkdir()
         for i in range(8):
             self.shoot(None, f"untouched/{i}.png")
@@ -149,7 +149,7 @@ class PressedGrid:
             cv2.remap(one, *cv2.split(places), cv2.INTER_CUBIC) for one in (self._untouched, self._pressed)
         )
         picture = digitise(np.clip(raw, 0, 255), 1.0, random)
-        bundle = load_calibration("synthetic").with_reference(np.clip(untouched, 0, 255), frames=30)
+        bundle = load_bundle("synthetic").with_reference(np.clip(untouched, 0, 255), frames=30)
         return depth_feeler(Reconstructor(bundle))(picture)
 
 
@@ -171,7 +171,7 @@ def main() -> None:
         ways = {
             "without lens": Reconstructor(plain),
             "with lens": Reconstructor(lens),
-            "with lens, slopes as answered": Reconstructor(extend_calibration(lens, bench.folder / "naive", content)),
+            "with lens, slopes as answered": Reconstructor(extend_bundle(lens, bench.folder / "naive", content)),
         }
         compare(bench, ways)
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from gellight.bundle.bundle import load_calibration
+from gellight.bundle.bundle import load_bundle
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press, Scene
@@ -37,7 +37,7 @@ def main() -> None:
 
 def cost(scene: Scene) -> None:
     """CPU time of the looks as a share of the CPU time of the frames, in one run."""
-    bundle = load_calibration("synthetic")
+    bundle = load_bundle("synthetic")
     sensor, reconstructor = WatchedSensor(scene, Watch(bundle), 2999), Reconstructor(bundle)
     looks, frames = [], []
     for press in [None, Press("BALL", 1.0, 3.0, 2.0)] * 20:
@@ -91,7 +91,7 @@ def counts(scene: Scene, runs: int) -> None:
 
 def sound(scene: Scene, seed: int) -> WatchedSensor:
     """A sensor as it was calibrated."""
-    return WatchedSensor(scene, Watch(load_calibration("synthetic")), seed)
+    return WatchedSensor(scene, Watch(load_bundle("synthetic")), seed)
 
 
 def break_it(sensor: WatchedSensor, kind: str, random: np.random.Generator) -> int:
@@ -115,7 +115,7 @@ def break_it(sensor: WatchedSensor, kind: str, random: np.random.Generator) -> i
 def estimates(scene: Scene) -> None:
     """Expected errors beside those that four balls, pressed 1 mm deep, then show."""
     print(f"{'fault':22}{'zero, degrees':>18}{'zero, mm':>18}{'contact, degrees':>20}   (expected, measured)")
-    bundle = load_calibration("synthetic")
+    bundle = load_bundle("synthetic")
     own = in_contact(sound(scene, 5000), Reconstructor(bundle))
     for name, leds, gain in (
         ("all light 97 %", {}, 0.97),

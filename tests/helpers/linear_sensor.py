@@ -7,7 +7,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from gellight.bundle.bundle import Calibration, write_calibration
+from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import CameraFrame
 
 GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
@@ -88,7 +88,7 @@ def photograph(
     return CameraFrame(image=np.clip(np.round(image), 0, 255).astype(np.uint8), time_s=0.0, sequence=0, source=source)
 
 
-def linear_calibration(
+def linear_bundle(
     folder: Path,
     shape: tuple[int, int] = (240, 320),
     *,
@@ -96,9 +96,9 @@ def linear_calibration(
     pixel_size_mm: tuple[float, float] = (0.05, 0.05),
     network: bytes | None = None,
     overwrite: bool = False,
-) -> Calibration:
+) -> Bundle:
     """Write and load the bundle of the linear sensor."""
-    return write_calibration(
+    return write_bundle(
         folder,
         sensor="linear",
         reference=reference_image(shape),
@@ -117,9 +117,9 @@ def verified_bundle(
     sensor: str = "GL-7",
     shape: tuple[int, int] = BUNDLE_SHAPE,
     metrics: dict[str, object] | None = None,
-) -> Calibration:
+) -> Bundle:
     """Write the bundle of a linear sensor that passed its verification, unless `metrics` say otherwise."""
-    return write_calibration(
+    return write_bundle(
         folder,
         sensor=sensor,
         reference=reference_image(shape),

@@ -57,7 +57,7 @@ class FlatCamera(ScriptedCamera):
 class CountingReconstructor:
     """Passes frames through; holds each until `gate` is open."""
 
-    calibration = SimpleNamespace(
+    bundle = SimpleNamespace(
         pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted")
     )
 

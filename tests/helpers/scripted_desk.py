@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.daemon.desk import Wishes
 
 STEPS = ("prepare", "reference", "pixel_size", "presses", "fit", "verify")
@@ -110,7 +110,7 @@ class ScriptedDesk:
 
     def report(self, identity: str) -> bytes:
         if identity != "a" * 16:
-            raise CalibrationError(f"bundle {identity} has no report")
+            raise BundleError(f"bundle {identity} has no report")
         return b"<!doctype html><title>Calibration of A17</title><style>h1 { color: red }</style><h1>Report</h1>"
 
     def rezero(self) -> None:

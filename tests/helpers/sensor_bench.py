@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gellight.base.errors import BoardError
-from gellight.bundle.bundle import Calibration, LedSetting, write_calibration
+from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.ring.enumerations import Dark
 from gellight.ring.protocol import DarkEvent
 from gellight.sensor.connection import Surroundings
@@ -95,17 +95,17 @@ class Bench:
         return Surroundings(kernel=self.kernel, sysfs=self.usb.sysfs, dev=self.usb.dev, open_ring=self.open_ring,
                             wait=lambda event, seconds: self.kernel.sleep(seconds))  # fmt: skip
 
-    def open(self, url: str, calibration: Calibration | None = None) -> SensorCamera:
-        return open_sensor(url, calibration=calibration, surroundings=self.surroundings)
+    def open(self, url: str, bundle: Bundle | None = None) -> SensorCamera:
+        return open_sensor(url, bundle=bundle, surroundings=self.surroundings)
 
     def all_dark(self) -> bool:
         return not any(ring.open or ring.lit.any() for ring in self.rings)
 
 
-def lit_bundle(folder: Path) -> Calibration:
+def lit_bundle(folder: Path) -> Bundle:
     """A bundle of the sensor GL0001 with a light and settings of its own."""
     colours = [((255, 0, 0), "R"), ((0, 200, 0), "G"), ((0, 0, 90), "B")]
-    return write_calibration(
+    return write_bundle(
         folder, sensor="GL0001", reference=np.full((24, 32, 3), 100.0), reference_frames=1,
         noise_grey=1.0, pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={},
         led=tuple(LedSetting(colour=name, rgb=rgb) for rgb, name in colours for _ in range(4)),  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.dashboard.server import DashboardServer
 from gellight.simulator.scene import Scene
 from gellight.watch.monitor import Watch
@@ -49,12 +49,12 @@ def watched_scene() -> Scene:
 
 
 @pytest.fixture(scope="session")
-def synthetic() -> Calibration:
-    return load_calibration("synthetic")
+def synthetic() -> Bundle:
+    return load_bundle("synthetic")
 
 
 @pytest.fixture
-def new_sensor(watched_scene: Scene, synthetic: Calibration) -> Callable[[int], WatchedSensor]:
+def new_sensor(watched_scene: Scene, synthetic: Bundle) -> Callable[[int], WatchedSensor]:
     """Make a sound sensor that is watched, with noise of this seed."""
     return lambda seed: WatchedSensor(watched_scene, Watch(synthetic), seed)
 

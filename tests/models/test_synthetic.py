@@ -8,7 +8,7 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from gellight.bundle.bundle import load_calibration
+from gellight.bundle.bundle import load_bundle
 from gellight.evaluation.synthetic import evaluate_simulated, pixel_floor_deg
 from gellight.simulator import scene as gellight_scene
 from gellight.simulator.scene import Press, Scene
@@ -86,20 +86,20 @@ def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> Non
 
 
 def test_the_shipped_bundle_was_made_for_this_simulator() -> None:
-    calibration = load_calibration("synthetic")
-    provenance = json.loads(calibration.files["provenance.json"])
+    bundle = load_bundle("synthetic")
+    provenance = json.loads(bundle.files["provenance.json"])
     now = Scene(SensorGeometry(), CameraResponse())
     remedy = "the simulated sensor has changed: gellight calibrate synthetic --overwrite --out models/gelnet/synthetic"
     assert provenance["sensor_sha256"] == geometry_hash(now.geometry, now.response), remedy
-    assert np.abs(calibration.reference - now.show(None)[0]).mean() < 0.1, remedy
-    assert calibration.pixel_size_mm == (0.0588, 0.0588)
-    assert "".join(led.colour for led in calibration.manifest.led) == "RRRRGGGGBBBB"
-    session = onnxruntime.InferenceSession(calibration.network, providers=["CPUExecutionProvider"])
-    assert int(session.get_modelmeta().custom_metadata_map["width"]) == calibration.metrics["training"]["width"]
+    assert np.abs(bundle.reference - now.show(None)[0]).mean() < 0.1, remedy
+    assert bundle.pixel_size_mm == (0.0588, 0.0588)
+    assert "".join(led.colour for led in bundle.manifest.led) == "RRRRGGGGBBBB"
+    session = onnxruntime.InferenceSession(bundle.network, providers=["CPUExecutionProvider"])
+    assert int(session.get_modelmeta().custom_metadata_map["width"]) == bundle.metrics["training"]["width"]
 
 
 def test_the_shipped_network_keeps_what_the_model_card_promises() -> None:
-    error = evaluate_simulated(load_calibration("synthetic"), presses=5)
+    error = evaluate_simulated(load_bundle("synthetic"), presses=5)
     assert error.whole_map_normal_mae_deg <= 0.28
     assert error.contact_depth_mae_mm <= 0.010
     assert error.contact_normal_mae_deg < error.pixel_floor_deg

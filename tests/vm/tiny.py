@@ -7,7 +7,7 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-from gellight.bundle.bundle import Calibration, load_calibration, write_calibration
+from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.simulator.shutter import Shutter
 from gellight.simulator.simulated_camera import open_simulated
 
@@ -15,12 +15,12 @@ TIMING = {"readout_us": Shutter().readout_us, "delay_us": Shutter().readout_us +
 """the virtual camera sends a picture when all of it was read and transferred, not while its first rows are read"""
 
 
-def tiny_bundle(folder: Path, geometry: Mapping[str, float | int | str]) -> Calibration:
+def tiny_bundle(folder: Path, geometry: Mapping[str, float | int | str]) -> Bundle:
     """Write the bundle of a sensor with `geometry`, whose pixels each cover several of the shipped bundle's."""
-    shipped = load_calibration("synthetic")
+    shipped = load_bundle("synthetic")
     with open_simulated("sim://?board=0&programme=0&noise=0", geometry) as camera:
         reference = camera.read().image.astype(np.float32)
-    return write_calibration(
+    return write_bundle(
         folder,
         sensor="virtual",
         reference=reference,

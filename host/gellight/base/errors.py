@@ -13,7 +13,7 @@ class CameraError(GellightError):
     """The camera cannot be opened, or stopped delivering frames."""
 
 
-class CalibrationError(GellightError):
+class BundleError(GellightError):
     """A calibration bundle is damaged, incomplete, of a newer schema, or made for another sensor."""
 
 

@@ -30,7 +30,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.writing import write_file, write_folder
 from gellight.bundle.manifest import (
     AGAIN,
@@ -44,7 +44,7 @@ from gellight.bundle.manifest import (
     parse_manifest,
     plain_name,
 )
-from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a caller of `write_calibration` needs
+from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a caller of `write_bundle` needs
 
 logger = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ _LARGEST_BYTES = 512 * 1024 * 1024
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibration:
+class Bundle:
     """A bundle that was checked: every checksum, every size."""
 
     manifest: Manifest
@@ -101,54 +101,52 @@ class Calibration:
         return self.manifest.identity
 
     def check_fits(self, camera: str, image_shape: tuple[int, int]) -> None:
-        """Raise CalibrationError unless the images (H, W) of `camera` have the size of this bundle's."""
+        """Raise BundleError unless the images (H, W) of `camera` have the size of this bundle's."""
         if image_shape != self.image_shape:
-            raise CalibrationError(
+            raise BundleError(
                 f"{camera} delivers {image_shape[1]}x{image_shape[0]} pixels, the calibration {self.source} is for "
                 f"{self.image_shape[1]}x{self.image_shape[0]}: choose the bundle of this sensor"
             )
 
-    def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> "Calibration":
+    def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> "Bundle":
         """Return this bundle with another reference image, (H, W, 3) RGB, the mean of so many frames; in memory only.
 
-        Raises CalibrationError for grey levels outside 0 to 255 and ValueError for another shape.
+        Raises BundleError for grey levels outside 0 to 255 and ValueError for another shape.
         """
         if reference.shape != (*self.image_shape, 3):
             raise ValueError(f"reference image has shape {reference.shape}: give {(*self.image_shape, 3)}")
         files = {**self.files, REFERENCE: _encode_reference(reference)}
         manifest = self.manifest.model_copy(update={"files": _digests(files), "reference_frames": frames})
-        return Calibration(manifest=manifest, files=files, source=self.source)
+        return Bundle(manifest=manifest, files=files, source=self.source)
 
     def presses(self) -> dict[str, NDArray[Any]]:
-        """The arrays of `presses.npz`; raises CalibrationError where the bundle has none."""
+        """The arrays of `presses.npz`; raises BundleError where the bundle has none."""
         if _PRESSES not in self.files:
-            raise CalibrationError(f"{self.source} has no {_PRESSES}: calibrate the sensor again to record presses")
+            raise BundleError(f"{self.source} has no {_PRESSES}: calibrate the sensor again to record presses")
         with np.load(io.BytesIO(self.files[_PRESSES]), allow_pickle=False) as table:
             return {name: table[name] for name in table.files}
 
 
-def load_calibration(path: str | Path) -> Calibration:
+def load_bundle(path: str | Path) -> Bundle:
     """Load and check a bundle: a folder, a `.gelcal` file, or "synthetic" for the simulated sensor.
 
-    Raises CalibrationError, saying what is wrong and what to do, unless every checksum and size is right.
+    Raises BundleError, saying what is wrong and what to do, unless every checksum and size is right.
     """
     place = _synthetic_folder() if str(path) == SYNTHETIC else Path(path)
     if place.is_dir():
         return _load(str(place), lambda name: (place / name).read_bytes())
     if not place.exists():
-        raise CalibrationError(
-            f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'"
-        )
+        raise BundleError(f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'")
     try:
         with zipfile.ZipFile(place) as archive:
             _check_archive(archive, place)
             return _load(str(place), archive.read)
     except (zipfile.BadZipFile, EOFError, OSError) as error:
-        raise CalibrationError(f"{place} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
+        raise BundleError(f"{place} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
 
 
 class Description(TypedDict, total=False):
-    """What the caller of `write_calibration` says about the sensor, by the names of the manifest."""
+    """What the caller of `write_bundle` says about the sensor, by the names of the manifest."""
 
     sensor: Required[str]
     reference_frames: Required[int]
@@ -160,7 +158,7 @@ class Description(TypedDict, total=False):
     camera: Mapping[str, Control]
 
 
-def write_calibration(
+def write_bundle(
     folder: str | Path,
     *,
     reference: NDArray[np.floating],
@@ -171,11 +169,11 @@ def write_calibration(
     extra_files: Mapping[str, bytes] | None = None,
     overwrite: bool = False,
     **description: Unpack[Description],
-) -> Calibration:
+) -> Bundle:
     """Write a bundle as a folder, whole or not at all, and return it as it will be loaded.
 
     reference: (H, W, 3) RGB, grey levels 0 to 255. presses: the arrays of `presses.npz`. The rest is described at
-    `Manifest`. An existing bundle is replaced only with `overwrite`. Raises CalibrationError; then the folder is as
+    `Manifest`. An existing bundle is replaced only with `overwrite`. Raises BundleError; then the folder is as
     before.
     """
     files = {
@@ -195,44 +193,42 @@ def write_calibration(
         files=_digests(files),
         **description,
     )
-    return save_calibration(Calibration(manifest=manifest, files=files, source=str(folder)), folder, overwrite)
+    return save_bundle(Bundle(manifest=manifest, files=files, source=str(folder)), folder, overwrite)
 
 
-def save_calibration(calibration: Calibration, folder: str | Path, overwrite: bool = False) -> Calibration:
-    """Write a bundle as a folder and return it as it will be loaded; otherwise as `write_calibration`."""
+def save_bundle(bundle: Bundle, folder: str | Path, overwrite: bool = False) -> Bundle:
+    """Write a bundle as a folder and return it as it will be loaded; otherwise as `write_bundle`."""
     target = Path(folder)
     if target.exists() and not overwrite:
-        raise CalibrationError(f"calibration bundle {target} exists: choose another name or allow overwriting")
+        raise BundleError(f"calibration bundle {target} exists: choose another name or allow overwriting")
     try:
-        write_folder(target, {**calibration.files, MANIFEST: manifest_toml(calibration.manifest)})
+        write_folder(target, {**bundle.files, MANIFEST: manifest_toml(bundle.manifest)})
     except OSError as error:
         raise _not_written(target, error) from error
-    return load_calibration(target)
+    return load_bundle(target)
 
 
-def extend_calibration(
-    calibration: Calibration, folder: str | Path, files: Mapping[str, bytes], *, overwrite: bool = False
-) -> Calibration:
+def extend_bundle(bundle: Bundle, folder: str | Path, files: Mapping[str, bytes], *, overwrite: bool = False) -> Bundle:
     """Write a bundle again as a folder with more files, or newer ones of the same names, and return it.
 
-    Raises CalibrationError; then the folder is as before.
+    Raises BundleError; then the folder is as before.
     """
-    content = {**calibration.files, **files}
-    manifest = checked_manifest(folder, **{**calibration.manifest.model_dump(), "files": _digests(content)})
-    return save_calibration(Calibration(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
+    content = {**bundle.files, **files}
+    manifest = checked_manifest(folder, **{**bundle.manifest.model_dump(), "files": _digests(content)})
+    return save_bundle(Bundle(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
 
 
-def pack_calibration(calibration: Calibration, path: str | Path, *, overwrite: bool = False) -> Path:
+def pack_bundle(bundle: Bundle, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write a bundle as one `.gelcal` file, whole or not at all."""
     target = Path(path)
     if target.suffix != SUFFIX:
-        raise CalibrationError(f"{target} does not end in {SUFFIX}: give {target.with_suffix(SUFFIX)}")
+        raise BundleError(f"{target} does not end in {SUFFIX}: give {target.with_suffix(SUFFIX)}")
     if target.exists() and not overwrite:
-        raise CalibrationError(f"{target} exists: choose another name or allow overwriting")
+        raise BundleError(f"{target} exists: choose another name or allow overwriting")
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(MANIFEST, manifest_toml(calibration.manifest))
-        for name, content in calibration.files.items():
+        archive.writestr(MANIFEST, manifest_toml(bundle.manifest))
+        for name, content in bundle.files.items():
             archive.writestr(name, content)
     try:
         write_file(target, packed.getvalue())
@@ -248,43 +244,43 @@ def _synthetic_folder() -> Path:
     for place in places:
         if (Path(place) / SYNTHETIC / MANIFEST).is_file():
             return Path(place) / SYNTHETIC
-    raise CalibrationError(
+    raise BundleError(
         f"the '{SYNTHETIC}' bundle is not installed (looked in {places or 'no gelnet package'}): reinstall gellight"
     )
 
 
-def _load(source: str, read: Callable[[str], bytes]) -> Calibration:
+def _load(source: str, read: Callable[[str], bytes]) -> Bundle:
     """Read the manifest, then every file it names."""
     manifest = parse_manifest(_read(source, read, MANIFEST), source)
     files = {name: _verified(source, read, name, digest) for name, digest in manifest.files.items()}
-    calibration = Calibration(manifest=manifest, files=files, source=source)
-    if calibration.reference.shape[:2] != calibration.image_shape:
-        height, width = calibration.reference.shape[:2]
-        raise CalibrationError(
+    bundle = Bundle(manifest=manifest, files=files, source=source)
+    if bundle.reference.shape[:2] != bundle.image_shape:
+        height, width = bundle.reference.shape[:2]
+        raise BundleError(
             f"{source}: {REFERENCE} is {width} x {height} px, the manifest says "
             f"{manifest.image_width_px} x {manifest.image_height_px}: {AGAIN}"
         )
     try:
-        calibration.metrics  # noqa: B018  (decoded now, so that a broken one is an error of loading)
+        bundle.metrics  # noqa: B018  (decoded now, so that a broken one is an error of loading)
     except ValueError as error:
-        raise CalibrationError(f"{source}: {METRICS} is not JSON ({error}): {AGAIN}") from error
-    return calibration
+        raise BundleError(f"{source}: {METRICS} is not JSON ({error}): {AGAIN}") from error
+    return bundle
 
 
 def _read(source: str, read: Callable[[str], bytes], name: str) -> bytes:
     try:
         return read(name)
     except (KeyError, FileNotFoundError) as error:
-        raise CalibrationError(f"{source} has no {name}: it is not a whole calibration bundle; {AGAIN}") from error
+        raise BundleError(f"{source} has no {name}: it is not a whole calibration bundle; {AGAIN}") from error
     except (OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise CalibrationError(f"{source}: {name} cannot be read ({error}): {AGAIN}") from error
+        raise BundleError(f"{source}: {name} cannot be read ({error}): {AGAIN}") from error
 
 
 def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str) -> bytes:
     content = _read(source, read, name)
     found = hashlib.sha256(content).hexdigest()
     if found != digest:
-        raise CalibrationError(
+        raise BundleError(
             f"{source}: {name} was changed after calibration (SHA-256 is {found[:12]}…, the manifest says "
             f"{digest[:12]}…): {AGAIN}"
         )
@@ -297,10 +293,10 @@ def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
         try:
             plain_name(entry.filename)
         except ValueError as error:
-            raise CalibrationError(f"{place}: {error}; do not use this file, get it again from its source") from error
+            raise BundleError(f"{place}: {error}; do not use this file, get it again from its source") from error
     total = sum(entry.file_size for entry in archive.infolist())
     if total > _LARGEST_BYTES:
-        raise CalibrationError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
+        raise BundleError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
 
 
 def _digests(files: Mapping[str, bytes]) -> dict[str, str]:
@@ -318,7 +314,7 @@ def _encode_reference(reference: NDArray[np.floating]) -> bytes:
     if reference.ndim != 3 or reference.shape[2] != 3:
         raise ValueError(f"reference image has shape {reference.shape}: give (H, W, 3)")
     if not (np.isfinite(reference).all() and reference.min() >= 0 and reference.max() <= 255):
-        raise CalibrationError(
+        raise BundleError(
             "the reference image has NaN or values outside 0 to 255 grey levels: capture the reference again"
         )
     levels = np.round(reference.astype(np.float64) * 256).astype(np.uint16)
@@ -328,20 +324,20 @@ def _encode_reference(reference: NDArray[np.floating]) -> bytes:
 def _decode_reference(content: bytes, source: str) -> NDArray[np.float32]:
     levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
     if levels is None or levels.dtype != np.uint16 or levels.ndim != 3 or levels.shape[2] != 3:
-        raise CalibrationError(f"{source}: {REFERENCE} is not a 16-bit RGB PNG: {AGAIN}")
+        raise BundleError(f"{source}: {REFERENCE} is not a 16-bit RGB PNG: {AGAIN}")
     return np.ascontiguousarray(levels[..., ::-1], dtype=np.float32) / np.float32(256)
 
 
 def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     for name, values in arrays.items():
         if values.dtype.kind == "f" and not np.isfinite(values).all():
-            raise CalibrationError(f"{_PRESSES}: {name} has NaN or infinite values: drop those presses")
+            raise BundleError(f"{_PRESSES}: {name} has NaN or infinite values: drop those presses")
     content = io.BytesIO()
     np.savez_compressed(content, **dict(arrays))  # type: ignore[arg-type]
     return content.getvalue()
 
 
-def _not_written(target: Path, error: OSError) -> CalibrationError:
+def _not_written(target: Path, error: OSError) -> BundleError:
     remedy = "free some space" if error.errno == errno.ENOSPC else "check the folder and its permissions"
     logger.debug("writing %s failed", target, exc_info=error)
-    return CalibrationError(f"{target} was not written ({error.strerror or error}): {remedy} and try again")
+    return BundleError(f"{target} was not written ({error.strerror or error}): {remedy} and try again")

@@ -4,8 +4,8 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.errors import CalibrationError
-from gellight.bundle.bundle import Calibration
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import Bundle
 
 
 class BundleFile(BaseModel):
@@ -21,21 +21,21 @@ class BundleFile(BaseModel):
 Content = TypeVar("Content", bound=BundleFile)
 
 
-def read_bundle_file(calibration: Calibration, name: str, model: type[Content], remedy: str) -> Content:
-    """Return the file `name` of a bundle that has it; CalibrationError where it is damaged or of another picture size.
+def read_bundle_file(bundle: Bundle, name: str, model: type[Content], remedy: str) -> Content:
+    """Return the file `name` of a bundle that has it; BundleError where it is damaged or of another picture size.
 
     remedy: how to make the file anew, for the message.
     """
     try:
-        content = model.model_validate_json(calibration.files[name])
+        content = model.model_validate_json(bundle.files[name])
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"])) or "content"
-        raise CalibrationError(f"{calibration.source}: {name}: {place}: {first['msg']}; {remedy}") from error
-    height, width = calibration.image_shape
+        raise BundleError(f"{bundle.source}: {name}: {place}: {first['msg']}; {remedy}") from error
+    height, width = bundle.image_shape
     if (content.image_height_px, content.image_width_px) != (height, width):
-        raise CalibrationError(
-            f"{calibration.source}: {name} is for {content.image_width_px} x {content.image_height_px} px, "
+        raise BundleError(
+            f"{bundle.source}: {name} is for {content.image_width_px} x {content.image_height_px} px, "
             f"the bundle for {width} x {height} px; {remedy}"
         )
     return content

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 
 SCHEMA_VERSION = 1
 MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"
@@ -92,26 +92,26 @@ class Manifest(BaseModel):
 
 
 def parse_manifest(content: bytes, source: str) -> Manifest:
-    """Read `manifest.toml`; CalibrationError, naming `source`, for one that is damaged or too new."""
+    """Read `manifest.toml`; BundleError, naming `source`, for one that is damaged or too new."""
     try:
         values = tomllib.loads(content.decode())
     except ValueError as error:
-        raise CalibrationError(f"{source}: {MANIFEST} is not TOML ({error}): {AGAIN}") from error
+        raise BundleError(f"{source}: {MANIFEST} is not TOML ({error}): {AGAIN}") from error
     schema = values.get("schema_version")
     if isinstance(schema, int) and schema > SCHEMA_VERSION:
-        raise CalibrationError(
+        raise BundleError(
             f"{source} has schema version {schema}, this GelLight reads up to {SCHEMA_VERSION}: update GelLight"
         )
     return checked_manifest(source, **values)
 
 
 def checked_manifest(where: str | Path, **values: Any) -> Manifest:
-    """Return the manifest of these values; CalibrationError, naming `where`, for one that is out of range."""
+    """Return the manifest of these values; BundleError, naming `where`, for one that is out of range."""
     try:
         return Manifest.model_validate(values)
     except ValidationError as error:
         wrong = "; ".join(f"{'.'.join(map(str, e['loc'])) or MANIFEST}: {e['msg']}" for e in error.errors())
-        raise CalibrationError(f"{where}: {MANIFEST}: {wrong}. Correct it or {AGAIN}") from error
+        raise BundleError(f"{where}: {MANIFEST}: {wrong}. Correct it or {AGAIN}") from error
 
 
 def manifest_toml(manifest: Manifest) -> bytes:

@@ -13,9 +13,9 @@ from urllib.parse import quote, unquote
 
 import platformdirs
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.writing import write_file
-from gellight.bundle.bundle import REPORT, Calibration, load_calibration, save_calibration
+from gellight.bundle.bundle import REPORT, Bundle, load_bundle, save_bundle
 
 _HISTORY = "in_service"
 
@@ -33,9 +33,9 @@ class StoredBundle:
     problem: str = ""
     """why it cannot be read"""
 
-    def load(self) -> Calibration:
-        """Load and check it; CalibrationError where it was damaged."""
-        return load_calibration(self.path)
+    def load(self) -> Bundle:
+        """Load and check it; BundleError where it was damaged."""
+        return load_bundle(self.path)
 
     @property
     def has_report(self) -> bool:
@@ -43,10 +43,10 @@ class StoredBundle:
         return (self.path / REPORT).is_file()
 
     def report(self) -> bytes:
-        """Return that page, HTML, as it was written; CalibrationError where there is none or it was changed."""
+        """Return that page, HTML, as it was written; BundleError where there is none or it was changed."""
         files = self.load().files
         if REPORT not in files:
-            raise CalibrationError(f"bundle {self.identity} has no report: only `gellight calibrate` writes one")
+            raise BundleError(f"bundle {self.identity} has no report: only `gellight calibrate` writes one")
         return files[REPORT]
 
     def as_json(self) -> dict[str, object]:
@@ -62,15 +62,15 @@ class BundleStore:
         """Use `folder`, or the user's; nothing is made before something is added."""
         self.folder = folder or platformdirs.user_data_path("gellight") / "bundles"
 
-    def add(self, bundle: Calibration) -> StoredBundle:
-        """Keep a bundle, not yet in service; one that is there already is kept as it is. Raises CalibrationError."""
+    def add(self, bundle: Bundle) -> StoredBundle:
+        """Keep a bundle, not yet in service; one that is there already is kept as it is. Raises BundleError."""
         place = self._folder(bundle.manifest.sensor) / bundle.identity
         if not place.exists():
-            save_calibration(bundle, place)
+            save_bundle(bundle, place)
         return self._entry(bundle.manifest.sensor, place)
 
     def put_in_service(self, sensor: str, identity: str) -> StoredBundle:
-        """Make a stored bundle the one of its sensor from now on; CalibrationError where it is not there or damaged."""
+        """Make a stored bundle the one of its sensor from now on; BundleError where it is not there or damaged."""
         chosen = self._named(sensor, identity)
         chosen.load()
         history = [known for known in self._history(sensor) if known != chosen.identity]
@@ -78,7 +78,7 @@ class BundleStore:
         try:
             write_file(self._folder(sensor) / _HISTORY, text.encode())
         except OSError as error:
-            raise CalibrationError(
+            raise BundleError(
                 f"{self._folder(sensor)} cannot be written ({error.strerror or error}): the old bundle stays in service"
             ) from error
         return self._named(sensor, chosen.identity)
@@ -96,33 +96,31 @@ class BundleStore:
         return sorted(unquote(place.name) for place in self.folder.iterdir() if place.is_dir())
 
     def current(self, sensor: str) -> StoredBundle:
-        """Return the bundle in service; CalibrationError where the sensor has none."""
+        """Return the bundle in service; BundleError where the sensor has none."""
         history = self._history(sensor)
         if not history:
-            raise CalibrationError(
-                f"sensor {sensor!r} has no calibration bundle on this computer: run `gellight calibrate`"
-            )
+            raise BundleError(f"sensor {sensor!r} has no calibration bundle on this computer: run `gellight calibrate`")
         return self._named(sensor, history[-1])
 
     def previous(self, sensor: str) -> StoredBundle:
-        """Return the bundle that was in service before; CalibrationError where there is none."""
+        """Return the bundle that was in service before; BundleError where there is none."""
         history = self._history(sensor)
         if len(history) < 2:
-            raise CalibrationError(f"sensor {sensor!r} had no other bundle before: `gellight calibrate list` shows all")
+            raise BundleError(f"sensor {sensor!r} had no other bundle before: `gellight calibrate list` shows all")
         return self._named(sensor, history[-2])
 
     def find(self, identity: str) -> StoredBundle:
-        """Return the bundle with an identity, or its beginning, of any sensor; CalibrationError unless there is one."""
+        """Return the bundle with an identity, or its beginning, of any sensor; BundleError unless there is one."""
         found = [entry for entry in self.bundles() if identity and entry.identity.startswith(identity.lower())]
         if len(found) != 1:
             what = "no bundle" if not found else f"{len(found)} bundles"
-            raise CalibrationError(f"{what} of identity {identity!r} in {self.folder}: see `gellight calibrate list`")
+            raise BundleError(f"{what} of identity {identity!r} in {self.folder}: see `gellight calibrate list`")
         return found[0]
 
     def _named(self, sensor: str, identity: str) -> StoredBundle:
         place = self._folder(sensor) / identity
         if not place.is_dir():
-            raise CalibrationError(
+            raise BundleError(
                 f"bundle {identity} of sensor {sensor!r} is not in {self.folder}: see `gellight calibrate list`"
             )
         return self._entry(sensor, place)
@@ -131,8 +129,8 @@ class BundleStore:
         history = self._history(sensor)
         in_service = bool(history) and history[-1] == place.name
         try:
-            created, problem = load_calibration(place).manifest.created, ""
-        except CalibrationError as error:
+            created, problem = load_bundle(place).manifest.created, ""
+        except BundleError as error:
             created, problem = None, str(error)
         return StoredBundle(
             sensor=sensor, identity=place.name, path=place, created=created, in_service=in_service, problem=problem

@@ -36,7 +36,7 @@ def fit(session: Session) -> None:
         session.bulletin.post(progress={"done": epoch, "wanted": epochs, "unit": "epochs", "loss": loss})
 
     taken = session.folder.steps["reference"]
-    calibration = training.fit(
+    bundle = training.fit(
         presses,
         Reference(image=session.folder.reference(), frames=taken["frames"], noise_grey=taken["noise_grey"]),
         ball_of(session),
@@ -47,5 +47,5 @@ def fit(session: Session) -> None:
         overwrite=True,
         progress=report,
     )
-    figures: dict[str, Any] = {**calibration.metrics, "losses": losses}
+    figures: dict[str, Any] = {**bundle.metrics, "losses": losses}
     session.folder.finish("fit", figures)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.base.writing import write_file
 from gellight.calibration.bulletin import Picture
 from gellight.report.pictures import write_png
@@ -94,9 +94,9 @@ class Folder:
             self.steps, self.presses, self.checks = state["steps"], state["presses"], state["checks"]
             self.extra_presses, self.grids = state["extra_presses"], state.get("grids", [])
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise CalibrationError(f"{place} cannot be read ({error}): remove the folder and begin again") from error
+            raise BundleError(f"{place} cannot be read ({error}): remove the folder and begin again") from error
         if schema != SCHEMA_VERSION:
-            raise CalibrationError(f"{place} has schema version {schema}: remove the folder and begin again")
+            raise BundleError(f"{place} has schema version {schema}: remove the folder and begin again")
         for name, value in self.identity.items():
             if found.get(name) != value:
                 raise InputError(
@@ -105,7 +105,7 @@ class Folder:
                 )
 
     def save(self) -> None:
-        """Write the state; CalibrationError where the disk refuses it."""
+        """Write the state; BundleError where the disk refuses it."""
         state = {
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
@@ -155,7 +155,7 @@ class Folder:
         try:
             image: NDArray[np.float32] = np.load(self.path / _REFERENCE, allow_pickle=False)
         except (OSError, ValueError) as error:
-            raise CalibrationError(f"{self.path / _REFERENCE} is damaged ({error}): begin again") from error
+            raise BundleError(f"{self.path / _REFERENCE} is damaged ({error}): begin again") from error
         return image
 
     def add(self, kind: str, picture: Picture, circle: dict[str, float], **more: Any) -> dict[str, Any]:
@@ -202,7 +202,7 @@ def _writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CalibrationError(
+        raise BundleError(
             f"{path} cannot be written ({error.strerror or error}): free some space and go on; what was measured "
             "before is kept"
         ) from error

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError, InputError
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.calibration.bulletin import Picture
 from gellight.calibration.fitting import draft_path
 from gellight.calibration.lens.lattice import Lattice
@@ -105,10 +105,10 @@ def _missing(seen: list[Lattice], image_shape: tuple[int, int]) -> str:
 def straighten(session: Session) -> None:
     """Fit the lens to the pins as the draft feels them, and add it to the draft; without a grid do nothing.
 
-    Raises CalibrationError where the pins tell no lens; then the grid is asked for again, and nothing else.
+    Raises BundleError where the pins tell no lens; then the grid is asked for again, and nothing else.
     """
     taken = session.folder.steps.get("lens", _NO_GRID)
-    draft = load_calibration(draft_path(session))
+    draft = load_bundle(draft_path(session))
     if not taken["pictures"] or (has_lens(draft) and "rms_after_px" in taken):
         return
     paths = _pictures(session)
@@ -116,7 +116,7 @@ def straighten(session: Session) -> None:
         fit = _felt(session, draft, paths)
     except InputError as error:
         session.folder.forget_grid()
-        raise CalibrationError(f"{error}. The presses are kept: go on, and press the grid again") from error
+        raise BundleError(f"{error}. The presses are kept: go on, and press the grid again") from error
     add_lens(draft, fit, paths, draft_path(session), overwrite=True)
     found = {**taken, **figures(fit, draft)}
     session.folder.finish("lens", found)
@@ -124,7 +124,7 @@ def straighten(session: Session) -> None:
     session.bulletin.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
 
 
-def _felt(session: Session, draft: Calibration, paths: list[Path]) -> LensFit:
+def _felt(session: Session, draft: Bundle, paths: list[Path]) -> LensFit:
     size, pitch = _sizes(session)
     feel = depth_feeler(Reconstructor(draft, undistorted=False))
     lattices = [

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError, InputError
-from gellight.bundle.bundle import Calibration, LedSetting
+from gellight.bundle.bundle import Bundle, LedSetting
 from gellight.calibration import led_check
 from gellight.calibration.sensing import check_light, mean_image
 from gellight.calibration.session import Session
@@ -73,9 +73,9 @@ _CAPTURE = set(CaptureOptions.model_fields) - {"exposure_us", "gain", "white_bal
 """recorded with the controls but none: format, rate and delays, which the camera is opened with"""
 
 
-def apply_calibration(camera: Camera, calibration: Calibration) -> None:
-    """Set a camera's controls and LEDs as they were when `calibration` was made."""
-    manifest = calibration.manifest
+def apply_calibration(camera: Camera, bundle: Bundle) -> None:
+    """Set a camera's controls and LEDs as they were when `bundle` was made."""
+    manifest = bundle.manifest
     controls = {name: value for name, value in manifest.camera.items() if name not in _CAPTURE}
     apply_settings(camera, controls, [list(led.rgb) for led in manifest.led] or None)
 

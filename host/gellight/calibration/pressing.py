@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.calibration import ball_radius
 from gellight.calibration.choices import LEAST_PRESSES
 from gellight.calibration.circle import Circle, circle_of, drawn
@@ -155,7 +155,7 @@ class _Collector:
             f"{self.radius_mm:.1f} mm: measure the ball, and begin again with its radius"
         )
         if self.session.hand:
-            raise CalibrationError(problem)
+            raise BundleError(problem)
         self.session.questioned(problem)
 
     def tell(self) -> None:

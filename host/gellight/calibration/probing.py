@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.calibration.bulletin import Picture
 from gellight.calibration.cylinder import Imprint, find_cylinder
 from gellight.calibration.sensing import Watcher, check_light, wait_free, wait_press
@@ -80,7 +80,7 @@ def drawn(image: Picture, imprint: Imprint) -> Picture:
 def pixel_size(found: list[Imprint], diameter_mm: float) -> dict[str, Any]:
     """Return mm per pixel in x and y, and how much the diameters of the presses spread.
 
-    Raises CalibrationError where x and y differ or the presses disagree; the median guards against one bad press.
+    Raises BundleError where x and y differ or the presses disagree; the median guards against one bad press.
     """
     across = np.array([2 * one.radius_x_px for one in found])
     down = np.array([2 * one.radius_y_px for one in found])
@@ -88,12 +88,12 @@ def pixel_size(found: list[Imprint], diameter_mm: float) -> dict[str, Any]:
     spread = float(np.std(across + down, ddof=1)) / 2
     mean_px = float(np.mean(across + down)) / 2
     if spread > _LARGEST_SPREAD * mean_px:
-        raise CalibrationError(
+        raise BundleError(
             f"the cylinder measures {mean_px:.1f} px with a spread of {spread:.1f} px between its presses: press it "
             "straight, and nearer to the middle, where the lens distorts less"
         )
     if abs(x_mm / y_mm - 1) > SQUARE:
-        raise CalibrationError(
+        raise BundleError(
             f"a pixel is {x_mm:.5f} mm wide and {y_mm:.5f} mm high: choose a camera mode that does not squeeze the "
             "picture"
         )

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gellight.base.errors import GellightError, InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.calibration.bulletin import Picture
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.session import Aborted, Hand, Session
@@ -25,7 +25,7 @@ from gellight.frames.camera import Camera
 
 logger = logging.getLogger(__name__)
 
-Install = Callable[[Calibration], object]
+Install = Callable[[Bundle], object]
 """Called with the bundle that passed, after it was written; what it raises becomes the problem of the routine."""
 ACTIONS = ("start", "next", "correct", "drop", "accept", "abort")
 ENDS = ("finished", "aborted", "failed")
@@ -47,7 +47,7 @@ class Routine:
 
         folder: where the state is kept; what an interrupted routine left there is taken up. hand: presses where nobody
         does (see `virtual_hand`). install: puts a bundle that passed into service.
-        Raises InputError or CalibrationError at once for a folder or a bundle of another sensor.
+        Raises InputError or BundleError at once for a folder or a bundle of another sensor.
         """
         self._session = Session(camera, options, folder, hand=hand)
         self._install = install

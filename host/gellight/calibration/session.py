@@ -8,8 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gellight.base.errors import CalibrationError, CameraError, InputError
-from gellight.bundle.bundle import load_calibration
+from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.bundle.bundle import load_bundle
 from gellight.calibration.bulletin import STEPS, Bulletin
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.folder import Folder
@@ -44,7 +44,7 @@ class Session:
     """One calibration while it runs; used by the thread of the routine, `ask` and `bulletin` by any."""
 
     def __init__(self, camera: Camera, options: RoutineOptions, folder: Any, *, hand: Hand | None = None) -> None:
-        """Open the state in `folder`; InputError or CalibrationError for the folder or bundle of another sensor."""
+        """Open the state in `folder`; InputError or BundleError for the folder or bundle of another sensor."""
         _check_target(options, camera.image_shape)
         if camera.stage is not None:
             camera.stage.take_over()
@@ -138,14 +138,14 @@ def _check_target(options: RoutineOptions, image_shape: tuple[int, int]) -> None
         return
     if not options.overwrite:
         raise InputError(f"{options.out} exists: choose another name or allow overwriting")
-    old = load_calibration(options.out)
+    old = load_bundle(options.out)
     if old.manifest.sensor != options.sensor:
-        raise CalibrationError(
+        raise BundleError(
             f"{options.out} is the bundle of sensor {old.manifest.sensor!r}, not of {options.sensor!r}: "
             "choose another name for the new one"
         )
     if old.image_shape != image_shape:
-        raise CalibrationError(
+        raise BundleError(
             f"{options.out} is for pictures of {old.image_shape[1]} x {old.image_shape[0]} px, the camera delivers "
             f"{image_shape[1]} x {image_shape[0]} px: choose another name for the new one"
         )

@@ -1,6 +1,6 @@
 """The steps of a calibration in their order; what an earlier run finished is not done again."""
 
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.calibration.fitting import fit
 from gellight.calibration.pin_grid import collect_grid, straighten
 from gellight.calibration.preparing import prepare, prepare_again
@@ -11,7 +11,7 @@ from gellight.calibration.untouched import compare_with_reference, take_referenc
 from gellight.calibration.verifying import verify
 
 
-def run_steps(session: Session) -> Calibration | None:
+def run_steps(session: Session) -> Bundle | None:
     """Go through all steps and return the bundle that passed, None where the verdict was bad."""
     done = session.folder.steps
     for step, first, again in (

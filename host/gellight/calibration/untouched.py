@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError, CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.calibration.sensing import Watcher, block_means, check_light
 from gellight.calibration.session import Session
 from gellight.reconstruction.image_noise import ImageNoise, measure_noise
@@ -60,7 +60,7 @@ def compare_with_reference(session: Session) -> None:
     difference = block_means(frame.image) - block_means(reference)
     drift = float(np.abs(light_drift(difference)).max())
     if drift > _LARGEST_RETURN_GREY:
-        raise CalibrationError(
+        raise BundleError(
             f"the untouched gel is now {drift:.1f} grey levels away from the reference of {session.folder.path}: "
             "remove that folder and begin again"
         )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import REPORT, Calibration, load_calibration, write_calibration
+from gellight.bundle.bundle import REPORT, Bundle, load_bundle, write_bundle
 from gellight.calibration.circle import circle_of, drawn
 from gellight.calibration.fitting import draft_path
 from gellight.calibration.preparing import led_settings
@@ -36,7 +36,7 @@ MORE_PRESSES = 12
 class _Judge:
     """What every fresh press is held against."""
 
-    draft: Calibration
+    draft: Bundle
     reconstructor: Reconstructor
     rerenderer: Rerenderer
     ball: Ball
@@ -58,9 +58,9 @@ class _Judge:
         return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
 
 
-def verify(session: Session) -> Calibration | None:
+def verify(session: Session) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
-    draft = load_calibration(draft_path(session))
+    draft = load_bundle(draft_path(session))
     rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
     judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(session))
     reference = session.folder.reference()
@@ -154,7 +154,7 @@ def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, fl
     }
 
 
-def _conclude(session: Session, draft: Calibration, judge: _Judge) -> Calibration | None:
+def _conclude(session: Session, draft: Bundle, judge: _Judge) -> Bundle | None:
     figures = summary(session)
     figures["second_opinions"] = _second_opinions(session, draft, judge.ball)
     limits = session.options.limits
@@ -184,7 +184,7 @@ def summary(session: Session) -> dict[str, Any]:
     return {"presses": len(each), **{name: float(np.mean([one[name] for one in each])) for name in each[0]}}
 
 
-def _second_opinions(session: Session, draft: Calibration, ball: Ball) -> dict[str, dict[str, float]]:
+def _second_opinions(session: Session, draft: Bundle, ball: Ball) -> dict[str, dict[str, float]]:
     """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
     kept, (height, width) = draft.presses(), draft.image_shape
     table = PressTable(rows=kept["rows"], image=kept["image"], image_size=(width, height))
@@ -224,12 +224,12 @@ def _shown(session: Session, judge: _Judge) -> Shown:
     return Shown(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
 
 
-def _written(session: Session, draft: Calibration, figures: dict[str, Any], report: str) -> Calibration:
+def _written(session: Session, draft: Bundle, figures: dict[str, Any], report: str) -> Bundle:
     """Write the bundle with everything that was learnt."""
     steps, manifest = session.folder.steps, draft.manifest
     prepared = steps["prepare"]
     lens = {FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {}
-    return write_calibration(
+    return write_bundle(
         session.options.out,
         sensor=session.options.sensor,
         reference=draft.reference,

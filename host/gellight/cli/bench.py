@@ -42,23 +42,23 @@ def command(
         scales = bench.depth_scales()
         typer.echo(json.dumps(bench.as_rows(scales), indent=2) if as_json else _scale_table(scales))
         return
-    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.bundle import load_bundle
 
     if subject is Subject.PRESSES:
         from dataclasses import asdict
 
         from gellight.evaluation.synthetic import evaluate_simulated
 
-        figures = asdict(evaluate_simulated(load_calibration(calibration)))
+        figures = asdict(evaluate_simulated(load_bundle(calibration)))
         typer.echo(json.dumps(figures) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in figures.items()))
         return
     if subject is Subject.PHOTOMETRIC:
         from gellight.evaluation.simulated_presses import as_rows, compare_ways
 
-        ways = compare_ways(load_calibration(calibration))
+        ways = compare_ways(load_bundle(calibration))
         typer.echo(json.dumps(as_rows(ways), indent=2) if as_json else _way_table(ways))
         return
-    times = bench.frame_times(load_calibration(calibration), rounds=rounds, threads=threads)
+    times = bench.frame_times(load_bundle(calibration), rounds=rounds, threads=threads)
     typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
 
 

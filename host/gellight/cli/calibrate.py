@@ -96,12 +96,12 @@ def evaluate(
     as_json: Json = False,
 ) -> None:
     """Measure the normal error of a bundle inside the contact circles of labelled presses, and the ball it feels."""
-    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.bundle import load_bundle
     from gellight.training import validation
     from gellight.training.labelling.ball_size import felt_radius_mm
     from gellight.training.presses import read_presses
 
-    bundle = load_calibration(calibration)
+    bundle = load_bundle(calibration)
     ball = _ball_of(bundle.metrics, bundle.pixel_size_mm, ball_radius_mm)
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
     result = {
@@ -178,7 +178,7 @@ def _check_free(out: Path, overwrite: bool) -> None:
 
 def _which_ball(labelled: "list[Press]", untouched: "Reference", ball: "Ball", previous: str | None) -> dict[str, Any]:
     """What the light and an earlier bundle say of the radius; InputError where the bundle feels another ball."""
-    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.bundle import load_bundle
     from gellight.calibration.ball_radius import likely_radius_mm
     from gellight.frames.image_files import read_image
     from gellight.training.labelling.ball_size import check_ball
@@ -186,7 +186,7 @@ def _which_ball(labelled: "list[Press]", untouched: "Reference", ball: "Ball", p
     images = [read_image(press.image) for press in labelled]
     found: dict[str, Any] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
     if previous is not None:
-        found["felt_ball_radius_mm"] = check_ball(load_calibration(previous), labelled, ball)
+        found["felt_ball_radius_mm"] = check_ball(load_bundle(previous), labelled, ball)
     return found
 
 

@@ -47,11 +47,11 @@ def install_bundle(
     as_json: AsJson = False,
 ) -> None:
     """Put a bundle that passed its verification into service, and tell the board of the sensor."""
-    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.bundle import load_bundle
     from gellight.bundle.store import BundleStore
     from gellight.daemon.installing import install, sensor_name
 
-    loaded = load_calibration(bundle)
+    loaded = load_bundle(bundle)
     with _opened(sensor) as camera:
         installed = install(loaded, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
     _tell(installed, as_json)

@@ -26,13 +26,13 @@ def command(
 
     Depth, contact and slopes are then over the undistorted gel. Without such a file in its bundle nothing changes.
     """
-    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.bundle import load_bundle
     from gellight.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
     from gellight.frames.image_files import image_files
 
     if out.exists() and not overwrite:
         raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
-    bundle = load_calibration(calibration)
+    bundle = load_bundle(calibration)
     paths = [path for text in images for path in image_files(text)]
     fit = measure_lens(bundle, paths, pitch_mm, reference)
     if overlay is not None:

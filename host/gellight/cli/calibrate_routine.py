@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.cli import calibrate_objects
 
 if TYPE_CHECKING:
-    from gellight.bundle.bundle import Calibration
+    from gellight.bundle.bundle import Bundle
     from gellight.calibration.choices import RoutineOptions
     from gellight.calibration.routine import Routine
     from gellight.frames.camera import Camera
@@ -152,7 +152,7 @@ class _Work:
         if led_colours:
             options = replace(options, led_colours=led_colours)
 
-        def serve(bundle: "Calibration") -> None:
+        def serve(bundle: "Bundle") -> None:
             if self.install:
                 install(bundle, sensor=options.sensor, store=BundleStore(), camera=camera, limits=options.limits)
 
@@ -188,7 +188,7 @@ def _calibrate(work: _Work, *, quiet: bool) -> dict[str, Any]:
 def _tell(result: dict[str, Any], as_json: bool) -> None:
     typer.echo(json.dumps(result, indent=2) if as_json else _result_text(result))
     if not result["verdict"]["passed"]:
-        raise CalibrationError("the calibration did not pass: go on with --resume to press more")
+        raise BundleError("the calibration did not pass: go on with --resume to press more")
 
 
 def _lens_text(lens: dict[str, Any]) -> str:

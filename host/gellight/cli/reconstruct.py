@@ -29,13 +29,13 @@ def command(
     Each file is written whole or not at all. At an image that cannot be used the work ends with its name; what was
     written before stays.
     """
-    from gellight.bundle.bundle import load_calibration
+    from gellight.bundle.bundle import load_bundle
     from gellight.frames.image_files import ImageCamera, image_files
     from gellight.reconstruction.pipeline import Reconstructor
 
     paths = [path for text in images for path in image_files(text)]
     _refuse_clashes(paths, out)
-    reconstructor = Reconstructor(load_calibration(calibration), threads=threads, masked=not dense)
+    reconstructor = Reconstructor(load_bundle(calibration), threads=threads, masked=not dense)
     contacts = []
     with ImageCamera(paths) as camera:
         for path in paths:

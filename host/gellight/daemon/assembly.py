@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gellight.base.errors import InputError
 from gellight.base.settings import Settings
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.calibration.preparing import apply_calibration
 from gellight.daemon.daemon import Daemon
@@ -22,11 +22,11 @@ AUTO = "auto"
 def open_session(settings: Settings) -> Daemon:
     """Return the daemon (not yet started) of the sensor and the calibration that `settings` name.
 
-    Raises CameraError, BoardError, InputError, ConfigError or CalibrationError; the camera is closed again, and its
+    Raises CameraError, BoardError, InputError, ConfigError or BundleError; the camera is closed again, and its
     LEDs are dark, when something does not fit.
     """
     bundle = chosen_bundle(settings)
-    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), calibration=bundle)
+    camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), bundle=bundle)
     try:
         bundle.check_fits(camera.url, camera.image_shape)
         apply_calibration(camera, bundle)
@@ -45,23 +45,23 @@ def open_session(settings: Settings) -> Daemon:
         raise
 
 
-def chosen_bundle(settings: Settings) -> Calibration:
+def chosen_bundle(settings: Settings) -> Bundle:
     """Return the bundle that `settings` name; "auto" asks the board of the sensor, which is opened for that.
 
-    Raises CalibrationError for a bundle that is damaged or missing, else as `open_camera`.
+    Raises BundleError for a bundle that is damaged or missing, else as `open_camera`.
     """
     if settings.sensor.calibration != AUTO:
-        return load_calibration(settings.sensor.calibration)
+        return load_bundle(settings.sensor.calibration)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         return bundle_of(camera, BundleStore())
 
 
-def path_for(bundle: Calibration, settings: Settings) -> FramePath:
-    """Return the frame path of `bundle` in the mode that `settings` say; CalibrationError where it cannot be."""
+def path_for(bundle: Bundle, settings: Settings) -> FramePath:
+    """Return the frame path of `bundle` in the mode that `settings` say; BundleError where it cannot be."""
     return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings))
 
 
-def reconstructor_for(bundle: Calibration, settings: Settings) -> Reconstructor:
+def reconstructor_for(bundle: Bundle, settings: Settings) -> Reconstructor:
     """Return the frame path of GelNet with `bundle`, set as `settings` say."""
     chosen = settings.reconstruction
     return Reconstructor(bundle, threads=chosen.threads, smoothing_px=chosen.smoothing_px, masked=chosen.masked)

@@ -15,7 +15,7 @@ from typing import Self
 
 from gellight.base.errors import CameraError, InputError
 from gellight.base.mailbox import Mailbox
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.daemon.shared_camera import SharedCamera
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, PressStage, ReconnectingError
@@ -42,7 +42,7 @@ class Daemon:
         reconstructor: FramePath,
         *,
         selfcheck: FrameJudge | None = None,
-        rebuild: Callable[[Calibration], FramePath] = Reconstructor,
+        rebuild: Callable[[Bundle], FramePath] = Reconstructor,
         watch: Watch | None = None,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
@@ -53,7 +53,7 @@ class Daemon:
         self._camera = camera
         self._reconstructor = reconstructor
         self._rebuild = rebuild
-        self._bundle = reconstructor.calibration
+        self._bundle = reconstructor.bundle
         self._watch = watch
         self._paused = False
         self._replacing = threading.RLock()
@@ -99,7 +99,7 @@ class Daemon:
     @property
     def pixel_size_mm(self) -> tuple[float, float]:
         """(x, y) size of a camera pixel on the gel."""
-        return self._reconstructor.calibration.pixel_size_mm
+        return self._reconstructor.bundle.pixel_size_mm
 
     @property
     def mode(self) -> str:
@@ -107,7 +107,7 @@ class Daemon:
         return str(self._reconstructor.status()["mode"])
 
     @property
-    def calibration(self) -> Calibration:
+    def bundle(self) -> Bundle:
         """The bundle in use, as it was installed: a zero that followed the light is not in it."""
         return self._bundle
 
@@ -121,10 +121,10 @@ class Daemon:
         """What watches for changes since the calibration; another one after the calibration was replaced."""
         return self._watch
 
-    def replace_calibration(self, bundle: Calibration) -> None:
+    def replace_bundle(self, bundle: Bundle) -> None:
         """Reconstruct with another bundle from the next frame on; the stream goes on.
 
-        Raises CalibrationError for a bundle of another image size or with a network that cannot be run, and what the
+        Raises BundleError for a bundle of another image size or with a network that cannot be run, and what the
         camera raises that cannot be set as the bundle says; then the old one stays in use.
         """
         bundle.check_fits(self._camera.url, self._camera.image_shape)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RING_COLOURS, RoutineOptions
 from gellight.calibration.folder import begun_with, has_state
@@ -69,7 +69,7 @@ class Guide(Protocol):
         """Wait until it has ended."""
 
 
-Begin = Callable[[Wishes, Callable[[Calibration], object]], Guide]
+Begin = Callable[[Wishes, Callable[[Bundle], object]], Guide]
 """Makes the routine for some wishes; what it is given installs the bundle that passes."""
 
 
@@ -123,7 +123,7 @@ class Desk:
             "simulated": self._daemon.stage is not None,
             "defaults": self._defaults().model_dump(),
             "interrupted": has_state(self._folder),
-            "in_service": self._daemon.calibration.identity,
+            "in_service": self._daemon.bundle.identity,
             "bundles": [entry.as_json() for entry in self._store.bundles(self.sensor)],
             "routine": self._guide.snapshot() if self._guide else None,
         }
@@ -162,13 +162,13 @@ class Desk:
         self._guide.act(action, **arguments)
 
     def restore(self, identity: str) -> None:
-        """Put a stored bundle into service again; CalibrationError or InputError where that cannot be."""
+        """Put a stored bundle into service again; BundleError or InputError where that cannot be."""
         if self._guide is not None and not self._guide.ended:
             raise InputError("a calibration is going on: stop it before you restore a bundle")
         restore(identity, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)
 
     def report(self, identity: str) -> bytes:
-        """Return the report of a stored bundle, HTML; CalibrationError where there is none."""
+        """Return the report of a stored bundle, HTML; BundleError where there is none."""
         return self._store.find(identity).report()
 
     def rezero(self) -> None:
@@ -188,12 +188,12 @@ class Desk:
         guide.join()
         self._daemon.pause(False)
 
-    def _install(self, bundle: Calibration) -> None:
+    def _install(self, bundle: Bundle) -> None:
         install(bundle, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)
         # It lies in the store now, and an ended calibration is not to be gone on with.
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _routine(self, wishes: Wishes, install: Callable[[Calibration], object]) -> Guide:
+    def _routine(self, wishes: Wishes, install: Callable[[Bundle], object]) -> Guide:
         camera = self._daemon.camera
         if wishes.hand and camera.stage is None:
             raise InputError("nobody presses by itself on a real sensor: take the virtual hand off")

@@ -11,8 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from gellight.base.errors import CalibrationError
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore, StoredBundle
 from gellight.calibration.choices import Limits
 from gellight.calibration.preparing import apply_calibration
@@ -30,8 +30,8 @@ SIMULATED = "simulated"
 class Running(Protocol):
     """A stream whose calibration can be replaced; the daemon is one."""
 
-    def replace_calibration(self, bundle: Calibration) -> None:
-        """Use the bundle from the next frame on; CalibrationError where it does not fit."""
+    def replace_bundle(self, bundle: Bundle) -> None:
+        """Use the bundle from the next frame on; BundleError where it does not fit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ def sensor_name(camera: Camera) -> str:
 
 
 def install(
-    bundle: Calibration,
+    bundle: Bundle,
     *,
     sensor: str,
     store: BundleStore,
@@ -62,7 +62,7 @@ def install(
     """Put a bundle that passed its verification into service for `sensor`.
 
     The `camera` of the sensor is set and lit as the bundle was calibrated, and its board is told. Raises
-    CalibrationError for a bundle of another sensor, one that was not verified or not well enough, or one that the
+    BundleError for a bundle of another sensor, one that was not verified or not well enough, or one that the
     running sensor cannot use; then the old bundle stays in service. Raises BoardError or CameraError where board or
     camera do not answer: the bundle is in service then, and they have to be told again.
     """
@@ -88,7 +88,7 @@ def restore(
 def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, camera: Camera | None) -> Installed:
     bundle = chosen.load()
     if running is not None:
-        running.replace_calibration(bundle)
+        running.replace_bundle(bundle)
     served = store.put_in_service(chosen.sensor, chosen.identity)
     ring = camera.ring if camera else None
     if ring is not None:
@@ -98,33 +98,33 @@ def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, ca
     return Installed(bundle=served, remembered=ring is not None)
 
 
-def check_sensor(bundle: Calibration, sensor: str) -> None:
-    """Raise CalibrationError for a bundle of another sensor."""
+def check_sensor(bundle: Bundle, sensor: str) -> None:
+    """Raise BundleError for a bundle of another sensor."""
     if bundle.manifest.sensor != sensor:
-        raise CalibrationError(
+        raise BundleError(
             f"{bundle.source} is the bundle of sensor {bundle.manifest.sensor!r}, this is {sensor!r}: nothing was "
             "replaced; calibrate this sensor, or give the bundle of this one"
         )
 
 
-def check_verified(bundle: Calibration, limits: Limits) -> None:
-    """Raise CalibrationError unless fresh presses have shown the bundle to be within the limits."""
+def check_verified(bundle: Bundle, limits: Limits) -> None:
+    """Raise BundleError unless fresh presses have shown the bundle to be within the limits."""
     figures = bundle.metrics.get("verification", {})
     try:
         depth_mm, normal_deg = float(figures["depth_mm"]), float(figures["normal_deg"])
     except (TypeError, KeyError, ValueError) as error:
-        raise CalibrationError(
+        raise BundleError(
             f"{bundle.source} was never verified on fresh presses: run `gellight calibrate`, whose last step does that"
         ) from error
     if not (depth_mm <= limits.depth_mm and normal_deg <= limits.normal_deg):
-        raise CalibrationError(
+        raise BundleError(
             f"{bundle.source} did not pass its verification (depth {depth_mm * 1000:.0f} um, normals {normal_deg:.1f} "
             f"degrees; allowed are {limits.depth_mm * 1000:.0f} um and {limits.normal_deg:g} degrees): nothing was "
             "replaced; calibrate again"
         )
 
 
-def remember(ring: LightRing, bundle: Calibration) -> None:
+def remember(ring: LightRing, bundle: Bundle) -> None:
     """Write the identity of a bundle to the flash of the board, unless it is there.
 
     The board writes its flash only in the dark, so the gel is dark for some milliseconds, and then lit as calibrated.
@@ -155,10 +155,10 @@ def _configure(ring: LightRing, configuration: Configuration) -> None:
             time.sleep(0.005)
 
 
-def bundle_of(camera: Camera, store: BundleStore) -> Calibration:
+def bundle_of(camera: Camera, store: BundleStore) -> Bundle:
     """Return the bundle of the sensor behind a camera: the one its board names, else the one in service for it.
 
-    The simulated sensor falls back to the bundle that comes with GelLight. Raises CalibrationError where there is none,
+    The simulated sensor falls back to the bundle that comes with GelLight. Raises BundleError where there is none,
     or where the bundle that the board names belongs to another sensor.
     """
     sensor = sensor_name(camera)
@@ -166,13 +166,13 @@ def bundle_of(camera: Camera, store: BundleStore) -> Calibration:
     if any(identity) and set(identity) != {0xFF}:
         try:
             bundle = store.find(identity.hex()).load()
-        except CalibrationError as error:
-            raise CalibrationError(
+        except BundleError as error:
+            raise BundleError(
                 f"the board of sensor {sensor} names bundle {identity.hex()}, which cannot be had here ({error}): "
                 "bring it with `gellight calibrate install`, or calibrate the sensor again"
             ) from error
         check_sensor(bundle, sensor)
         return bundle
     if camera.url.startswith("sim://") and sensor not in store.sensors():
-        return load_calibration("synthetic")
+        return load_bundle("synthetic")
     return store.current(sensor).load()

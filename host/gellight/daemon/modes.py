@@ -3,9 +3,9 @@
 from enum import StrEnum
 from math import floor
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.settings import ReconstructionSettings
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens
 from gellight.reconstruction.photometric.hybrid import HybridReconstructor
@@ -31,34 +31,34 @@ class Mode(StrEnum):
     HYBRID = "hybrid"
 
 
-def frame_path(calibration: Calibration, settings: ReconstructionSettings, network: Reconstructor) -> FramePath:
+def frame_path(bundle: Bundle, settings: ReconstructionSettings, network: Reconstructor) -> FramePath:
     """Return the frame path of the mode that is set; `network` is that of GelNet mode.
 
-    Raises CalibrationError where the bundle does not know its lights, or has a lens, which only GelNet's maps are
+    Raises BundleError where the bundle does not know its lights, or has a lens, which only GelNet's maps are
     freed of.
     """
     mode = Mode(settings.mode)
     if mode is Mode.NETWORK:
         return network
-    if has_lens(calibration):
-        raise CalibrationError(
-            f"{calibration.source} has {FILE_NAME}, and {mode} mode measures in the distorted picture: use network "
+    if has_lens(bundle):
+        raise BundleError(
+            f"{bundle.source} has {FILE_NAME}, and {mode} mode measures in the distorted picture: use network "
             "mode, or the bundle without its lens"
         )
-    model, kind = read_lights(calibration), LightGroups(settings.light_groups)
-    stereo = PhotometricReconstructor(calibration, model, kind, smoothing_px=settings.smoothing_px)
+    model, kind = read_lights(bundle), LightGroups(settings.light_groups)
+    stereo = PhotometricReconstructor(bundle, model, kind, smoothing_px=settings.smoothing_px)
     return stereo if mode is Mode.PHOTOMETRIC else HybridReconstructor(network, stereo)
 
 
-def tactile_camera(camera: Camera, calibration: Calibration, settings: ReconstructionSettings) -> Camera:
+def tactile_camera(camera: Camera, bundle: Bundle, settings: ReconstructionSettings) -> Camera:
     """Return the camera that takes what the mode needs: `camera` itself, or one that shows the light groups to it.
 
-    Raises CalibrationError where the bundle does not know its lights, CameraError without a light ring.
+    Raises BundleError where the bundle does not know its lights, CameraError without a light ring.
     """
     mode = Mode(settings.mode)
     if mode is Mode.NETWORK:
         return camera
-    model = read_lights(calibration)
+    model = read_lights(bundle)
     groups, exposure = model.groups(LightGroups(settings.light_groups)), bright_exposure_us(camera, model)
     frames = settings.frames_per_light
     if mode is Mode.PHOTOMETRIC:
@@ -68,8 +68,8 @@ def tactile_camera(camera: Camera, calibration: Calibration, settings: Reconstru
         groups,
         exposure_us=exposure,
         frames=frames if exposure else max(frames, UNRAISED_FRAMES),
-        untouched=calibration.reference,
-        noise_grey=calibration.manifest.noise_grey,
+        untouched=bundle.reference,
+        noise_grey=bundle.manifest.noise_grey,
     )
 
 

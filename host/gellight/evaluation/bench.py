@@ -9,7 +9,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.integration import integrate
@@ -65,16 +65,14 @@ class DepthScale:
     """of any pixel, relative to the height of the surface"""
 
 
-def frame_times(calibration: Calibration, *, rounds: int = 15, threads: int = 1) -> list[FrameTimes]:
+def frame_times(bundle: Bundle, *, rounds: int = 15, threads: int = 1) -> list[FrameTimes]:
     """Time the frame path with 15 % of the view and with the whole view touched, alternating with the plain run.
 
     The scenes are tinted by their slopes, as under three coloured lights; the time depends on the touched share alone.
     """
-    reconstructor = Reconstructor(calibration, threads=threads)
-    plain = _plain_run(calibration, threads)
-    return [
-        _measure(name, reconstructor, plain, frame, rounds) for name, frame in _scenes(calibration.reference).items()
-    ]
+    reconstructor = Reconstructor(bundle, threads=threads)
+    plain = _plain_run(bundle, threads)
+    return [_measure(name, reconstructor, plain, frame, rounds) for name, frame in _scenes(bundle.reference).items()]
 
 
 def depth_scales() -> list[DepthScale]:
@@ -109,12 +107,12 @@ def _photograph(reference: NDArray[np.float32], surface: Surface) -> CameraFrame
     return CameraFrame(image=np.clip(np.round(image), 0, 255).astype(np.uint8), time_s=0.0, sequence=0)
 
 
-def _plain_run(calibration: Calibration, threads: int) -> Callable[[NDArray[np.float32]], object]:
+def _plain_run(bundle: Bundle, threads: int) -> Callable[[NDArray[np.float32]], object]:
     """What is done without this pipeline: stack difference, x and y of all pixels, run them as one batch."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    session = onnxruntime.InferenceSession(calibration.network, options, providers=["CPUExecutionProvider"])
-    rows, columns = np.indices(calibration.image_shape, dtype=np.float32)
+    session = onnxruntime.InferenceSession(bundle.network, options, providers=["CPUExecutionProvider"])
+    rows, columns = np.indices(bundle.image_shape, dtype=np.float32)
 
     def run(difference: NDArray[np.float32]) -> object:
         pixels = np.concatenate([difference.reshape(-1, 3), columns.reshape(-1, 1), rows.reshape(-1, 1)], axis=1)

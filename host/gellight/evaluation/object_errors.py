@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gellight.base.errors import CameraError, InputError
-from gellight.bundle.bundle import Calibration, load_calibration, write_calibration
+from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.calibration.preparing import apply_calibration
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
@@ -37,14 +37,14 @@ class ObjectError:
 
 
 def object_errors(
-    calibration: str, url: str, geometry: Mapping[str, Any], press_depth_mm: float, *, rezero: bool = False
+    source: str, url: str, geometry: Mapping[str, Any], press_depth_mm: float, *, rezero: bool = False
 ) -> list[ObjectError]:
     """Press every object but the ball in the middle of the view and measure one frame of each.
 
     Camera and LEDs are set as they were when the bundle was made. rezero: the untouched gel is recorded anew before,
     nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
     """
-    bundle = load_calibration(calibration)
+    bundle = load_bundle(source)
     with open_camera(url, geometry=geometry) as camera:
         if camera.stage is None:
             raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
@@ -57,7 +57,7 @@ def object_errors(
         return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
 
 
-def _lit_frame(camera: Camera, bundle: Calibration) -> CameraFrame:
+def _lit_frame(camera: Camera, bundle: Bundle) -> CameraFrame:
     """A frame under the light of the bundle; a board that was kept waiting too long is dark, and lit again."""
     wanted = np.array([led.rgb for led in bundle.manifest.led], np.uint8)
     for _ in range(_ATTEMPTS):
@@ -68,11 +68,11 @@ def _lit_frame(camera: Camera, bundle: Calibration) -> CameraFrame:
     raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
 
 
-def _rezeroed(bundle: Calibration, camera: Camera) -> Calibration:
+def _rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
     """The bundle with the untouched gel as the camera sees it now."""
     untouched = np.mean([_lit_frame(camera, bundle).image for _ in range(_REFERENCE_FRAMES)], axis=0)
     with tempfile.TemporaryDirectory(prefix="gellight-rezeroed-") as folder:
-        return write_calibration(
+        return write_bundle(
             Path(folder) / "bundle",
             sensor=bundle.manifest.sensor,
             reference=untouched,
@@ -89,7 +89,7 @@ def _rezeroed(bundle: Calibration, camera: Camera) -> Calibration:
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
     assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
-    frame = _lit_frame(camera, reconstructor.calibration)
+    frame = _lit_frame(camera, reconstructor.bundle)
     truth = frame.truth
     assert truth is not None
     felt = reconstructor.reconstruct(frame)

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.daemon.modes import bright_exposure_of
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.series import ExposureSeries
@@ -52,14 +52,12 @@ class Figures:
 Errors = dict[str, list[tuple[float, float, float]]]
 
 
-def compare_ways(
-    calibration: Calibration, *, noise_grey: float = 1.0, seed: int = SEED, balls: int = BALLS
-) -> list[Figures]:
+def compare_ways(bundle: Bundle, *, noise_grey: float = 1.0, seed: int = SEED, balls: int = BALLS) -> list[Figures]:
     """Press balls of 4 mm radius 1 mm deep at random places, then each benchmark object once; return all figures.
 
-    Raises CalibrationError for a bundle that does not know its lights, InputError for one of another sensor.
+    Raises BundleError for a bundle that does not know its lights, InputError for one of another sensor.
     """
-    bench = _Bench(calibration, noise_grey, seed)
+    bench = _Bench(bundle, noise_grey, seed)
     random = np.random.default_rng([seed, 1])
     result = bench.measure("4 mm ball", list(ball_presses(bench.geometry, balls, random)))
     return result + bench.measure("10 objects", list(object_presses(random)))
@@ -83,17 +81,17 @@ def object_presses(random: np.random.Generator) -> list[Press]:
 class _Bench:
     """One simulated sensor, and the three ways to see what is pressed into it."""
 
-    def __init__(self, calibration: Calibration, noise_grey: float, seed: int) -> None:
+    def __init__(self, bundle: Bundle, noise_grey: float, seed: int) -> None:
         self.geometry = SensorGeometry()
-        if calibration.image_shape != self.geometry.image_shape:
-            raise InputError(f"{calibration.source} is not of the simulated sensor: give 'synthetic'")
-        self._model: LightModel = read_lights(calibration)
+        if bundle.image_shape != self.geometry.image_shape:
+            raise InputError(f"{bundle.source} is not of the simulated sensor: give 'synthetic'")
+        self._model: LightModel = read_lights(bundle)
         self._scene = Scene(self.geometry, CameraResponse(noise_grey=noise_grey))
         self._base = self._scene.response
         self._noise_grey = noise_grey
         self._random = np.random.default_rng(seed)
-        self._network = Reconstructor(calibration)
-        self._stereo = {kind: PhotometricReconstructor(calibration, self._model, kind) for kind in LightGroups}
+        self._network = Reconstructor(bundle)
+        self._stereo = {kind: PhotometricReconstructor(bundle, self._model, kind) for kind in LightGroups}
         self._exposure_us = self._model.exposure_us or 8000.0
 
     def measure(self, objects: str, presses: list[Press]) -> list[Figures]:

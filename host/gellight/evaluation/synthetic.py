@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.bundle.bundle import Calibration, LedSetting, write_calibration
+from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
@@ -38,7 +38,7 @@ class SimulatedError:
 
 
 def evaluate_simulated(
-    calibration: Calibration,
+    bundle: Bundle,
     *,
     presses: int = 20,
     depth_mm: float = 1.0,
@@ -50,7 +50,7 @@ def evaluate_simulated(
     """Press an object at random places of the simulated sensor and measure what the host feels."""
     geometry = SensorGeometry()
     scene = Scene(geometry, CameraResponse(noise_grey=noise_grey))
-    reconstructor = reconstructor or Reconstructor(calibration)
+    reconstructor = reconstructor or Reconstructor(bundle)
     random = np.random.default_rng(seed)
     figures = []
     for place in _places(geometry, presses, random):
@@ -132,10 +132,10 @@ def _jacobian(scene: Scene, surface: Surface, step: float = 1e-4) -> NDArray[np.
 
 def make_synthetic(
     out: Path, *, width: int, seed: int = 0, threads: int = 1, overwrite: bool = False, progress: Progress = silent
-) -> Calibration:
+) -> Bundle:
     """Train GelNet on simulated presses in a child process, write the bundle and measure it on test presses.
 
-    Raises TrainingError or CalibrationError; then `out` is as it was.
+    Raises TrainingError or BundleError; then `out` is as it was.
     """
     with tempfile.TemporaryDirectory(prefix="gellight-synthetic-") as folder:
         place = Path(folder)
@@ -155,9 +155,9 @@ def make_synthetic(
         }
         training = json.loads((place / "training.json").read_text())
         # Measured through the bundle as it will be loaded, then written once with what was measured.
-        draft = write_calibration(place / "draft", metrics={}, **parts)
+        draft = write_bundle(place / "draft", metrics={}, **parts)
         metrics = {"training": training, "test": asdict(evaluate_simulated(draft))}
-        return write_calibration(out, metrics=metrics, overwrite=overwrite, **parts)
+        return write_bundle(out, metrics=metrics, overwrite=overwrite, **parts)
 
 
 def _leds(colours: str, light: list[list[float]]) -> tuple[LedSetting, ...]:

@@ -5,7 +5,7 @@ from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 from gellight.base.errors import CameraError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.judging import FrameJudge
 from gellight.frames.timing import CameraTiming
@@ -93,7 +93,7 @@ class Camera(Protocol):
         """Return what is known of the device, ready for JSON; nothing where there is none."""
         return {}
 
-    def adopt(self, calibration: Calibration) -> None:
+    def adopt(self, bundle: Bundle) -> None:
         """Set and light the sensor as another bundle says; nothing where nothing can be set. Raises as opening does."""
         return
 

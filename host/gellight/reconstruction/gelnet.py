@@ -19,7 +19,7 @@ import onnxruntime
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 
 Floats = NDArray[np.float32]
 
@@ -59,7 +59,7 @@ class GradientNetwork:
 
         noise_grey: standard deviation of one pixel of the difference, grey levels. threads: of ONNX Runtime.
         source: the name of the bundle, for messages.
-        Raises CalibrationError for a network that does not keep the contract, ValueError for the rest.
+        Raises BundleError for a network that does not keep the contract, ValueError for the rest.
         """
         if threads < 1 or not noise_grey >= 0:
             raise ValueError(f"threads {threads}, noise_grey {noise_grey} out of range")
@@ -129,7 +129,7 @@ class GradientNetwork:
         answer: Floats = self._session.run(["gradient"], {"pixels": rows})[0]
         if answer.shape != (len(rows), 2) or not np.isfinite(answer).all():
             what = "NaN or infinite slopes" if answer.shape == (len(rows), 2) else f"shape {answer.shape}"
-            raise CalibrationError(f"{self._source}: the network answers {what} to {len(rows)} pixels: {_REMEDY}")
+            raise BundleError(f"{self._source}: the network answers {what} to {len(rows)} pixels: {_REMEDY}")
         return answer
 
     def _check(self, difference: Floats) -> None:
@@ -151,7 +151,7 @@ def _session(network: bytes | Path, threads: int, source: str) -> onnxruntime.In
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime has no base class for its errors
         reason = str(error).splitlines()[0][:200]
-        raise CalibrationError(f"{source}: the network cannot be loaded ({reason}): {_REMEDY}") from error
+        raise BundleError(f"{source}: the network cannot be loaded ({reason}): {_REMEDY}") from error
     _check_contract(session, source)
     return session
 
@@ -166,7 +166,7 @@ def _check_contract(session: onnxruntime.InferenceSession, source: str) -> None:
         right = len(values) == 1 and values[0][:2] == (wanted, "tensor(float)")
         shape = values[0][2] if right else []
         if not right or len(shape) != 2 or isinstance(shape[0], int) or shape[1] != columns:
-            raise CalibrationError(
+            raise BundleError(
                 f"{source}: the network has the {kind} {values}, expected {wanted!r} float32 (N, {columns}): {_REMEDY}"
             )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 from gellight.reconstruction.gelnet import GradientNetwork
@@ -26,7 +26,7 @@ _CELL_PX = 8
 class FramePath(Protocol):
     """What turns the frames of one sensor into tactile frames."""
 
-    calibration: Calibration
+    bundle: Bundle
 
     def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
         """Return what the sensor feels in one frame."""
@@ -43,7 +43,7 @@ class Reconstructor:
 
     def __init__(
         self,
-        calibration: Calibration,
+        bundle: Bundle,
         *,
         threads: int = 1,
         smoothing_px: int = NARROWEST_PX,
@@ -56,20 +56,20 @@ class Reconstructor:
         threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
         run the network only where the image differs from the reference; without, everywhere. undistorted: take the lens
         of the bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
-        CalibrationError.
+        BundleError.
         """
-        self.calibration = calibration
+        self.bundle = bundle
         self.masked = masked
         self._smoother = Smoother(smoothing_px)
         self.contact_threshold_mm = contact_threshold_mm
-        self._reference = calibration.reference
-        self._undistortion = read_undistortion(calibration) if undistorted and has_lens(calibration) else None
+        self._reference = bundle.reference
+        self._undistortion = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
         self._network = GradientNetwork(
-            calibration.network,
-            calibration.image_shape,
-            noise_grey=calibration.manifest.noise_grey,
+            bundle.network,
+            bundle.image_shape,
+            noise_grey=bundle.manifest.noise_grey,
             threads=threads,
-            source=calibration.source,
+            source=bundle.source,
         )
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
@@ -81,7 +81,7 @@ class Reconstructor:
         self._check(camera_frame)
         watch = Watch()
         difference = np.subtract(camera_frame.image, self._reference, dtype=np.float32)
-        if self.calibration.manifest.follow_light:
+        if self.bundle.manifest.follow_light:
             difference -= light_drift(difference)
         watch.lap("difference")
         touched = self._network.touched(difference)
@@ -95,19 +95,19 @@ class Reconstructor:
             watch.lap("lens")
         depth_mm = integrate(
             slopes,
-            self.calibration.pixel_size_mm,
+            self.bundle.pixel_size_mm,
             at_rest=far_from_touch(touched),
-            bulge=self.calibration.manifest.bulge,
+            bulge=self.bundle.manifest.bulge,
         )
         watch.lap("depth")
         gradient_map = self._smoother.of_surface(
-            depth_mm, self.calibration.pixel_size_mm, slopes, noise, where=touched if self.masked else None
+            depth_mm, self.bundle.pixel_size_mm, slopes, noise, where=touched if self.masked else None
         )
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
         normal_map = normals(gradient_map)
         watch.lap("normals")
-        contact = find_contact(depth_mm, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
+        contact = find_contact(depth_mm, self.bundle.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
         watch.lap("contact")
         return TactileFrame(
             camera_frame=camera_frame,
@@ -132,10 +132,10 @@ class Reconstructor:
         name = camera_frame.source or "the image"
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")
-        if image.shape[:2] != self.calibration.image_shape:
-            height, width = self.calibration.image_shape
+        if image.shape[:2] != self.bundle.image_shape:
+            height, width = self.bundle.image_shape
             raise InputError(
-                f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {self.calibration.source} is for "
+                f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {self.bundle.source} is for "
                 f"{width} x {height} px: set the camera to that size or use the calibration of this sensor"
             )
 

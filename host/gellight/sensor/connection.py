@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, GellightError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing, Ping, connect
@@ -58,13 +58,13 @@ class Setup:
 
     options: CaptureOptions
     """of the URL and, where it does not say, of the bundle"""
-    calibration: Calibration | None
+    bundle: Bundle | None
     """None: the LEDs stay dark"""
 
     @classmethod
-    def of(cls, given: CaptureOptions, calibration: Calibration | None) -> "Setup":
+    def of(cls, given: CaptureOptions, bundle: Bundle | None) -> "Setup":
         """Return what a URL and a bundle say together; InputError where the bundle's settings are out of range."""
-        return cls(given.over(calibration.manifest.camera if calibration else {}), calibration)
+        return cls(given.over(bundle.manifest.camera if bundle else {}), bundle)
 
 
 class Connection:
@@ -84,7 +84,7 @@ class Connection:
             self.camera = V4l2Camera(
                 sensor.camera.path,
                 setup.options,
-                shape=setup.calibration.image_shape if setup.calibration else None,
+                shape=setup.bundle.image_shape if setup.bundle else None,
                 url=url,
                 kernel=around.kernel,
                 sysfs=around.sysfs,
@@ -93,7 +93,7 @@ class Connection:
             _darken(self.ring)
             raise
         try:
-            self._light(setup.calibration)
+            self._light(setup.bundle)
         except BaseException:
             self.close()
             raise
@@ -119,14 +119,14 @@ class Connection:
             )
         return ring
 
-    def _light(self, calibration: Calibration | None) -> None:
+    def _light(self, bundle: Bundle | None) -> None:
         """Light the LEDs as they were when the bundle was made, and wait until they are."""
-        if self.ring is None or calibration is None:
+        if self.ring is None or bundle is None:
             return
-        if not calibration.manifest.led:
-            logger.warning("%s does not tell the colours of its LEDs: they stay dark", calibration.source)
+        if not bundle.manifest.led:
+            logger.warning("%s does not tell the colours of its LEDs: they stay dark", bundle.source)
             return
-        self._colours = np.array([led.rgb for led in calibration.manifest.led], np.uint8)
+        self._colours = np.array([led.rgb for led in bundle.manifest.led], np.uint8)
         self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
 
     def _hear(self, ping: Ping) -> None:
@@ -157,10 +157,10 @@ class Connection:
         """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
         options = setup.options
         self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
-        if self.ring is not None and not (setup.calibration and setup.calibration.manifest.led):
+        if self.ring is not None and not (setup.bundle and setup.bundle.manifest.led):
             self._colours = None
             self.ring.blank()
-        self._light(setup.calibration)
+        self._light(setup.bundle)
         self._lit_s = self._clock()
 
     def newest(self) -> CameraFrame:

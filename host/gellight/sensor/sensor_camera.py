@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from gellight.base.errors import BoardError, CameraError, GellightError, InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.timing import CameraTiming
@@ -46,7 +46,7 @@ class SensorCamera(Camera):
         sensor: Sensor,
         options: CaptureOptions | None = None,
         *,
-        calibration: Calibration | None = None,
+        bundle: Bundle | None = None,
         url: str,
         by_serial: bool,
         surroundings: Surroundings | None = None,
@@ -59,7 +59,7 @@ class SensorCamera(Camera):
         self.stage = None
         self._sensor, self._by_serial = sensor, by_serial
         self._given = options or CaptureOptions()
-        self._setup = Setup.of(self._given, calibration)
+        self._setup = Setup.of(self._given, bundle)
         self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
         self._clock = self._surroundings.kernel.clock
         self._closing = threading.Event()
@@ -78,13 +78,13 @@ class SensorCamera(Camera):
         self._offset = self._last + 1
         self._first: int | None = None
 
-    def adopt(self, calibration: Calibration) -> None:
+    def adopt(self, bundle: Bundle) -> None:
         """Set and light the sensor as another bundle of the same image size says, from now on.
 
         Frames are of the new light after that; a sensor that is away gets it when it is back. Raises CameraError,
         BoardError or InputError; then the sensor is set as before, or looked for.
         """
-        before, self._setup = self._setup, Setup.of(self._given, calibration)
+        before, self._setup = self._setup, Setup.of(self._given, bundle)
         connection = self._connection  # the thread that reads may let go of it at any time
         if connection is None:
             return
@@ -192,9 +192,7 @@ class SensorCamera(Camera):
         self._release()
 
 
-def open_sensor(
-    url: str, *, calibration: Calibration | None = None, surroundings: Surroundings | None = None
-) -> SensorCamera:
+def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroundings | None = None) -> SensorCamera:
     """Open `auto`, `sensor://NAME` or `v4l2:///dev/...`, each with the parameters of `CaptureOptions`.
 
     Raises CameraError, BoardError or InputError, naming what is there and what to do.
@@ -214,7 +212,7 @@ def open_sensor(
         sensor = found.only()
     _check_ring(found, sensor, options)
     return SensorCamera(
-        sensor, options, calibration=calibration, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
+        sensor, options, bundle=bundle, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.judging import FrameJudge
@@ -73,9 +73,9 @@ class RingCamera(Camera):
         """Return what is known of the camera inside."""
         return self._camera.status()
 
-    def adopt(self, calibration: Calibration) -> None:
+    def adopt(self, bundle: Bundle) -> None:
         """Let the camera inside go by another bundle."""
-        self._camera.adopt(calibration)
+        self._camera.adopt(bundle)
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return the judge of the camera."""

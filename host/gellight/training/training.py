@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError, TrainingError
-from gellight.bundle.bundle import Calibration, write_calibration
+from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.camera import EndOfStream
 from gellight.opening import open_camera
 from gellight.reconstruction.image_noise import measure_noise
@@ -175,13 +175,13 @@ def fit(
     extra_metrics: dict[str, Any] | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
-) -> Calibration:
+) -> Bundle:
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
     follow_light: whether to take the drift of the light off each difference image; None: if the light of the presses
     differs from the reference's by more than the noise of a pixel. refine: refit the circles together with the light
     first (`labelling.refinement`); the metrics then say by how much.
-    Raises InputError, TrainingError or CalibrationError; then `out` is as it was.
+    Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     refinement: dict[str, Any] = {}
     if refine:
@@ -192,7 +192,7 @@ def fit(
     table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
     network, record = train(table, options or TrainingOptions(), progress=progress)
     metrics = {"ball_radius_mm": ball.radius_mm, "light_drift_grey": drift, "training": record}
-    return write_calibration(
+    return write_bundle(
         out,
         sensor=sensor,
         reference=reference.image,
@@ -241,13 +241,13 @@ def cross_validate(
             part = set(order[fold::folds].tolist())
             training, held_out = _divided(presses, part, reference.image, ball, first if refine else None)
             place = Path(folder) / f"fold-{fold}"
-            calibration = fit(
+            bundle = fit(
                 training, reference, ball, place, sensor=f"fold {fold}", options=options, table_options=table_options
             )
-            found = _errors_of_fold(calibration, held_out, reference, ball)
+            found = _errors_of_fold(bundle, held_out, reference, ball)
             for name, of_fold in found.items():
                 errors.setdefault(name, []).extend(of_fold)
-            seconds.append(calibration.metrics["training"]["cpu_seconds"])
+            seconds.append(bundle.metrics["training"]["cpu_seconds"])
             progress(fold + 1, folds, float(np.mean([error.mean_deg for error in found[""]])))
     return {**_arranged(errors), "folds": folds, "training_cpu_seconds": seconds}
 
@@ -266,10 +266,10 @@ def _divided(
 
 
 def _errors_of_fold(
-    calibration: Calibration, held_out: dict[str, list[Press]], reference: Reference, ball: Ball
+    bundle: Bundle, held_out: dict[str, list[Press]], reference: Reference, ball: Ball
 ) -> dict[str, list[PressError]]:
     """Errors of the network and of each baseline, by names "labels/way"; as labelled and GelNet are ""."""
-    arrays = calibration.presses()
+    arrays = bundle.presses()
     width, height = (int(n) for n in arrays["image_size"])
     table = PressTable(rows=arrays["rows"], image=arrays["image"], image_size=(width, height))
     baselines: dict[str, Baseline] = {
@@ -277,8 +277,8 @@ def _errors_of_fold(
         "polynomial": fit_polynomial(table),
         "polynomial_ratio": fit_polynomial(table, reference=reference.image),
     }
-    follow = calibration.manifest.follow_light
-    errors = {labels: press_errors(calibration, presses, ball) for labels, presses in held_out.items()}
+    follow = bundle.manifest.follow_light
+    errors = {labels: press_errors(bundle, presses, ball) for labels, presses in held_out.items()}
     for name, baseline in baselines.items():
         felt = felt_by(baseline, held_out[""], reference.image, ball, follow_light=follow)
         for labels, presses in held_out.items():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.contact import find_contact
@@ -40,23 +40,23 @@ class PressError:
         return float(self.angle_deg.mean())
 
 
-def evaluate(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> dict[str, Any]:
+def evaluate(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> dict[str, Any]:
     """Measure a calibration on labelled presses, as labelled, with the very frame path that the sensor runs.
 
     Returns normal_error_deg {mean, median, p95} over all pixels inside the circles, depth_mae_mm, contact_iou, and
     images, a list of {image, pixels, normal_error_deg, depth_mae_mm, contact_iou}. Raises InputError for images of
     another size.
     """
-    return summarised(press_errors(calibration, presses, ball))
+    return summarised(press_errors(bundle, presses, ball))
 
 
-def press_errors(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> list[PressError]:
+def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[PressError]:
     """Reconstruct each press and compare it with its label."""
     if not presses:
         raise InputError("there are no presses to evaluate: give at least one")
     # Without the mask: a pixel of the contact circle counts whether or not its colour changed. Over the picture, as the
     # circles are drawn: with a lens, labels and slopes are distorted alike.
-    reconstructor = Reconstructor(calibration, masked=False, undistorted=False)
+    reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
     return [_press_error(reconstructor, press, ball, number) for number, press in enumerate(presses)]
 
 

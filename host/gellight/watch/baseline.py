@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.watch.cells import CELL_PX, Cells, cell_means, positions_mm
 from gellight.watch.light import RingLight, fit_ring
 
@@ -51,7 +51,7 @@ class Rest:
 class Baseline:
     """The untouched sensor as it was calibrated."""
 
-    def __init__(self, bundle: Calibration) -> None:
+    def __init__(self, bundle: Bundle) -> None:
         """Learn from the reference image of a bundle; takes a fraction of a second."""
         self.reference: Cells = cell_means(bundle.reference)
         self.ring: RingLight | None = fit_ring(bundle)
@@ -71,7 +71,7 @@ class Baseline:
         self._columns = np.stack([column / np.sqrt((column**2).mean()) for column in columns], axis=-1)
         self._some = np.ascontiguousarray(self._columns[::_EVERY, ::_EVERY])
 
-    def _light_columns(self, bundle: Calibration) -> list[Cells]:
+    def _light_columns(self, bundle: Bundle) -> list[Cells]:
         if self.ring is not None:
             return list(self.ring.fields)
         x, y = positions_mm(bundle.image_shape, bundle.pixel_size_mm)

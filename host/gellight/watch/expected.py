@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.light_drift import light_drift
@@ -57,8 +57,8 @@ class ExpectedError:
 class ErrorEstimate:
     """The network of a bundle, asked what a change costs."""
 
-    def __init__(self, bundle: Calibration) -> None:
-        """Load the network and take its derivative; a fraction of a second. Raises CalibrationError."""
+    def __init__(self, bundle: Bundle) -> None:
+        """Load the network and take its derivative; a fraction of a second. Raises BundleError."""
         self._bundle = bundle
         self._network = GradientNetwork(
             bundle.network, bundle.image_shape, noise_grey=bundle.manifest.noise_grey, source=bundle.source

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.watch.cells import Cells, cell_means, positions_mm
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class RingLight:
     """rms of what the fit leaves, as a share of the rms of the picture"""
 
 
-def fit_ring(bundle: Calibration) -> RingLight | None:
+def fit_ring(bundle: Bundle) -> RingLight | None:
     """Fit the ring to the reference image of a bundle; None where it names no LEDs or the fit is too poor for that."""
     if not bundle.manifest.led:
         return None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.watch.baseline import Baseline, Mask
 from gellight.watch.cells import Cells, cell_means, spread
@@ -65,7 +65,7 @@ class Zero:
 class Watch:
     """Compares frames with the bundle they are reconstructed by; one thread feeds it, any may read `status`."""
 
-    def __init__(self, bundle: Calibration, *, rezero: bool = True) -> None:
+    def __init__(self, bundle: Bundle, *, rezero: bool = True) -> None:
         """Learn what the untouched sensor looks like; rezero: whether the zero follows slow drift by itself."""
         self.bundle = bundle
         self.rezero = rezero

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 import tomli_w
 
-from gellight.base.errors import CalibrationError
-from gellight.bundle.bundle import LedSetting, load_calibration, pack_calibration, save_calibration, write_calibration
-from tests.helpers.linear_sensor import linear_calibration, linear_network, reference_image
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import LedSetting, load_bundle, pack_bundle, save_bundle, write_bundle
+from tests.helpers.linear_sensor import linear_bundle, linear_network, reference_image
 
 SHAPE = (24, 32)
 
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
-    linear_calibration(tmp_path / "bundle", SHAPE)
+    linear_bundle(tmp_path / "bundle", SHAPE)
     return tmp_path / "bundle"
 
 
@@ -41,7 +41,7 @@ def seal(bundle: Path, name: str, content: bytes) -> None:
 def test_everything_written_comes_back(tmp_path: Path) -> None:
     led = tuple(LedSetting(colour=c, rgb=(40, 30, 20)) for c in "RRRRGGGGBBBB")
     rows = np.arange(14, dtype=np.float32).reshape(2, 7)
-    written = write_calibration(
+    written = write_bundle(
         tmp_path / "deep" / "bundle",
         sensor="GL-007",
         reference=reference_image(SHAPE),
@@ -56,21 +56,21 @@ def test_everything_written_comes_back(tmp_path: Path) -> None:
         camera={"exposure_us": 8000, "auto_white_balance": False},
         extra_files={"provenance.json": b"{}"},
     )
-    for calibration in (written, load_calibration(tmp_path / "deep" / "bundle")):
-        manifest = calibration.manifest
+    for bundle in (written, load_bundle(tmp_path / "deep" / "bundle")):
+        manifest = bundle.manifest
         assert (manifest.sensor, manifest.reference_frames, manifest.noise_grey) == ("GL-007", 64, 1.25)
-        assert calibration.image_shape == SHAPE
-        assert calibration.pixel_size_mm == (0.0588, 0.059)
-        assert calibration.network == linear_network()
-        assert calibration.metrics == {"mean_deg": 1.5}
+        assert bundle.image_shape == SHAPE
+        assert bundle.pixel_size_mm == (0.0588, 0.059)
+        assert bundle.network == linear_network()
+        assert bundle.metrics == {"mean_deg": 1.5}
         assert manifest.led == led
         assert manifest.camera == {"exposure_us": 8000, "auto_white_balance": False}
-        assert calibration.files["provenance.json"] == b"{}"
-        np.testing.assert_array_equal(calibration.presses()["rows"], rows)
+        assert bundle.files["provenance.json"] == b"{}"
+        np.testing.assert_array_equal(bundle.presses()["rows"], rows)
 
 
 def test_the_reference_keeps_its_fraction_and_its_channel_order(bundle: Path) -> None:
-    reference = load_calibration(bundle).reference
+    reference = load_bundle(bundle).reference
     assert reference.dtype == np.float32
     assert np.abs(reference - reference_image(SHAPE)).max() <= 1 / 512
     stored = cv2.imread(str(bundle / "reference.png"), cv2.IMREAD_UNCHANGED)
@@ -81,57 +81,57 @@ def test_the_reference_keeps_its_fraction_and_its_channel_order(bundle: Path) ->
 
 
 def test_a_packed_bundle_is_the_same(bundle: Path, tmp_path: Path) -> None:
-    folder = load_calibration(bundle)
-    packed = pack_calibration(folder, tmp_path / "sensor.gelcal")
-    loaded = load_calibration(packed)
+    folder = load_bundle(bundle)
+    packed = pack_bundle(folder, tmp_path / "sensor.gelcal")
+    loaded = load_bundle(packed)
     assert (loaded.manifest, loaded.files) == (folder.manifest, folder.files)
-    with pytest.raises(CalibrationError, match="exists"):
-        pack_calibration(folder, packed)
-    pack_calibration(folder, packed, overwrite=True)
-    with pytest.raises(CalibrationError, match=r"give .*sensor\.gelcal"):
-        pack_calibration(folder, tmp_path / "sensor.zip")
+    with pytest.raises(BundleError, match="exists"):
+        pack_bundle(folder, packed)
+    pack_bundle(folder, packed, overwrite=True)
+    with pytest.raises(BundleError, match=r"give .*sensor\.gelcal"):
+        pack_bundle(folder, tmp_path / "sensor.zip")
 
 
 def test_a_bundle_keeps_its_identity_wherever_it_lies(bundle: Path, tmp_path: Path) -> None:
-    folder = load_calibration(bundle)
-    packed = load_calibration(pack_calibration(folder, tmp_path / "sensor.gelcal"))
-    copied = save_calibration(folder, tmp_path / "copy")
+    folder = load_bundle(bundle)
+    packed = load_bundle(pack_bundle(folder, tmp_path / "sensor.gelcal"))
+    copied = save_bundle(folder, tmp_path / "copy")
     rewrite_manifest(bundle, "bulge = 1.71\n", "")
     assert len(bytes.fromhex(folder.identity)) == 8
-    assert {packed.identity, copied.identity, load_calibration(bundle).identity} == {folder.identity}, (
+    assert {packed.identity, copied.identity, load_bundle(bundle).identity} == {folder.identity}, (
         "a field that an older GelLight did not write changes nothing"
     )
-    other = linear_calibration(tmp_path / "other", SHAPE, pixel_size_mm=(0.05, 0.051))
+    other = linear_bundle(tmp_path / "other", SHAPE, pixel_size_mm=(0.05, 0.051))
     assert other.identity != folder.identity
 
 
 def test_a_bundle_takes_another_reference_image_in_memory_only(bundle: Path) -> None:
-    folder = load_calibration(bundle)
+    folder = load_bundle(bundle)
     brighter = folder.with_reference(folder.reference + 2.25, frames=50)
     assert np.abs(brighter.reference - folder.reference - 2.25).max() <= 1 / 256
     assert brighter.manifest.reference_frames == 50
     assert (brighter.network, brighter.source) == (folder.network, folder.source)
-    assert load_calibration(bundle).identity == folder.identity != brighter.identity
+    assert load_bundle(bundle).identity == folder.identity != brighter.identity
     with pytest.raises(ValueError, match="shape"):
         folder.with_reference(np.zeros((4, 4, 3)), frames=1)
-    with pytest.raises(CalibrationError, match="0 to 255"):
+    with pytest.raises(BundleError, match="0 to 255"):
         folder.with_reference(folder.reference + 500, frames=1)
 
 
 def test_an_existing_bundle_is_replaced_only_when_told(bundle: Path) -> None:
     before = (bundle / "manifest.toml").read_bytes()
-    with pytest.raises(CalibrationError, match="exists: choose another name or allow overwriting"):
-        linear_calibration(bundle, (48, 64))
+    with pytest.raises(BundleError, match="exists: choose another name or allow overwriting"):
+        linear_bundle(bundle, (48, 64))
     assert (bundle / "manifest.toml").read_bytes() == before
-    assert linear_calibration(bundle, (48, 64), overwrite=True).image_shape == (48, 64)
+    assert linear_bundle(bundle, (48, 64), overwrite=True).image_shape == (48, 64)
     assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
 
 
 def test_a_file_in_the_place_of_a_bundle_is_replaced_only_when_told(tmp_path: Path) -> None:
     (tmp_path / "bundle").write_text("something else")
-    with pytest.raises(CalibrationError, match="exists"):
-        linear_calibration(tmp_path / "bundle", SHAPE)
-    linear_calibration(tmp_path / "bundle", SHAPE, overwrite=True)
+    with pytest.raises(BundleError, match="exists"):
+        linear_bundle(tmp_path / "bundle", SHAPE)
+    linear_bundle(tmp_path / "bundle", SHAPE, overwrite=True)
     assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
 
 
@@ -148,10 +148,10 @@ def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.Mon
         return write(path, content)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(CalibrationError, match=r"not written \(No space left on device\): free some space"):
-        linear_calibration(target, SHAPE, overwrite=overwrite)
+    with pytest.raises(BundleError, match=r"not written \(No space left on device\): free some space"):
+        linear_bundle(target, SHAPE, overwrite=overwrite)
     assert sorted(str(p) for p in bundle.parent.rglob("*")) == before
-    load_calibration(bundle)
+    load_bundle(bundle)
 
 
 def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,36 +163,36 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
         return rename(path, target)
 
     monkeypatch.setattr(Path, "rename", refuse)
-    with pytest.raises(CalibrationError, match="check the folder and its permissions"):
-        linear_calibration(bundle, (48, 64), overwrite=True)
-    assert load_calibration(bundle).image_shape == SHAPE
+    with pytest.raises(BundleError, match="check the folder and its permissions"):
+        linear_bundle(bundle, (48, 64), overwrite=True)
+    assert load_bundle(bundle).image_shape == SHAPE
     assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
 
 
 def test_a_full_disk_leaves_no_packed_file(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calibration = load_calibration(bundle)
+    whole = load_bundle(bundle)
 
     def full(path: Path, target: Path) -> Path:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(CalibrationError, match="free some space"):
-        pack_calibration(calibration, tmp_path / "sensor.gelcal")
+    with pytest.raises(BundleError, match="free some space"):
+        pack_bundle(whole, tmp_path / "sensor.gelcal")
     assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
 
 
 def test_what_does_not_exist_is_named(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match=r"nowhere does not exist: give a folder, a \.gelcal file or 'synth"):
-        load_calibration(tmp_path / "nowhere")
-    with pytest.raises(CalibrationError, match=r"has no manifest\.toml"):
-        load_calibration(tmp_path)
+    with pytest.raises(BundleError, match=r"nowhere does not exist: give a folder, a \.gelcal file or 'synth"):
+        load_bundle(tmp_path / "nowhere")
+    with pytest.raises(BundleError, match=r"has no manifest\.toml"):
+        load_bundle(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["reference.png", "network.onnx", "metrics.json"])
 def test_a_missing_file_is_named(bundle: Path, name: str) -> None:
     (bundle / name).unlink()
-    with pytest.raises(CalibrationError, match=f"has no {name}.*calibrate the sensor again or restore"):
-        load_calibration(bundle)
+    with pytest.raises(BundleError, match=f"has no {name}.*calibrate the sensor again or restore"):
+        load_bundle(bundle)
 
 
 @pytest.mark.parametrize("name", ["reference.png", "network.onnx", "metrics.json"])
@@ -201,8 +201,8 @@ def test_a_changed_file_is_named_with_both_sums(bundle: Path, name: str) -> None
     with (bundle / name).open("ab") as stream:
         stream.write(b"!")
     new = hashlib.sha256((bundle / name).read_bytes()).hexdigest()
-    with pytest.raises(CalibrationError, match=f"{name} was changed .*{new[:12]}….*{old[:12]}….*restore the bundle"):
-        load_calibration(bundle)
+    with pytest.raises(BundleError, match=f"{name} was changed .*{new[:12]}….*{old[:12]}….*restore the bundle"):
+        load_bundle(bundle)
 
 
 @pytest.mark.parametrize(
@@ -225,8 +225,8 @@ def test_a_changed_file_is_named_with_both_sums(bundle: Path, name: str) -> None
 )
 def test_a_wrong_manifest_is_refused(bundle: Path, old: str, new: str, message: str) -> None:
     rewrite_manifest(bundle, old, new)
-    with pytest.raises(CalibrationError, match=message):
-        load_calibration(bundle)
+    with pytest.raises(BundleError, match=message):
+        load_bundle(bundle)
 
 
 @pytest.mark.parametrize(
@@ -234,55 +234,55 @@ def test_a_wrong_manifest_is_refused(bundle: Path, old: str, new: str, message: 
 )
 def test_a_reference_that_is_not_16_bit_rgb_is_refused(bundle: Path, image: np.ndarray) -> None:
     seal(bundle, "reference.png", cv2.imencode(".png", image)[1].tobytes())
-    with pytest.raises(CalibrationError, match="not a 16-bit RGB PNG"):
-        load_calibration(bundle)
+    with pytest.raises(BundleError, match="not a 16-bit RGB PNG"):
+        load_bundle(bundle)
 
 
 @pytest.mark.parametrize("content", [b"", b"no image"])
 def test_a_reference_that_is_no_image_is_refused(bundle: Path, content: bytes) -> None:
     seal(bundle, "reference.png", content)
-    with pytest.raises(CalibrationError, match="not a 16-bit RGB PNG"):
-        load_calibration(bundle)
+    with pytest.raises(BundleError, match="not a 16-bit RGB PNG"):
+        load_bundle(bundle)
 
 
 def test_metrics_that_are_not_json_are_refused(bundle: Path) -> None:
     seal(bundle, "metrics.json", b"{")
-    with pytest.raises(CalibrationError, match=r"metrics\.json is not JSON"):
-        load_calibration(bundle)
+    with pytest.raises(BundleError, match=r"metrics\.json is not JSON"):
+        load_bundle(bundle)
 
 
 @pytest.mark.parametrize("name", ["../evil.onnx", "/evil.onnx", "sub/evil.onnx", "..\\evil.onnx", "c:evil.onnx"])
 def test_an_archive_with_names_that_leave_it_is_refused(bundle: Path, tmp_path: Path, name: str) -> None:
-    packed = pack_calibration(load_calibration(bundle), tmp_path / "sensor.gelcal")
+    packed = pack_bundle(load_bundle(bundle), tmp_path / "sensor.gelcal")
     with zipfile.ZipFile(packed, "a") as archive:
         archive.writestr(name, b"evil")
-    with pytest.raises(CalibrationError, match="leaves the bundle"):
-        load_calibration(packed)
+    with pytest.raises(BundleError, match="leaves the bundle"):
+        load_bundle(packed)
 
 
 @pytest.mark.parametrize("cut", [0, 10, 400])
 def test_an_archive_that_is_cut_off_is_refused(bundle: Path, tmp_path: Path, cut: int) -> None:
-    packed = pack_calibration(load_calibration(bundle), tmp_path / "sensor.gelcal")
+    packed = pack_bundle(load_bundle(bundle), tmp_path / "sensor.gelcal")
     packed.write_bytes(packed.read_bytes()[:cut])
-    with pytest.raises(CalibrationError, match=r"is not a whole \.gelcal file"):
-        load_calibration(packed)
+    with pytest.raises(BundleError, match=r"is not a whole \.gelcal file"):
+        load_bundle(packed)
 
 
 def test_an_archive_with_a_flipped_bit_is_refused(bundle: Path, tmp_path: Path) -> None:
-    packed = pack_calibration(load_calibration(bundle), tmp_path / "sensor.gelcal")
+    packed = pack_bundle(load_bundle(bundle), tmp_path / "sensor.gelcal")
     content = bytearray(packed.read_bytes())
     content[content.index(b"reference.png") + 200] ^= 1
     packed.write_bytes(content)
-    with pytest.raises(CalibrationError, match=r"reference\.png"):
-        load_calibration(packed)
+    with pytest.raises(BundleError, match=r"reference\.png"):
+        load_bundle(packed)
 
 
 @pytest.mark.parametrize("value", [np.nan, -1.0, 256.0])
 def test_a_reference_out_of_range_is_not_written(tmp_path: Path, value: float) -> None:
     reference = reference_image(SHAPE)
     reference[3, 4, 1] = value
-    with pytest.raises(CalibrationError, match="outside 0 to 255 grey levels"):
-        write_calibration(
+    with pytest.raises(BundleError, match="outside 0 to 255 grey levels"):
+        write_bundle(
             tmp_path / "bundle",
             sensor="s",
             reference=reference,
@@ -296,8 +296,8 @@ def test_a_reference_out_of_range_is_not_written(tmp_path: Path, value: float) -
 
 
 def test_presses_with_nan_are_not_written_and_missing_presses_are_named(bundle: Path, tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="rows has NaN"):
-        write_calibration(
+    with pytest.raises(BundleError, match="rows has NaN"):
+        write_bundle(
             tmp_path / "other",
             sensor="s",
             reference=reference_image(SHAPE),
@@ -308,8 +308,8 @@ def test_presses_with_nan_are_not_written_and_missing_presses_are_named(bundle: 
             metrics={},
             presses={"rows": np.array([np.nan])},
         )
-    with pytest.raises(CalibrationError, match=r"has no presses\.npz"):
-        load_calibration(bundle).presses()
+    with pytest.raises(BundleError, match=r"has no presses\.npz"):
+        load_bundle(bundle).presses()
 
 
 def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
@@ -322,12 +322,12 @@ def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
     assert spec.submodule_search_locations is not None
     spec.submodule_search_locations.append(str(tmp_path))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
-    with pytest.raises(CalibrationError, match=r"'synthetic' bundle is not installed .*: reinstall gellight"):
-        load_calibration("synthetic")
+    with pytest.raises(BundleError, match=r"'synthetic' bundle is not installed .*: reinstall gellight"):
+        load_bundle("synthetic")
     bundle.rename(tmp_path / "synthetic")
-    assert load_calibration("synthetic").manifest.sensor == "linear"
+    assert load_bundle("synthetic").manifest.sensor == "linear"
 
 
 def test_manifests_are_toml_without_nulls(bundle: Path) -> None:
     assert "created = 20" in (bundle / "manifest.toml").read_text()
-    assert tomli_w.dumps(load_calibration(bundle).manifest.model_dump()) == (bundle / "manifest.toml").read_text()
+    assert tomli_w.dumps(load_bundle(bundle).manifest.model_dump()) == (bundle / "manifest.toml").read_text()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.calibration.cylinder import edge_profile, find_cylinder
 from gellight.calibration.probing import pixel_size
 from gellight.simulator.scene import Press, Scene
@@ -68,11 +68,11 @@ def test_an_imprint_that_leaves_the_picture_is_refused() -> None:
 
 def test_a_squeezed_picture_is_told_with_both_sizes() -> None:
     found = [find_cylinder(imprint((79.0 + i, 60.0), (36.2, 34.9)), 0.5) for i in range(2)]
-    with pytest.raises(CalibrationError, match=r"0\.11\d+ mm wide and 0\.11\d+ mm high"):
+    with pytest.raises(BundleError, match=r"0\.11\d+ mm wide and 0\.11\d+ mm high"):
         pixel_size(found, 8.0)
 
 
 def test_presses_that_disagree_are_told_with_their_spread() -> None:
     found = [find_cylinder(imprint((79.0, 60.0), (r, r)), 0.5) for r in (33.0, 36.0)]
-    with pytest.raises(CalibrationError, match="spread of"):
+    with pytest.raises(BundleError, match="spread of"):
         pixel_size(found, 8.0)

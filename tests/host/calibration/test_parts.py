@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.calibration.ball_radius import likely_radius_mm
 from gellight.calibration.bulletin import Bulletin
 from gellight.calibration.choices import Limits, RoutineOptions
@@ -193,7 +193,7 @@ def test_the_state_of_another_sensor_is_refused_and_left_alone(tmp_path: Path) -
 
 def test_a_damaged_state_is_told_with_its_file(tmp_path: Path) -> None:
     (tmp_path / "state.json").write_text("{")
-    with pytest.raises(CalibrationError, match=r"state\.json cannot be read"):
+    with pytest.raises(BundleError, match=r"state\.json cannot be read"):
         Folder.open(tmp_path, identity("a"))
 
 
@@ -269,7 +269,7 @@ def test_a_full_disk_is_told_and_what_was_measured_before_is_kept(
         lambda: folder.keep_reference(np.zeros((4, 4, 3), np.float32)),
         lambda: folder.add("presses", np.zeros((4, 4, 3), np.uint8), CIRCLE),
     ):
-        with pytest.raises(CalibrationError, match=r"No space left on device.: free some space and go on"):
+        with pytest.raises(BundleError, match=r"No space left on device.: free some space and go on"):
             keep()
     monkeypatch.undo()
     again = Folder.open(tmp_path, identity("a"))

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError, CameraError, GellightError, InputError
-from gellight.bundle.bundle import load_calibration
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
+from gellight.bundle.bundle import load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import Limits, RoutineOptions
 from gellight.calibration.preparing import apply_calibration
@@ -107,7 +107,7 @@ def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, d
 
 def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[Path, dict[str, Any]]) -> None:
     folder, snapshot = calibrated
-    bundle = load_calibration(folder / "bundle")
+    bundle = load_bundle(folder / "bundle")
     assert snapshot["installed"] == [str(folder / "bundle")]
     assert len(bundle.manifest.led) == 12
     assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
@@ -125,7 +125,7 @@ def test_a_pin_grid_tells_the_lens_to_a_tenth_of_a_pixel_and_the_bundle_knows_it
     assert lens["pins"] > 200
     assert lens["rms_after_px"] < 0.1
     assert lens["corner_moves_px"] < 1.0
-    bundle = load_calibration(folder / "bundle")
+    bundle = load_bundle(folder / "bundle")
     assert read_record(bundle).learnt_from_circles
     assert bundle.metrics["lens"]["pins"] == lens["pins"]
     assert "off this lens" in bundle.files["report.html"].decode()
@@ -142,14 +142,14 @@ def test_what_exists_is_not_overwritten_unasked(calibrated: tuple[Path, dict[str
     with camera() as sensor:
         with pytest.raises(InputError, match="exists: choose another name"):
             Routine(sensor, options(folder), tmp_path)
-        with pytest.raises(CalibrationError, match="the bundle of sensor 'one', not of 'two'"):
+        with pytest.raises(BundleError, match="the bundle of sensor 'one', not of 'two'"):
             Routine(sensor, RoutineOptions(out=folder / "bundle", sensor="two", overwrite=True), tmp_path)
 
 
 def test_a_bundle_needs_the_controls_it_was_made_with(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     write_png(tmp_path / "a.png", np.zeros((240, 320, 3), np.uint8))
     with pytest.raises(CameraError, match="no control 'exposure_us'"):
-        apply_calibration(ImageCamera([tmp_path / "a.png"]), load_calibration(calibrated[0] / "bundle"))
+        apply_calibration(ImageCamera([tmp_path / "a.png"]), load_bundle(calibrated[0] / "bundle"))
 
 
 class Clumsy(VirtualHand):

@@ -222,9 +222,9 @@ def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(
 def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     """The whole way from the buffers of a driver to depth, on a kernel made of nothing."""
     from gellight.base.settings import load_settings
-    from tests.helpers.linear_sensor import linear_calibration
+    from tests.helpers.linear_sensor import linear_bundle
 
-    bundle = linear_calibration(tmp_path / "bundle", (24, 32))
+    bundle = linear_bundle(tmp_path / "bundle", (24, 32))
     bench = Bench(tmp_path / "computer")
     bench.plug("1-2", "GL0001")
     read = bench.surroundings.kernel.poll
@@ -234,9 +234,7 @@ def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.Mo
         return read(descriptor, timeout_s)
 
     bench.kernel.poll = paced  # type: ignore[method-assign]
-    monkeypatch.setattr(
-        assembly, "open_camera", lambda url, geometry, calibration: bench.open(f"{url}?format=YUYV", calibration)
-    )
+    monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, bundle: bench.open(f"{url}?format=YUYV", bundle))
     settings = load_settings({"sensor.url": "auto", "sensor.calibration": str(bundle.source)}, environment={},
                              folder=tmp_path, user_folder=tmp_path)  # fmt: skip
     with assembly.open_session(settings) as daemon:

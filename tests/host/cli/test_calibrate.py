@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import InputError, TrainingError
-from gellight.bundle.bundle import load_calibration
+from gellight.bundle.bundle import load_bundle
 from gellight.cli.calibrate import _ball_text, _read, _which_ball, app
 from gellight.reconstruction.integration import angle_deg
 from gellight.simulator.scene import Press, Scene
@@ -75,15 +75,15 @@ def bundle(pressed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: Path) -> None:
-    calibration = load_calibration(bundle)
-    assert calibration.manifest.sensor == "S1"
-    assert calibration.manifest.reference_frames == 8
-    assert calibration.manifest.noise_grey == pytest.approx(np.sqrt(1 + 1 / 12), abs=0.1)
-    assert calibration.pixel_size_mm == (0.2352, 0.2352)
-    record = calibration.metrics["training"]
+    written = load_bundle(bundle)
+    assert written.manifest.sensor == "S1"
+    assert written.manifest.reference_frames == 8
+    assert written.manifest.noise_grey == pytest.approx(np.sqrt(1 + 1 / 12), abs=0.1)
+    assert written.pixel_size_mm == (0.2352, 0.2352)
+    record = written.metrics["training"]
     assert (record["recipe"], record["width"], record["images"]) == ("fast", 16, 9)
     assert record["losses"][-1] < record["losses"][0]
-    assert set(calibration.presses()) == {"rows", "image", "image_size"}
+    assert set(written.presses()) == {"rows", "image", "image_size"}
     assert [path.name for path in bundle.parent.iterdir()] == [bundle.name]
 
 
@@ -162,7 +162,7 @@ def test_a_ball_of_another_size_is_noticed_by_the_earlier_bundle(bundle: Path, p
 def test_refined_labels_are_in_the_bundle(pressed: Path, tmp_path: Path) -> None:
     result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--refine", "--epochs", "1", "--width", "4")
     assert result.exit_code == 0, result.output
-    refinement = load_calibration(tmp_path / "out").metrics["refinement"]
+    refinement = load_bundle(tmp_path / "out").metrics["refinement"]
     # The labels of the simulated presses are exact.
     assert refinement["rms_shift_px"] < 0.7
     assert refinement["kept_images"] == []
@@ -176,9 +176,9 @@ def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, mon
         seen.append(({press.image.name for press in presses}, set()))
         return fit(presses, *rest, **options)
 
-    def spying_errors(calibration, presses, ball):  # type: ignore[no-untyped-def]
+    def spying_errors(bundle, presses, ball):  # type: ignore[no-untyped-def]
         seen[-1][1].update(press.image.name for press in presses)
-        return errors_of(calibration, presses, ball)
+        return errors_of(bundle, presses, ball)
 
     monkeypatch.setattr(training, "fit", spying_fit)
     monkeypatch.setattr(training, "press_errors", spying_errors)

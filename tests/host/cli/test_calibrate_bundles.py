@@ -7,8 +7,8 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from gellight.base.errors import CalibrationError
-from gellight.bundle.bundle import load_calibration, write_calibration
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.cli.main import app
 
 
@@ -17,8 +17,8 @@ def gellight(*arguments: str) -> Result:
 
 
 def made(folder: Path, sensor: str, mark: str) -> Path:
-    synthetic = load_calibration("synthetic")
-    write_calibration(
+    synthetic = load_bundle("synthetic")
+    write_bundle(
         folder,
         sensor=sensor,
         reference=synthetic.reference,
@@ -42,14 +42,14 @@ def test_bundles_are_installed_listed_and_restored(tmp_path: Path, monkeypatch: 
         assert done.exit_code == 0, done.output
         assert "it has no board" in done.stdout
     done = gellight("restore", *sensor, "--json")
-    assert json.loads(done.stdout)["identity"] == load_calibration(first).identity
+    assert json.loads(done.stdout)["identity"] == load_bundle(first).identity
     listed = json.loads(gellight("list", "--json").stdout)["bundles"]
     assert {entry["identity"]: entry["in_service"] for entry in listed} == {
-        load_calibration(first).identity: True,
-        load_calibration(second).identity: False,
+        load_bundle(first).identity: True,
+        load_bundle(second).identity: False,
     }
-    assert f"* {'simulated':<20} {load_calibration(first).identity}" in gellight("list").stdout
+    assert f"* {'simulated':<20} {load_bundle(first).identity}" in gellight("list").stdout
     other = made(tmp_path / "other", "GL-9", "3")
     done = gellight("install", str(other), *sensor)
-    assert isinstance(done.exception, CalibrationError)
+    assert isinstance(done.exception, BundleError)
     assert "is the bundle of sensor 'GL-9', this is 'simulated': nothing was replaced" in str(done.exception)

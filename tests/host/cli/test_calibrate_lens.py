@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from gellight.base.errors import CalibrationError, InputError
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.main import app
 from gellight.reconstruction.lens.lens_file import read_record
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
-from tests.helpers.linear_sensor import linear_calibration
+from tests.helpers.linear_sensor import linear_bundle
 
 BARREL = TrueLens(k1=-0.05, centre_px=(331.0, 230.0))
 
@@ -22,7 +22,7 @@ BARREL = TrueLens(k1=-0.05, centre_px=(331.0, 230.0))
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("grid")
-    linear_calibration(place / "bundle", SHAPE, pixel_size_mm=(PIXEL_MM, PIXEL_MM))
+    linear_bundle(place / "bundle", SHAPE, pixel_size_mm=(PIXEL_MM, PIXEL_MM))
     half = pin_picture(BARREL, only=(-np.inf, 0.0))
     pictures = {"grid": pin_picture(BARREL, noise=2.0), "half": half, "small": half[::2, ::2]}
     pictures |= {"dimples": dimple_picture(BARREL), "untouched": np.rint(untouched(SHAPE))}
@@ -43,7 +43,7 @@ def test_the_new_bundle_has_the_lens_and_all_the_rest(folder: Path, tmp_path: Pa
     said = json.loads(result.stdout)
     assert said["rms_after_px"] < 0.1 < 1 < said["rms_before_px"]
     assert said["rms_before_mm"] == pytest.approx(said["rms_before_px"] * PIXEL_MM, rel=0.01)
-    old, new = load_calibration(folder / "bundle"), load_calibration(tmp_path / "new")
+    old, new = load_bundle(folder / "bundle"), load_bundle(tmp_path / "new")
     assert {**old.files, "lens.json": new.files["lens.json"]} == new.files
     record = read_record(new)
     assert (record.images, record.pitch_mm, record.learnt_from_circles) == (("grid.png",), 2.0, False)
@@ -66,7 +66,7 @@ def test_pins_in_the_gel_are_read_with_a_reference_and_told_in_words(folder: Pat
         ("half.png", "2", InputError, "hold no pin"),
         ("text.png", "2", InputError, "is not an image"),
         ("nowhere.png", "2", None, "nowhere.png"),
-        ("small.png", "2", CalibrationError, "delivers 320x240 pixels"),
+        ("small.png", "2", BundleError, "delivers 320x240 pixels"),
         ("grid.png", "2.5", InputError, "give the right pitch"),
         ("grid.png", "-1", InputError, "pitch -1.0 mm"),
     ],
@@ -82,6 +82,6 @@ def test_what_cannot_be_measured_is_refused_and_nothing_is_written(
 
 
 def test_an_existing_bundle_is_kept(folder: Path, tmp_path: Path) -> None:
-    kept: Calibration = load_calibration(folder / "bundle")
+    kept: Bundle = load_bundle(folder / "bundle")
     assert run(folder, folder / "grid.png", out=folder / "bundle").exit_code == 2
-    assert load_calibration(folder / "bundle").identity == kept.identity
+    assert load_bundle(folder / "bundle").identity == kept.identity

@@ -17,7 +17,7 @@ from gellight.evaluation.analytic_surfaces import gaussian
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_bar, depth_picture, difference_picture, four_panels, normal_picture
-from tests.helpers.linear_sensor import linear_calibration, photograph
+from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (120, 160)
 app = typer.Typer()
@@ -26,7 +26,7 @@ app.command()(command)
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
-    linear_calibration(tmp_path / "bundle", SHAPE)
+    linear_bundle(tmp_path / "bundle", SHAPE)
     return tmp_path / "bundle"
 
 
@@ -169,7 +169,7 @@ def test_the_colour_bar_runs_from_zero_to_the_scale(scale_um: float) -> None:
 
 def test_the_sheet_shows_the_four_panels_unscaled(tmp_path: Path) -> None:
     shape = (240, 320)
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", shape))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", shape))
     frame = reconstructor.reconstruct(photograph(gaussian(shape, 20, (0, 0), 10).gradient_map))
     sheet = four_panels(frame)
     assert sheet.dtype == np.uint8

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gellight.base.errors import CalibrationError, CameraError
+from gellight.base.errors import BundleError, CameraError
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import EndOfStream
 from gellight.reconstruction.pipeline import Reconstructor
-from tests.helpers.linear_sensor import linear_calibration
+from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import CountingReconstructor, FlatCamera, ScriptedCamera
 
 
@@ -90,18 +90,18 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
 
 
 def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path: Path) -> None:
-    first = linear_calibration(tmp_path / "first", (24, 32))
-    second = linear_calibration(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
+    first = linear_bundle(tmp_path / "first", (24, 32))
+    second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
     camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.002)
     with Daemon(camera, Reconstructor(first)) as daemon:
         before = daemon.wait_frame(0, 10).camera_frame.sequence
-        daemon.replace_calibration(second)
+        daemon.replace_bundle(second)
         assert daemon.wait_frame(before, 10).camera_frame.sequence > before, "the stream went on"
-        assert (daemon.calibration.identity, daemon.pixel_size_mm) == (second.identity, (0.07, 0.08))
-        with pytest.raises(CalibrationError, match=r"32x24 pixels.*is for 64x48"):
-            daemon.replace_calibration(linear_calibration(tmp_path / "large", (48, 64)))
-        broken = linear_calibration(tmp_path / "broken", (24, 32), network=b"no network")
-        with pytest.raises(CalibrationError, match="cannot be loaded"):
-            daemon.replace_calibration(broken)
-        assert daemon.calibration.identity == second.identity
+        assert (daemon.bundle.identity, daemon.pixel_size_mm) == (second.identity, (0.07, 0.08))
+        with pytest.raises(BundleError, match=r"32x24 pixels.*is for 64x48"):
+            daemon.replace_bundle(linear_bundle(tmp_path / "large", (48, 64)))
+        broken = linear_bundle(tmp_path / "broken", (24, 32), network=b"no network")
+        with pytest.raises(BundleError, match="cannot be loaded"):
+            daemon.replace_bundle(broken)
+        assert daemon.bundle.identity == second.identity
         assert daemon.status()["error"] is None

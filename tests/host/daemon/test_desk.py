@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError, CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.mailbox import Mailbox
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.desk import Desk, Wishes
@@ -21,7 +21,7 @@ from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import Watch
-from tests.helpers.linear_sensor import linear_calibration, verified_bundle
+from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_camera import FlatCamera
 from tests.helpers.scripted_desk import snapshot
 
@@ -31,7 +31,7 @@ SHAPE = FlatCamera.image_shape
 class Guide:
     """A routine that ends when the test says so."""
 
-    def __init__(self, wishes: Wishes, install: Callable[[Calibration], object]) -> None:
+    def __init__(self, wishes: Wishes, install: Callable[[Bundle], object]) -> None:
         self.wishes, self.install = wishes, install
         self.over = threading.Event()
         self.acts: list[Any] = []
@@ -60,9 +60,9 @@ class Guide:
 
 @pytest.fixture
 def daemon(tmp_path: Path) -> Iterator[Daemon]:
-    calibration = linear_calibration(tmp_path / "running", SHAPE)
+    bundle = linear_bundle(tmp_path / "running", SHAPE)
     camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.005)
-    with Daemon(camera, Reconstructor(calibration), watch=Watch(calibration)) as daemon:
+    with Daemon(camera, Reconstructor(bundle), watch=Watch(bundle)) as daemon:
         yield daemon
 
 
@@ -73,7 +73,7 @@ def guides() -> list[Guide]:
 
 @pytest.fixture
 def desk(daemon: Daemon, tmp_path: Path, guides: list[Guide]) -> Iterator[Desk]:
-    def begin(wishes: Wishes, install: Callable[[Calibration], object]) -> Guide:
+    def begin(wishes: Wishes, install: Callable[[Bundle], object]) -> Guide:
         guides.append(Guide(wishes, install))
         return guides[-1]
 
@@ -104,29 +104,29 @@ def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
     first, second = (verified_bundle(tmp_path / name, sensor=desk.sensor) for name in ("first", "second"))
     for one in (first, second):
         guides[0].install(one)
-        assert daemon.calibration.identity == desk.state()["in_service"] == one.identity
+        assert daemon.bundle.identity == desk.state()["in_service"] == one.identity
     assert daemon.wait_frame(before + 1, 10).camera_frame.sequence > before
     assert daemon.watch is not None
     assert daemon.watch.paused, "the new bundle's watch rests too as long as the calibration goes on"
     guides[0].over.set()
     desk.restore(first.identity)
-    assert daemon.calibration.identity == first.identity
+    assert daemon.bundle.identity == first.identity
     assert [entry["in_service"] for entry in desk.state()["bundles"]].count(True) == 1
 
 
 def test_what_does_not_pass_leaves_the_stream_as_it_was(
     desk: Desk, daemon: Daemon, guides: list[Guide], tmp_path: Path
 ) -> None:
-    before = daemon.calibration.identity
+    before = daemon.bundle.identity
     desk.begin(Wishes())
     for wrong in (
         verified_bundle(tmp_path / "foreign", sensor="GL-9"),
         verified_bundle(tmp_path / "bad", sensor=desk.sensor, metrics={}),
         verified_bundle(tmp_path / "large", sensor=desk.sensor, shape=(48, 64)),
     ):
-        with pytest.raises(CalibrationError):
+        with pytest.raises(BundleError):
             guides[0].install(wrong)
-    assert daemon.calibration.identity == before
+    assert daemon.bundle.identity == before
 
 
 def test_the_watch_rests_while_a_calibration_goes_on(desk: Desk, daemon: Daemon, guides: list[Guide]) -> None:
@@ -189,7 +189,7 @@ def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> Non
 def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path) -> None:
     small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
     camera = open_camera("sim://?board=0&fps=100", geometry=small)
-    running = linear_calibration(tmp_path / "running", (120, 160))
+    running = linear_bundle(tmp_path / "running", (120, 160))
     with (
         Daemon(camera, Reconstructor(running), watch=Watch(running)) as daemon,
         Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as desk,
@@ -208,4 +208,4 @@ def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path
             assert time.monotonic() < deadline_s
             time.sleep(0.05)
         assert desk.state()["interrupted"]
-        assert daemon.calibration.identity == running.identity
+        assert daemon.bundle.identity == running.identity

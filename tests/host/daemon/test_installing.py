@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.settings import load_settings
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.assembly import open_session
 from gellight.daemon.installing import bundle_of, install, remember, restore, sensor_name
@@ -30,9 +30,9 @@ class Stream:
         self.taken: list[str] = []
         self.refuses = False
 
-    def replace_calibration(self, bundle: Calibration) -> None:
+    def replace_bundle(self, bundle: Bundle) -> None:
         if self.refuses:
-            raise CalibrationError("it does not fit")
+            raise BundleError("it does not fit")
         self.taken.append(bundle.identity)
 
 
@@ -75,7 +75,7 @@ def test_what_did_not_pass_replaces_nothing(
 ) -> None:
     stream, good = Stream(), verified_bundle(tmp_path / "good")
     install(good, sensor="GL-7", store=store, running=stream)
-    with pytest.raises(CalibrationError, match=said):
+    with pytest.raises(BundleError, match=said):
         install(verified_bundle(tmp_path / "bad", metrics=metrics), sensor="GL-7", store=store, running=stream)
     assert stream.taken == [good.identity]
     assert [entry.identity for entry in store.bundles()] == [good.identity]
@@ -83,10 +83,10 @@ def test_what_did_not_pass_replaces_nothing(
 
 def test_a_bundle_of_another_sensor_is_refused(store: BundleStore, tmp_path: Path) -> None:
     other = verified_bundle(tmp_path / "other", sensor="GL-8")
-    with pytest.raises(CalibrationError, match="bundle of sensor 'GL-8', this is 'GL-7': nothing was replaced"):
+    with pytest.raises(BundleError, match="bundle of sensor 'GL-8', this is 'GL-7': nothing was replaced"):
         install(other, sensor="GL-7", store=store)
     install(other, sensor="GL-8", store=store)
-    with pytest.raises(CalibrationError, match="this is 'GL-7'"):
+    with pytest.raises(BundleError, match="this is 'GL-7'"):
         restore(other.identity, sensor="GL-7", store=store)
 
 
@@ -94,7 +94,7 @@ def test_a_bundle_that_the_running_sensor_cannot_use_is_not_in_service(store: Bu
     stream, good = Stream(), verified_bundle(tmp_path / "good")
     install(good, sensor="GL-7", store=store, running=stream)
     stream.refuses = True
-    with pytest.raises(CalibrationError, match="does not fit"):
+    with pytest.raises(BundleError, match="does not fit"):
         install(verified_bundle(tmp_path / "large", shape=(48, 64)), sensor="GL-7", store=store, running=stream)
     assert store.current("GL-7").identity == good.identity
 
@@ -107,9 +107,9 @@ def test_a_damaged_bundle_is_listed_as_such_and_never_put_in_service(store: Bund
     damaged = next(entry for entry in store.bundles() if entry.identity == first.identity)
     assert "changed after calibration" in damaged.problem
     assert json.dumps(damaged.as_json())
-    with pytest.raises(CalibrationError, match="has no report"):
+    with pytest.raises(BundleError, match="has no report"):
         store.find(second.identity).report()
-    with pytest.raises(CalibrationError, match="changed after calibration"):
+    with pytest.raises(BundleError, match="changed after calibration"):
         restore("", sensor="GL-7", store=store)
     assert store.current("GL-7").identity == second.identity
 
@@ -122,11 +122,11 @@ def test_a_sensor_of_any_name_stays_inside_the_store(store: BundleStore, tmp_pat
 
 
 def test_what_is_not_there_is_said(store: BundleStore, tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="no calibration bundle on this computer: run `gellight calibrate`"):
+    with pytest.raises(BundleError, match="no calibration bundle on this computer: run `gellight calibrate`"):
         store.current("GL-7")
-    with pytest.raises(CalibrationError, match="had no other bundle before"):
+    with pytest.raises(BundleError, match="had no other bundle before"):
         restore("", sensor="GL-7", store=store)
-    with pytest.raises(CalibrationError, match="no bundle of identity 'ffff'"):
+    with pytest.raises(BundleError, match="no bundle of identity 'ffff'"):
         restore("ffff", sensor="GL-7", store=store)
 
 
@@ -145,15 +145,15 @@ def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleSto
         assert bundle_of(camera, store).identity == first.identity, "the board knows better than this computer"
         foreign = verified_bundle(tmp_path / "foreign", sensor="GL-8")
         remember(ring, foreign)
-        with pytest.raises(CalibrationError, match=r"cannot be had here .* bring it with `gellight calibrate install"):
+        with pytest.raises(BundleError, match=r"cannot be had here .* bring it with `gellight calibrate install"):
             bundle_of(camera, store)
         store.add(foreign)
-        with pytest.raises(CalibrationError, match="bundle of sensor 'GL-8'"):
+        with pytest.raises(BundleError, match="bundle of sensor 'GL-8'"):
             bundle_of(camera, store)
 
 
 def test_remembering_lights_the_ring_again_and_writes_only_what_is_new(tmp_path: Path) -> None:
-    synthetic = load_calibration("synthetic")
+    synthetic = load_bundle("synthetic")
     with connect("sim://") as ring:
         remember(ring, synthetic)
         saves = ring.status().config_saves
@@ -169,10 +169,10 @@ def test_auto_takes_the_bundle_of_this_sensor(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("platformdirs.user_data_path", lambda *_: tmp_path)
     settings = load_settings({"sensor.url": "sim://?board=0", "sensor.calibration": "auto"})
     with open_session(settings) as daemon:
-        assert daemon.calibration.identity == load_calibration("synthetic").identity
-    mine = load_calibration("synthetic")
+        assert daemon.bundle.identity == load_bundle("synthetic").identity
+    mine = load_bundle("synthetic")
     mine = mine.with_reference(np.clip(mine.reference + 0.5, 0, 255), frames=90)
     store = BundleStore()
     store.put_in_service("simulated", store.add(mine).identity)
     with open_session(settings) as daemon:
-        assert daemon.calibration.identity == mine.identity
+        assert daemon.bundle.identity == mine.identity

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.settings import load_settings
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.daemon import assembly
 from gellight.daemon.daemon import Daemon
 from gellight.sensor.sensor_camera import SensorCamera
@@ -22,11 +22,11 @@ def bench(tmp_path: Path) -> Bench:
 
 
 @pytest.fixture
-def bundle(tmp_path: Path) -> Calibration:
+def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
 
 
-def test_the_daemon_serves_its_status_while_the_sensor_is_away_and_goes_on(bench: Bench, bundle: Calibration) -> None:
+def test_the_daemon_serves_its_status_while_the_sensor_is_away_and_goes_on(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     sensor = bench.open("auto", bundle)
 
@@ -65,13 +65,13 @@ def test_the_daemon_serves_its_status_while_the_sensor_is_away_and_goes_on(bench
 
 
 def test_the_session_refuses_a_camera_of_another_size_and_leaves_the_leds_dark(
-    bench: Bench, bundle: Calibration, monkeypatch: pytest.MonkeyPatch
+    bench: Bench, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.plug("1-2", "GL0001")
-    monkeypatch.setattr(assembly, "load_calibration", lambda name: bundle)
-    monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, calibration: bench.open(url, calibration))
+    monkeypatch.setattr(assembly, "load_bundle", lambda name: bundle)
+    monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, bundle: bench.open(url, bundle))
     settings = load_settings({"sensor.url": "auto?width=640&height=480"}, environment={}, folder=Path("/nowhere"),
                              user_folder=Path("/nowhere"))  # fmt: skip
-    with pytest.raises(CalibrationError, match=r"delivers 640x480 pixels, the calibration .* is for 32x24"):
+    with pytest.raises(BundleError, match=r"delivers 640x480 pixels, the calibration .* is for 32x24"):
         assembly.open_session(settings)
     assert bench.all_dark()

@@ -12,7 +12,7 @@ from gellight.cli.bench import command
 from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.evaluation.bench import depth_scales, frame_times
 from gellight.reconstruction.pipeline import STAGES
-from tests.helpers.linear_sensor import linear_calibration, tanh_network
+from tests.helpers.linear_sensor import linear_bundle, tanh_network
 
 app = typer.Typer()
 app.command()(command)
@@ -46,8 +46,8 @@ def test_a_plane_and_the_fitted_scale() -> None:
 
 
 def test_frame_times_are_of_all_stages_and_both_scenes(tmp_path: Path) -> None:
-    calibration = linear_calibration(tmp_path / "b", (240, 320), network=tanh_network(16))
-    partly, fully = frame_times(calibration, rounds=3)
+    bundle = linear_bundle(tmp_path / "b", (240, 320), network=tanh_network(16))
+    partly, fully = frame_times(bundle, rounds=3)
     assert partly.touched == pytest.approx(0.15, abs=0.02)
     assert fully.touched == 1
     for times in (partly, fully):
@@ -86,7 +86,7 @@ def test_sharp_rims_scatter_and_the_table_says_so(scales: list[dict[str, object]
 def test_the_tables_are_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from gellight.evaluation import bench
 
-    linear_calibration(tmp_path / "b", (48, 64), network=tanh_network(8))
+    linear_bundle(tmp_path / "b", (48, 64), network=tanh_network(8))
     result = CliRunner().invoke(app, ["--calibration", str(tmp_path / "b"), "--rounds", "3"])
     assert result.exception is None
     for word in (*STAGES, "15 % touched", "all touched", "plain one-batch network", "x the whole frame"):

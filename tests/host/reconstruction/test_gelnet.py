@@ -6,7 +6,7 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.evaluation.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from gellight.reconstruction.gelnet import BLOCK_ROWS, GradientNetwork
 from gellight.reconstruction.integration import integrate, normals
@@ -203,7 +203,7 @@ def good(**changes: object) -> bytes:
     ],
 )
 def test_a_network_that_breaks_the_contract_is_refused(content: bytes, message: str) -> None:
-    with pytest.raises(CalibrationError, match=rf"my bundle: the network.*{message}|my bundle: {message}") as error:
+    with pytest.raises(BundleError, match=rf"my bundle: the network.*{message}|my bundle: {message}") as error:
         GradientNetwork(content, (12, 16), noise_grey=1.0, source="my bundle")
     assert str(error.value).endswith("write a new bundle")
 
@@ -211,7 +211,7 @@ def test_a_network_that_breaks_the_contract_is_refused(content: bytes, message: 
 def test_a_network_is_loaded_from_a_file_and_a_missing_one_is_refused(tmp_path: Path) -> None:
     (tmp_path / "network.onnx").write_bytes(linear_network())
     assert GradientNetwork(tmp_path / "network.onnx", (12, 16), noise_grey=1.0).image_shape == (12, 16)
-    with pytest.raises(CalibrationError, match="cannot be loaded"):
+    with pytest.raises(BundleError, match="cannot be loaded"):
         GradientNetwork(tmp_path / "none.onnx", (12, 16), noise_grey=1.0)
 
 

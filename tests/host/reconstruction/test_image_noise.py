@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gellight.bundle.bundle import load_calibration
+from gellight.bundle.bundle import load_bundle
 from gellight.calibration.sensing import Watcher
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.gelnet import GradientNetwork
@@ -19,7 +19,7 @@ SIGMA = 1.5
 def plain() -> list[NDArray[np.uint8]]:
     """Frames of the untouched gel with white noise."""
     random = np.random.default_rng(5)
-    reference = load_calibration("synthetic").reference
+    reference = load_bundle("synthetic").reference
     return [
         np.rint(reference + random.normal(0, SIGMA, reference.shape)).clip(0, 255).astype(np.uint8)
         for _ in range(COUNT)
@@ -65,7 +65,7 @@ def test_gel_at_rest_stays_untouched_behind_a_camera_that_compresses(
     reference = mean_of(recorded)
     noise = measure_noise(recorded, reference)
     assert noise.white_grey > 1.5 * noise.pixel_grey
-    bundle = load_calibration("synthetic")
+    bundle = load_bundle("synthetic")
     difference = fresh - reference
     shares = {
         limit: GradientNetwork(bundle.network, bundle.image_shape, noise_grey=limit).touched(difference).mean()

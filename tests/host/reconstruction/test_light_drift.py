@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import load_calibration, write_calibration
+from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.evaluation.analytic_surfaces import gaussian
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pipeline import Reconstructor
-from tests.helpers.linear_sensor import linear_calibration, photograph
+from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (240, 320)
 
@@ -25,9 +25,9 @@ def test_the_drift_is_found_under_a_touch() -> None:
 
 @pytest.mark.parametrize("follow", [True, False])
 def test_a_frame_under_other_light_is_reconstructed_by_a_bundle_that_follows_it(tmp_path: Path, follow: bool) -> None:
-    plain = linear_calibration(tmp_path / "plain", SHAPE)
+    plain = linear_bundle(tmp_path / "plain", SHAPE)
     manifest = plain.manifest
-    write_calibration(
+    write_bundle(
         tmp_path / "bundle",
         sensor="drifting",
         reference=plain.reference,
@@ -41,6 +41,6 @@ def test_a_frame_under_other_light_is_reconstructed_by_a_bundle_that_follows_it(
     bump = gaussian(SHAPE, 12, (0, 0), height=10)
     frame = photograph(bump.gradient_map, noise_grey=1.0)
     brighter = CameraFrame(image=frame.image + np.array([9, 4, 0], np.uint8), time_s=0.0, sequence=1)
-    felt = Reconstructor(load_calibration(tmp_path / "bundle")).reconstruct(brighter)
+    felt = Reconstructor(load_bundle(tmp_path / "bundle")).reconstruct(brighter)
     error_mm = np.abs(felt.depth_mm - bump.depth * manifest.pixel_size_mm[0]).max()
     assert (error_mm < 0.03) == follow

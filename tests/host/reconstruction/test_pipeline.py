@@ -9,7 +9,7 @@ from gellight.base.errors import InputError
 from gellight.evaluation.analytic_surfaces import gaussian, smooth_cap
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.pipeline import STAGES, Reconstructor, far_from_touch
-from tests.helpers.linear_sensor import linear_calibration, photograph
+from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (240, 320)
 SIZE = 0.05
@@ -26,7 +26,7 @@ def angles_deg(normal_map: np.ndarray, gradient_map: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("place", [(10.3, -20.7), (150.0, 0.0)])
 def test_a_pressed_bump_comes_back_in_mm(tmp_path: Path, masked: bool, place: tuple[float, float]) -> None:
     bump = gaussian(SHAPE, 18, place, height=16)
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE), masked=masked)
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE), masked=masked)
     frame = reconstructor.reconstruct(photograph(bump.gradient_map, noise_grey=1.0))
     assert np.abs(frame.depth_mm - bump.depth * SIZE).max() < 0.012
     assert frame.contact.indentation_mm == pytest.approx(16 * SIZE, abs=0.012)
@@ -39,7 +39,7 @@ def test_a_pressed_bump_comes_back_in_mm(tmp_path: Path, masked: bool, place: tu
 
 
 def test_untouched_gel_is_exactly_flat(tmp_path: Path) -> None:
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     frame = reconstructor.reconstruct(photograph(np.zeros((*SHAPE, 2)), noise_grey=1.0))
     assert not frame.gradient_map.any()
     assert not frame.depth_mm.any()
@@ -51,7 +51,7 @@ def test_untouched_gel_is_exactly_flat(tmp_path: Path) -> None:
 def test_depth_is_zero_where_the_image_shows_no_touch_even_if_most_is_touched(tmp_path: Path) -> None:
     cap = smooth_cap(SHAPE, 290, (0, 0), height=40)
     assert (cap.depth > 0).mean() > 0.7
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     frame = reconstructor.reconstruct(photograph(cap.gradient_map, noise_grey=1.0))
     assert np.abs(frame.depth_mm - cap.depth * SIZE).max() < 0.04
     assert np.abs(frame.depth_mm[cap.depth == 0]).max() < 0.02
@@ -60,7 +60,7 @@ def test_depth_is_zero_where_the_image_shows_no_touch_even_if_most_is_touched(tm
 def test_a_bulge_around_the_touch_does_not_shift_the_zero(tmp_path: Path) -> None:
     """Depth counts from the gel at rest far away, and not from the gel that was pushed up beside the object."""
     pressed, bulge = gaussian(SHAPE, 12, (-90, 60), height=12), gaussian(SHAPE, 45, (-90, 60), height=-0.6)
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     frame = reconstructor.reconstruct(photograph(pressed.gradient_map + bulge.gradient_map, noise_grey=1.0))
     true_mm = (pressed.depth + bulge.depth) * SIZE
     assert np.abs(frame.depth_mm - true_mm).max() < 0.008
@@ -88,7 +88,7 @@ def test_rest_is_always_a_part_of_what_is_untouched(shape: tuple[int, int]) -> N
 
 
 def test_results_have_the_promised_types_and_stages(tmp_path: Path) -> None:
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     camera_frame = photograph(gaussian(SHAPE, 18, (0, 0), height=9).gradient_map)
     frame = reconstructor.reconstruct(camera_frame)
     assert frame.camera_frame is camera_frame
@@ -103,7 +103,7 @@ def test_results_have_the_promised_types_and_stages(tmp_path: Path) -> None:
 
 
 def test_a_later_frame_changes_nothing_of_an_earlier_one(tmp_path: Path) -> None:
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     first = reconstructor.reconstruct(photograph(gaussian(SHAPE, 18, (0, 0), height=9).gradient_map))
     arrays = (first.difference, first.gradient_map, first.normal_map, first.depth_mm, first.contact.mask)
     kept = [a.copy() for a in arrays]
@@ -114,10 +114,10 @@ def test_a_later_frame_changes_nothing_of_an_earlier_one(tmp_path: Path) -> None
 
 
 def test_the_same_frame_gives_the_same_result_on_any_number_of_threads(tmp_path: Path) -> None:
-    calibration = linear_calibration(tmp_path / "b", SHAPE)
+    bundle = linear_bundle(tmp_path / "b", SHAPE)
     camera_frame = photograph(gaussian(SHAPE, 18, (0, 0), height=9).gradient_map, noise_grey=1.0)
-    one = Reconstructor(calibration).reconstruct(camera_frame)
-    two = Reconstructor(calibration, threads=2).reconstruct(camera_frame)
+    one = Reconstructor(bundle).reconstruct(camera_frame)
+    two = Reconstructor(bundle, threads=2).reconstruct(camera_frame)
     np.testing.assert_allclose(one.depth_mm, two.depth_mm, atol=1e-6)
 
 
@@ -134,6 +134,6 @@ def test_the_same_frame_gives_the_same_result_on_any_number_of_threads(tmp_path:
     ],
 )
 def test_an_image_of_another_size_or_type_is_refused(tmp_path: Path, image: np.ndarray, message: str) -> None:
-    reconstructor = Reconstructor(linear_calibration(tmp_path / "b", SHAPE))
+    reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     with pytest.raises(InputError, match=message):
         reconstructor.reconstruct(CameraFrame(image=image, time_s=0, sequence=0, source="press.png"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, GellightError
-from gellight.bundle.bundle import Calibration, LedSetting, write_calibration
+from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frames.camera import ReconnectingError
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2.errors import BusyError, DeniedError
@@ -23,11 +23,11 @@ def bench(tmp_path: Path) -> Bench:
 
 
 @pytest.fixture
-def bundle(tmp_path: Path) -> Calibration:
+def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
 
 
-def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Calibration) -> None:
+def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         frame = camera.read()
@@ -47,13 +47,13 @@ def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Cali
 
 
 def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnection(
-    bench: Bench, bundle: Calibration, tmp_path: Path
+    bench: Bench, bundle: Bundle, tmp_path: Path
 ) -> None:
     device = bench.plug("1-2", "GL0001")
     darker = tuple(
         LedSetting(colour=led.colour, rgb=(led.rgb[0] // 2, led.rgb[1] // 2, 0)) for led in bundle.manifest.led
     )
-    other = write_calibration(
+    other = write_bundle(
         tmp_path / "other", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
         pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, led=darker,
         camera={"exposure_us": 16000, "format": "YUYV"},
@@ -77,7 +77,7 @@ def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnectio
 
 
 def test_a_sensor_that_was_opened_dark_is_dark_again_when_a_bundle_cannot_be_adopted(
-    bench: Bench, bundle: Calibration
+    bench: Bench, bundle: Bundle
 ) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open(f"auto?{SIZE}&exposure_us=4000") as camera:
@@ -93,7 +93,7 @@ def test_a_sensor_that_was_opened_dark_is_dark_again_when_a_bundle_cannot_be_ado
         assert camera.read().sequence == 0
 
 
-def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Calibration) -> None:
+def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto?format=YUYV&width=32&height=24") as camera:
         camera.read()
@@ -106,7 +106,7 @@ def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(benc
         assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
 
 
-def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, bundle: Calibration) -> None:
+def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     camera = bench.open("auto", bundle)
     camera.read()
@@ -127,7 +127,7 @@ def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, b
     assert not bench.kernel.opened
 
 
-def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Calibration) -> None:
+def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("sensor://GL0001?exposure_us=4000", bundle):
         assert device.controls[c.EXPOSURE].value == 40
@@ -171,7 +171,7 @@ def test_the_leds_are_dark_when_the_camera_cannot_be_used(bench: Bench, fault: d
     assert bench.all_dark()
 
 
-def test_the_leds_are_dark_and_the_camera_is_free_when_the_light_is_refused(bench: Bench, bundle: Calibration) -> None:
+def test_the_leds_are_dark_and_the_camera_is_free_when_the_light_is_refused(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     open_ring = bench.open_ring
 
@@ -187,9 +187,7 @@ def test_the_leds_are_dark_and_the_camera_is_free_when_the_light_is_refused(benc
     assert not bench.kernel.opened
 
 
-def test_an_unplugged_sensor_is_found_again_on_another_port_and_nothing_old_comes(
-    bench: Bench, bundle: Calibration
-) -> None:
+def test_an_unplugged_sensor_is_found_again_on_another_port_and_nothing_old_comes(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         frames = [camera.read() for _ in range(20)]
@@ -234,7 +232,7 @@ def test_a_sensor_whose_serial_number_is_shared_comes_back_only_at_its_port(benc
         assert camera.read().sequence == 1
 
 
-def test_a_stalled_camera_is_started_anew(bench: Bench, bundle: Calibration) -> None:
+def test_a_stalled_camera_is_started_anew(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
@@ -247,7 +245,7 @@ def test_a_stalled_camera_is_started_anew(bench: Bench, bundle: Calibration) -> 
         assert camera.status()["reconnections"] == 1
 
 
-def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundle: Calibration) -> None:
+def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
@@ -257,7 +255,7 @@ def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundl
             camera.read()
 
 
-def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Bench, bundle: Calibration) -> None:
+def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
@@ -271,7 +269,7 @@ def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Ben
 
 
 def test_leds_that_the_board_made_dark_are_lit_again_and_no_dark_frame_is_delivered(
-    bench: Bench, bundle: Calibration, caplog: pytest.LogCaptureFixture
+    bench: Bench, bundle: Bundle, caplog: pytest.LogCaptureFixture
 ) -> None:
     device = bench.plug("1-2", "GL0001")
     device.payload = lambda number: bytes([200 if bench.rings[0].lit.any() else 10, 128] * 32 * 24)
@@ -286,7 +284,7 @@ def test_leds_that_the_board_made_dark_are_lit_again_and_no_dark_frame_is_delive
     assert "made its LEDs dark (host silent); they are lit again" in caplog.text
 
 
-def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bundle: Calibration) -> None:
+def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
@@ -298,10 +296,10 @@ def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bu
 
 
 def test_a_bundle_that_does_not_tell_its_light_is_told(
-    bench: Bench, bundle: Calibration, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    bench: Bench, bundle: Bundle, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bench.plug("1-2", "GL0001")
-    unlit = write_calibration(
+    unlit = write_bundle(
         tmp_path / "unlit", sensor="GL0001", reference=np.full((24, 32, 3), 50.0), reference_frames=1, noise_grey=1.0,
         pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, camera={"format": "YUYV"},
     )  # fmt: skip
@@ -314,7 +312,7 @@ def test_a_bundle_that_does_not_tell_its_light_is_told(
     assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 
 
-def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: Bench, bundle: Calibration) -> None:
+def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
@@ -326,7 +324,7 @@ def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: 
         assert device.controls[c.EXPOSURE].value == 80
 
 
-def test_time_stamps_that_stand_still_are_not_believed_for_long(bench: Bench, bundle: Calibration) -> None:
+def test_time_stamps_that_stand_still_are_not_believed_for_long(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001", stamp=lambda number, time_s: 99.5 + number * 1e-6)
     with bench.open("auto", bundle) as camera:
         frame = camera.read()
@@ -334,7 +332,7 @@ def test_time_stamps_that_stand_still_are_not_believed_for_long(bench: Bench, bu
         assert camera.status()["wrong_stamps"] == 1
 
 
-def test_a_bundle_of_a_camera_with_other_controls_is_refused(bench: Bench, bundle: Calibration) -> None:
+def test_a_bundle_of_a_camera_with_other_controls_is_refused(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     del device.controls[c.WHITE_BALANCE]
     with pytest.raises(GellightError, match="no control white_balance_k"):

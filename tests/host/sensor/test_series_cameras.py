@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BoardError, CalibrationError, CameraError
+from gellight.base.errors import BoardError, BundleError, CameraError
 from gellight.base.settings import ReconstructionSettings
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
 from gellight.frames.camera import Camera
@@ -211,7 +211,7 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
     settings = ReconstructionSettings()
     assert frame_path(bundle, settings, network) is network  # type: ignore[arg-type]
     assert tactile_camera(inner, bundle, settings) is inner
-    with pytest.raises(CalibrationError, match=r"bundle has no lights.json.*gellight calibrate lights"):
+    with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
         frame_path(bundle, ReconstructionSettings(mode="hybrid"), network)  # type: ignore[arg-type]
-    with pytest.raises(CalibrationError, match=r"bundle has no lights.json.*gellight calibrate lights"):
+    with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
         tactile_camera(inner, bundle, ReconstructionSettings(mode="photometric"))

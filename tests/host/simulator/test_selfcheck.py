@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import load_calibration
+from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.selfcheck import SMOOTH, STEEP, SelfCheck, blocks
@@ -20,7 +20,7 @@ def camera() -> SimulatedCamera:
 
 @pytest.fixture(scope="module")
 def frame(camera: SimulatedCamera) -> TactileFrame:
-    return Reconstructor(load_calibration("synthetic")).reconstruct(camera.read())
+    return Reconstructor(load_bundle("synthetic")).reconstruct(camera.read())
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_another_light_than_the_real_one_shows_in_the_picture(judge: SelfCheck, 
 
 def test_a_steep_object_is_judged_by_the_bounds_for_steep_objects(camera: SimulatedCamera, judge: SelfCheck) -> None:
     camera.stage.press("PCONVEX", 0.8, 0.0, 0.0)
-    steep = Reconstructor(load_calibration("synthetic")).reconstruct(camera.read())
+    steep = Reconstructor(load_bundle("synthetic")).reconstruct(camera.read())
     assert judge.compare(steep).bounds == STEEP
     camera.stage.press("BALL", 1.0, 0.0, 0.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import LightLabel, LightState
 from gellight.simulator.scene import Press, Scene
 from tests.helpers.watched_sensor import WatchedSensor, dusty, torn
@@ -134,7 +134,7 @@ def test_a_gel_that_was_never_seen_at_rest_is_told_until_it_is(new_sensor: New) 
     assert sensor.watch.findings() == []
 
 
-def test_frames_under_another_light_are_not_judged(new_sensor: New, synthetic: Calibration) -> None:
+def test_frames_under_another_light_are_not_judged(new_sensor: New, synthetic: Bundle) -> None:
     sensor = new_sensor(1700)
     sensor.run(3)
     looks = sensor.watch.status()["looks"]

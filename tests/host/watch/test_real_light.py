@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import write_calibration
+from gellight.bundle.bundle import write_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.watch.monitor import PERIOD_S, Watch
@@ -20,7 +20,7 @@ NOISE_GREY = 2.0
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the real images beside the repository")
 def test_real_presses_are_touches_and_no_faults(tmp_path: Path) -> None:
     untouched = read_image(REAL / "background.png")
-    bundle = write_calibration(
+    bundle = write_bundle(
         tmp_path / "bundle",
         sensor="mini",
         reference=untouched.astype(float),

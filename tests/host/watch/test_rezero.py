@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
@@ -32,7 +32,7 @@ def fade(sensor: WatchedSensor, to: float, seconds: float) -> None:
         sensor.run(1.0)
 
 
-def test_slow_drift_is_followed_and_the_depth_returns_to_zero(new_sensor: New, synthetic: Calibration) -> None:
+def test_slow_drift_is_followed_and_the_depth_returns_to_zero(new_sensor: New, synthetic: Bundle) -> None:
     sensor = new_sensor(2000)
     sensor.run(3)
     fade(sensor, 0.96, 40)
@@ -81,7 +81,7 @@ def test_a_flat_plate_on_the_whole_gel_is_not_taken_for_light(
     assert sensor.watch.refusal(asked=True) == ""
 
 
-def test_a_touch_that_nobody_noticed_is_not_taken_into_the_zero(new_sensor: New, synthetic: Calibration) -> None:
+def test_a_touch_that_nobody_noticed_is_not_taken_into_the_zero(new_sensor: New, synthetic: Bundle) -> None:
     sensor = new_sensor(2150)
     fade(sensor, 0.97, 20)
     sensor.run(4, Press("BALL", 0.01, 4.0, 2.0))
@@ -117,7 +117,7 @@ def test_the_zero_does_not_follow_beyond_its_bound_nor_what_is_not_understood(ne
     assert strange.watch.refusal(asked=True) != ""
 
 
-def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic: Calibration) -> None:
+def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic: Bundle) -> None:
     sensor = new_sensor(2350)
     sensor.watch = Watch(synthetic, rezero=False)
     sensor.run(3)
@@ -128,7 +128,7 @@ def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic
 
 @pytest.mark.parametrize(("leds", "gain"), [({}, 0.93), ({0: 0.5}, 1.0), ({5: 0.0}, 1.0)])
 def test_the_expected_error_is_the_error_that_presses_then_show(
-    new_sensor: New, synthetic: Calibration, leds: dict[int, float], gain: float
+    new_sensor: New, synthetic: Bundle, leds: dict[int, float], gain: float
 ) -> None:
     sensor = new_sensor(2400)
     sensor.leds, sensor.gain = leds, np.full(3, gain)
@@ -158,7 +158,7 @@ def contact_error_deg(sensor: WatchedSensor, reconstructor: Reconstructor) -> fl
     return float(np.mean(errors))
 
 
-def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Calibration) -> None:
+def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Bundle) -> None:
     nothing = np.zeros((60, 80, 3), np.float32)
     reference = np.full_like(nothing, 100)
     errors = ErrorEstimate(synthetic).of(nothing, reference, nothing)
@@ -189,7 +189,7 @@ class FadingCamera(Camera):
 
 
 def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
-    new_sensor: New, synthetic: Calibration, monkeypatch: pytest.MonkeyPatch
+    new_sensor: New, synthetic: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
     camera = FadingCamera(new_sensor(2500), 0.97, 160)
@@ -202,10 +202,10 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
         assert isinstance(status, dict)
         assert status["zeros"] >= 1
         assert np.abs(Reconstructor(synthetic).reconstruct(frame.camera_frame).depth_mm).mean() > 0.05
-        assert daemon.calibration.identity == synthetic.identity, "a zero is no other calibration"
+        assert daemon.bundle.identity == synthetic.identity, "a zero is no other calibration"
 
 
-def test_a_daemon_without_a_watch_cannot_set_its_zero(synthetic: Calibration, new_sensor: New) -> None:
+def test_a_daemon_without_a_watch_cannot_set_its_zero(synthetic: Bundle, new_sensor: New) -> None:
     camera = FadingCamera(new_sensor(2600), 1.0, 2)
     with Daemon(camera, Reconstructor(synthetic)) as daemon, pytest.raises(InputError, match="not watched"):
         daemon.rezero()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration, extend_calibration
+from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.calibration.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.pins import dimples, marked, spots
 from gellight.frames.frames import CameraFrame
@@ -20,9 +20,7 @@ from gellight.report.pictures import Picture, write_png
 from gellight.training.training import read_reference
 
 
-def measure_lens(
-    calibration: Calibration, images: Sequence[Path], pitch_mm: float, reference: str | None = None
-) -> LensFit:
+def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, reference: str | None = None) -> LensFit:
     """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
 
     reference: the untouched gel, for pins that press into it: they are felt by the network of the bundle. Without it
@@ -32,23 +30,23 @@ def measure_lens(
         raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
     if not images:
         raise InputError("there is no picture: give at least one of the pin grid")
-    spacing = spacing_px(calibration.pixel_size_mm, pitch_mm)
-    feel = None if reference is None else _touching(calibration, reference)
+    spacing = spacing_px(bundle.pixel_size_mm, pitch_mm)
+    feel = None if reference is None else _touching(bundle, reference)
 
     def contrasts(path: Path) -> list[Floats]:
-        picture = _picture(path, calibration)
+        picture = _picture(path, bundle)
         return spots(picture.astype(np.float32), spacing) if feel is None else dimples(feel(picture), spacing)
 
-    size = calibration.pixel_size_mm
+    size = bundle.pixel_size_mm
     lattices = [read_pins(contrasts(path), pixel_size_mm=size, pitch_mm=pitch_mm, source=path) for path in images]
-    return fit_lens(lattices, calibration.image_shape, pitch_mm)
+    return fit_lens(lattices, bundle.image_shape, pitch_mm)
 
 
-def _touching(calibration: Calibration, reference: str) -> Callable[[Picture], Floats]:
+def _touching(bundle: Bundle, reference: str) -> Callable[[Picture], Floats]:
     """Return what feels the (H, W) depth in a picture, mm, over the picture as it was taken."""
     untouched = read_reference(reference)
-    calibration.check_fits(reference, untouched.image_shape)
-    bundle = calibration.with_reference(untouched.image, frames=untouched.frames)
+    bundle.check_fits(reference, untouched.image_shape)
+    bundle = bundle.with_reference(untouched.image, frames=untouched.frames)
     return depth_feeler(Reconstructor(bundle, undistorted=False))
 
 
@@ -62,19 +60,17 @@ def depth_feeler(reconstructor: Reconstructor) -> Callable[[Picture], Floats]:
     return feel
 
 
-def add_lens(
-    calibration: Calibration, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False
-) -> Calibration:
-    """Write the bundle with the lens as a new one and return it; CalibrationError where that cannot be."""
-    content = lens_json(fit, tuple(path.name for path in images), calibration)
-    return extend_calibration(calibration, out, {FILE_NAME: content}, overwrite=overwrite)
+def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False) -> Bundle:
+    """Write the bundle with the lens as a new one and return it; BundleError where that cannot be."""
+    content = lens_json(fit, tuple(path.name for path in images), bundle)
+    return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
 
 
-def figures(fit: LensFit, calibration: Calibration) -> dict[str, Any]:
+def figures(fit: LensFit, bundle: Bundle) -> dict[str, Any]:
     """Return what was measured, ready for JSON; mm at the size of a pixel in the middle of the picture."""
     x_mm, y_mm = fit.lens.mm_per_px
     mm = float(np.sqrt(x_mm * y_mm))
-    undistortion = Undistortion(fit.lens, calibration.pixel_size_mm, from_circles=False)
+    undistortion = Undistortion(fit.lens, bundle.pixel_size_mm, from_circles=False)
     return {
         "pins": fit.pins,
         "pictures": len(fit.lattices),
@@ -87,7 +83,7 @@ def figures(fit: LensFit, calibration: Calibration) -> dict[str, Any]:
         "k2": round(fit.lens.k2, 5),
         "centre_px": [round(c, 1) for c in fit.lens.centre_px],
         "middle_mm_per_px": [round(x_mm, 6), round(y_mm, 6)],
-        "bundle_mm_per_px": list(calibration.pixel_size_mm),
+        "bundle_mm_per_px": list(bundle.pixel_size_mm),
         "not_seen_share": round(float(1 - undistortion.seen.mean()), 4),
     }
 
@@ -100,13 +96,13 @@ def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
         raise InputError(f"{path} cannot be written ({error.strerror}): choose another place") from error
 
 
-def _picture(path: Path, calibration: Calibration) -> Picture:
+def _picture(path: Path, bundle: Bundle) -> Picture:
     picture: Picture = read_image(path)
-    calibration.check_fits(str(path), (picture.shape[0], picture.shape[1]))
+    bundle.check_fits(str(path), (picture.shape[0], picture.shape[1]))
     return picture
 
 
-def lens_json(fit: LensFit, images: tuple[str, ...], calibration: Calibration) -> bytes:
+def lens_json(fit: LensFit, images: tuple[str, ...], bundle: Bundle) -> bytes:
     """Return the content of the file for a bundle; one with presses learnt from contact circles."""
     lens = fit.lens
     record = LensRecord(
@@ -117,7 +113,7 @@ def lens_json(fit: LensFit, images: tuple[str, ...], calibration: Calibration) -
         k2=lens.k2,
         px_per_mm=lens.px_per_mm,
         origin_mm=lens.origin_mm,
-        learnt_from_circles="presses.npz" in calibration.files,
+        learnt_from_circles="presses.npz" in bundle.files,
         pitch_mm=fit.pitch_mm,
         images=images,
         pins=fit.pins,

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.settings import Settings
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.calibration.lights.ring_fit import RingFit, fit_ring
 from gellight.calibration.lights.taking import Progress, take_lights
 from gellight.opening import open_camera
@@ -29,14 +29,14 @@ def add_lights(
     """Measure the lights of the sensor and write the bundle, both as `settings` name them, with them to `out`.
 
     ring_from_light: take the geometry of the ring from the pictures, not from the settings.
-    Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or CalibrationError.
+    Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or BundleError.
     """
-    bundle = load_calibration(settings.sensor.calibration)
+    bundle = load_bundle(settings.sensor.calibration)
     ring = RingGeometry.from_overrides(settings.geometry.overrides())
     colours = led_colours(bundle, ring)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         if camera.image_shape != bundle.image_shape:
-            raise CalibrationError(
+            raise BundleError(
                 f"{camera.url} delivers {camera.image_shape[1]}x{camera.image_shape[0]} pixels, the calibration "
                 f"{bundle.source} is for {bundle.image_shape[1]}x{bundle.image_shape[0]}: choose the bundle of "
                 "this sensor"
@@ -63,16 +63,16 @@ def _facts(model: LightModel, fit: RingFit) -> dict[str, object]:
     }
 
 
-def led_colours(bundle: Calibration, ring: RingGeometry) -> NDArray[np.uint8]:
+def led_colours(bundle: Bundle, ring: RingGeometry) -> NDArray[np.uint8]:
     """Return the (K, 3) colours of the LEDs: those the bundle was calibrated with, else full on as `ring` has them.
 
-    Raises CalibrationError where the two disagree about which LED is of which colour.
+    Raises BundleError where the two disagree about which LED is of which colour.
     """
     if not bundle.manifest.led:
         return ring.colours
     found = "".join(led.colour for led in bundle.manifest.led)
     if found != ring.led_colours:
-        raise CalibrationError(
+        raise BundleError(
             f"{bundle.source} is of a ring {found}, the settings say {ring.led_colours}: correct led_colours in "
             "[geometry]"
         )

@@ -12,7 +12,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.calibration.lights.ring_fit import STEP_PX, coarse_points, flat_light, own_light
 from gellight.reconstruction.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
@@ -53,7 +53,7 @@ def light_model(
 ) -> LightModel:
     """Make the light model of a sensor from the pictures of its untouched gel.
 
-    Raises CalibrationError where a picture is too dark or clipped, where the fall-off of an LED is no smooth pattern,
+    Raises BundleError where a picture is too dark or clipped, where the fall-off of an LED is no smooth pattern,
     or where the LEDs shine from other places than `ring` says.
     """
     black = np.median(pictures.dark.reshape(-1, 3), axis=0)
@@ -87,12 +87,12 @@ def light_model(
 def _patterns(
     taken: dict[LightGroups, Array], colours: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array
 ) -> tuple[dict[LightGroups, Array], float]:
-    """Fit the light of the LEDs from linear pictures of both kinds of groups; CalibrationError where it is rough."""
+    """Fit the light of the LEDs from linear pictures of both kinds of groups; BundleError where it is rough."""
     lit = {LightGroups.SINGLES: single_leds(colours), LightGroups.TRIPLES: colour_triples(colours)}
     fits = {kind: fit_pattern(_levels(images, lit[kind], ring, crosstalk)) for kind, images in taken.items()}
     residual = max(missed for _, missed in fits.values())
     if residual > LARGEST_RESIDUAL:
-        raise CalibrationError(
+        raise BundleError(
             f"the light of single LEDs does not fall off smoothly over the gel ({residual:.1%} beside a smooth "
             "pattern): is something touching it? Lift it off, clean the gel, and take the lights again"
         )
@@ -102,7 +102,7 @@ def _patterns(
 def find_gamma(singles: Array, whole: Array) -> float:
     """Return the gamma under which pictures (K, H, W, 3) of single LEDs add up to the (H, W, 3) of all, black at 0.
 
-    The sum of (single / whole)^gamma falls with gamma and has to be 1. Raises CalibrationError where no gamma from 0.3
+    The sum of (single / whole)^gamma falls with gamma and has to be 1. Raises BundleError where no gamma from 0.3
     to 4 makes it so: the pictures are not of one exposure.
     """
     step = 4
@@ -112,7 +112,7 @@ def find_gamma(singles: Array, whole: Array) -> float:
         return float(np.log(np.median((shares**gamma).sum(axis=0))))
 
     if not excess(GAMMAS[0]) > 0 > excess(GAMMAS[1]):
-        raise CalibrationError(
+        raise BundleError(
             f"the pictures of single LEDs add up to {np.exp(excess(1.0)):.2f} of the whole ring's, which no camera "
             "curve explains: fix exposure, gain and white balance, keep other light out, and take the lights again"
         )
@@ -164,7 +164,7 @@ def _block_places(pixels: int) -> Array:
 
 
 def check_places(model: LightModel, pixel_size_mm: tuple[float, float]) -> None:
-    """Raise CalibrationError where an LED's pattern fits another LED's place better than its own.
+    """Raise BundleError where an LED's pattern fits another LED's place better than its own.
 
     Patterns are compared as logarithms, without what they have in common, on a coarse grid.
     """
@@ -176,7 +176,7 @@ def check_places(model: LightModel, pixel_size_mm: tuple[float, float]) -> None:
     wrong = np.flatnonzero(best != np.arange(len(best)))
     if len(wrong):
         led = int(wrong[0])
-        raise CalibrationError(
+        raise BundleError(
             f"LED {led} shines as if it were in the place of LED {int(best[led])} ({len(wrong)} of {len(best)} LEDs "
             "are elsewhere than [geometry] says): turn the ring or the camera, so that LED 0 is at the right of the "
             "picture and the others follow anticlockwise, and take the lights again"
@@ -190,14 +190,14 @@ def _unit(light: Array) -> Array:
 
 def _check_brightness(pictures: ReferencePictures, singles: Array, ring: RingGeometry) -> None:
     if pictures.whole.max() >= CLIPPED:
-        raise CalibrationError(
+        raise BundleError(
             f"the picture under the whole ring reaches {pictures.whole.max():.0f} of 255 grey levels: "
             "shorten the exposure and take the lights again"
         )
     for led, channel in enumerate(ring.channels):
         own = float(np.median(singles[led][..., channel]))
         if own < LEAST_GREY:
-            raise CalibrationError(
+            raise BundleError(
                 f"LED {led} alone shows {own:.1f} grey levels above black in its own channel "
                 f"{'RGB'[channel]}: is it lit? Lengthen the exposure, or see `gellight ring`"
             )

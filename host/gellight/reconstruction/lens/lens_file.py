@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import AwareDatetime, Field
 
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
 from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import Undistortion
@@ -33,20 +33,20 @@ class LensRecord(BundleFile):
     created: AwareDatetime
 
 
-def has_lens(calibration: Calibration) -> bool:
+def has_lens(bundle: Bundle) -> bool:
     """Tell whether the bundle knows its lens."""
-    return FILE_NAME in calibration.files
+    return FILE_NAME in bundle.files
 
 
-def read_record(calibration: Calibration) -> LensRecord:
-    """Return the checked content of the file; CalibrationError where it is damaged or of another picture size."""
-    return read_bundle_file(calibration, FILE_NAME, LensRecord, REMEDY)
+def read_record(bundle: Bundle) -> LensRecord:
+    """Return the checked content of the file; BundleError where it is damaged or of another picture size."""
+    return read_bundle_file(bundle, FILE_NAME, LensRecord, REMEDY)
 
 
-def read_undistortion(calibration: Calibration) -> Undistortion:
-    """Return the resampling of a bundle that has a lens; CalibrationError as `read_record`."""
-    record = read_record(calibration)
-    return Undistortion(lens_of(record), calibration.pixel_size_mm, from_circles=record.learnt_from_circles)
+def read_undistortion(bundle: Bundle) -> Undistortion:
+    """Return the resampling of a bundle that has a lens; BundleError as `read_record`."""
+    record = read_record(bundle)
+    return Undistortion(lens_of(record), bundle.pixel_size_mm, from_circles=record.learnt_from_circles)
 
 
 def lens_of(record: LensRecord) -> Lens:

@@ -28,7 +28,7 @@ class HybridReconstructor:
 
     def __init__(self, network: Reconstructor, stereo: PhotometricReconstructor) -> None:
         """Use these two paths, of one calibration."""
-        self.calibration = network.calibration
+        self.bundle = network.bundle
         self._network = network
         self._stereo = stereo
         self._error: NetworkError | None = None

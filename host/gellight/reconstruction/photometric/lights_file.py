@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from gellight.base.errors import CalibrationError
-from gellight.bundle.bundle import Calibration, extend_calibration
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
@@ -44,22 +44,22 @@ class LightRecord(BundleFile):
         return self
 
 
-def has_lights(calibration: Calibration) -> bool:
+def has_lights(bundle: Bundle) -> bool:
     """Tell whether the bundle knows its lights."""
-    return FILE_NAME in calibration.files
+    return FILE_NAME in bundle.files
 
 
-def read_lights(calibration: Calibration) -> LightModel:
-    """Return the light model of a bundle; CalibrationError where it has none, or one that does not fit it."""
-    if not has_lights(calibration):
-        raise CalibrationError(f"{calibration.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
-    return _model(read_bundle_file(calibration, FILE_NAME, LightRecord, REMEDY))
+def read_lights(bundle: Bundle) -> LightModel:
+    """Return the light model of a bundle; BundleError where it has none, or one that does not fit it."""
+    if not has_lights(bundle):
+        raise BundleError(f"{bundle.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
+    return _model(read_bundle_file(bundle, FILE_NAME, LightRecord, REMEDY))
 
 
-def write_lights(calibration: Calibration, model: LightModel, out: Path, *, overwrite: bool = False) -> Calibration:
-    """Write the bundle with the light model as a new one and return it; CalibrationError where that cannot be."""
+def write_lights(bundle: Bundle, model: LightModel, out: Path, *, overwrite: bool = False) -> Bundle:
+    """Write the bundle with the light model as a new one and return it; BundleError where that cannot be."""
     content = json.dumps(_record(model).model_dump()) + "\n"
-    return extend_calibration(calibration, out, {FILE_NAME: content.encode()}, overwrite=overwrite)
+    return extend_bundle(bundle, out, {FILE_NAME: content.encode()}, overwrite=overwrite)
 
 
 def _model(record: LightRecord) -> LightModel:

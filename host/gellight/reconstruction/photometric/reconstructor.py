@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, TactileFrame
 from gellight.frames.series import ExposureSeries
 from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
@@ -55,7 +55,7 @@ class PhotometricReconstructor:
 
     def __init__(
         self,
-        calibration: Calibration,
+        bundle: Bundle,
         model: LightModel,
         kind: LightGroups,
         *,
@@ -67,16 +67,14 @@ class PhotometricReconstructor:
         kind: the light groups of the series. smoothing_px: half width of the smoothing of the gradient map, as for
         GelNet. Raises ValueError where model and calibration are of different image sizes.
         """
-        if model.image_shape != calibration.image_shape:
-            raise ValueError(
-                f"the lights are for {model.image_shape} pixels, the calibration {calibration.image_shape}"
-            )
-        self.calibration = calibration
+        if model.image_shape != bundle.image_shape:
+            raise ValueError(f"the lights are for {model.image_shape} pixels, the calibration {bundle.image_shape}")
+        self.bundle = bundle
         self.model = model
         self._smoother = Smoother(smoothing_px)
         self.contact_threshold_mm = contact_threshold_mm
         self._shape = model.image_shape
-        self._points = gel_points(self._shape, calibration.pixel_size_mm)
+        self._points = gel_points(self._shape, bundle.pixel_size_mm)
         self._references = model.references(kind).astype(np.float32).reshape(len(model.colours), -1)
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
@@ -99,7 +97,7 @@ class PhotometricReconstructor:
                 "group: use --mode network"
             )
         series, watch = camera_frame, Watch()
-        noise = self.calibration.manifest.noise_grey
+        noise = self.bundle.manifest.noise_grey
         signals = signals_of(series.pictures, series.groups, self.model, noise)
         signals = without_shadows(signals, self._references)
         watch.lap("signals")
@@ -108,12 +106,12 @@ class PhotometricReconstructor:
         watch.lap("still")
         normal_map = normals(gradient_map)
         watch.lap("normals")
-        contact = find_contact(depth, self.calibration.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
+        contact = find_contact(depth, self.bundle.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
         watch.lap("contact")
         picture = self._picture(series, signals)
         return TactileFrame(
             camera_frame=picture,
-            difference=np.subtract(picture.image, self.calibration.reference, dtype=np.float32),
+            difference=np.subtract(picture.image, self.bundle.reference, dtype=np.float32),
             gradient_map=gradient_map,
             normal_map=normal_map,
             depth_mm=depth,
@@ -140,7 +138,7 @@ class PhotometricReconstructor:
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map, noise = self._slopes(scaled)
             depth = self._depth(gradient_map, scaled, signals)
-        gradient_map = self._smoother.of_surface(depth, self.calibration.pixel_size_mm, gradient_map, noise)
+        gradient_map = self._smoother.of_surface(depth, self.bundle.pixel_size_mm, gradient_map, noise)
         watch.lap("refined")
         return gradient_map, depth, used, predicted
 
@@ -156,7 +154,7 @@ class PhotometricReconstructor:
     def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
         """Integrate, and set the height by the gel at rest or by the light."""
         rest = far_from_touch(self._touched(gradient_map, scaled, signals))
-        depth = integrate(gradient_map, self.calibration.pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
+        depth = integrate(gradient_map, self.bundle.pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
         points = replace(self._points, z_mm=depth.reshape(-1))
         level = find_level(signals, self._references, points, self.model.ring)
         return depth + np.float32(level.correction_mm)
@@ -192,7 +190,7 @@ class PhotometricReconstructor:
         return scaled, used, predicted
 
     def _report(self, series: ExposureSeries, signals: Signals, used: Bools, predicted: Floats) -> ExposureReport:
-        noise = self.calibration.manifest.noise_grey
+        noise = self.bundle.manifest.noise_grey
         repetition = static_scene.change_of_repetition(series.opening.image, series.closing.image)
         misfit = static_scene.misfit(signals.grey, used, predicted, signals.deviation, self._shape)
         limit = static_scene.repetition_limit(noise)

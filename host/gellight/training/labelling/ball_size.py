@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.pipeline import Reconstructor
@@ -22,23 +22,23 @@ _INNER, _OUTER = 0.3, 0.85
 """in contact radii: where slopes are steep enough to measure, and clear of the rim"""
 
 
-def felt_radius_mm(calibration: Calibration, presses: Sequence[Press]) -> float:
+def felt_radius_mm(bundle: Bundle, presses: Sequence[Press]) -> float:
     """Return the radius of the ball, mm, that the slopes felt inside the circles fit best: median over the presses.
 
     Needs square pixels. Raises InputError without presses, or for images of another size.
     """
     if not presses:
         raise InputError("there are no presses to measure the ball by: give at least one")
-    reconstructor = Reconstructor(calibration, masked=False, undistorted=False)
-    return float(np.median([_radius_px(reconstructor, press) for press in presses])) * calibration.pixel_size_mm[0]
+    reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
+    return float(np.median([_radius_px(reconstructor, press) for press in presses])) * bundle.pixel_size_mm[0]
 
 
-def check_ball(calibration: Calibration, presses: Sequence[Press], ball: Ball) -> float:
+def check_ball(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> float:
     """Return `felt_radius_mm`, and raise InputError if it is not the radius of the ball that was named."""
-    felt = felt_radius_mm(calibration, presses)
+    felt = felt_radius_mm(bundle, presses)
     if abs(felt / ball.radius_mm - 1) > TOLERANCE:
         raise InputError(
-            f"the ball is said to have a radius of {ball.radius_mm:g} mm, but to {calibration.source} the presses look "
+            f"the ball is said to have a radius of {ball.radius_mm:g} mm, but to {bundle.source} the presses look "
             f"like a ball of {felt:.2f} mm: give that radius, press the right ball, or check the pixel size"
         )
     return felt

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration, load_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.calibration.lens.lattice import find_lattice
 from gellight.calibration.lens.lens_fit import LensFit, fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.pins import dimples, spots
@@ -26,7 +26,7 @@ from tests.helpers.distorted import (
     pin_picture,
     untouched,
 )
-from tests.helpers.linear_sensor import linear_calibration
+from tests.helpers.linear_sensor import linear_bundle
 
 BARREL = TrueLens(k1=-0.05, centre_px=(331.0, 230.0))
 DIVISION = DivisionLens(k1=-0.05, centre_px=(325.0, 247.0))
@@ -49,7 +49,7 @@ def measured(*pictures: np.ndarray, pitch_mm: float = 2.0) -> LensFit:
     return fit_lens(lattices, SHAPE, pitch_mm)
 
 
-def felt(bundle: Calibration, reference: np.ndarray, picture: np.ndarray) -> LensFit:
+def felt(bundle: Bundle, reference: np.ndarray, picture: np.ndarray) -> LensFit:
     """The lens by pins that press into the gel of a sensor."""
     reconstructor = Reconstructor(bundle.with_reference(reference, frames=20))
     depth = reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="")).depth_mm
@@ -84,7 +84,7 @@ def test_the_map_is_right_to_a_tenth_of_a_pixel_over_the_whole_picture(lens: Tru
 
 
 def test_pins_that_press_into_the_gel_are_felt_by_the_network(tmp_path: Path) -> None:
-    linear = linear_calibration(tmp_path / "linear", SHAPE, pixel_size_mm=SIZE_MM)
+    linear = linear_bundle(tmp_path / "linear", SHAPE, pixel_size_mm=SIZE_MM)
     fit = felt(linear, untouched(SHAPE), dimple_picture(BARREL, noise=2.0, seed=3))
     assert fit.pins > 200
     assert error_px(fit, BARREL) < 0.1
@@ -94,7 +94,7 @@ def test_pins_are_found_to_a_tenth_of_a_pixel_though_light_comes_from_another_si
     scene = Scene(SensorGeometry(image_width_px=640, image_height_px=480, pixel_size_mm=PIXEL_MM), CameraResponse())
     random = np.random.default_rng(0)
     picture = digitise(scene.show(Pressed("PINS", 0.2, 0.3, -0.2))[0], 1.0, random)
-    fit = felt(load_calibration("synthetic"), scene.show(None)[0], picture)
+    fit = felt(load_bundle("synthetic"), scene.show(None)[0], picture)
     assert fit.pins > 200
     assert fit.rms_after_px < 0.1
     assert error_px(fit, TrueLens()) < 0.1

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError, ConfigError
+from gellight.base.errors import BundleError, ConfigError
 from gellight.calibration.lights.reference_light import check_places, fit_pattern, light_model
 from gellight.reconstruction.photometric.light_model import LightGroups, signals_of
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
@@ -104,26 +104,26 @@ def test_two_leds_of_one_colour_cannot_be_told_apart(gel: Gel) -> None:
 def test_a_ring_that_is_turned_is_told(gel: Gel) -> None:
     model = gel.model()
     turned = {kind: np.roll(pattern, 1, axis=0) for kind, pattern in model.patterns.items()}
-    with pytest.raises(CalibrationError, match=r"LED 0 shines as if it were in the place of LED 11 \(12 of 12"):
+    with pytest.raises(BundleError, match=r"LED 0 shines as if it were in the place of LED 11 \(12 of 12"):
         check_places(replace(model, patterns=turned), PIXEL_MM)
 
 
 def test_a_dead_led_is_told(gel: Gel) -> None:
     pictures = gel.references(1)
     singles = (*pictures.singles[:5], pictures.dark, *pictures.singles[6:])
-    with pytest.raises(CalibrationError, match=r"LED 5 alone shows .* in its own channel G: is it lit"):
+    with pytest.raises(BundleError, match=r"LED 5 alone shows .* in its own channel G: is it lit"):
         light_model(replace(pictures, singles=singles), RING, RING.colours, PIXEL_MM)
 
 
 def test_pictures_of_different_exposures_are_told(gel: Gel) -> None:
     pictures = gel.references(1)
-    with pytest.raises(CalibrationError, match="no camera curve explains"):
+    with pytest.raises(BundleError, match="no camera curve explains"):
         light_model(replace(pictures, whole=pictures.whole * 0.05), RING, RING.colours, PIXEL_MM)
 
 
 def test_a_clipped_picture_is_told(gel: Gel) -> None:
     pictures = gel.references(1)
-    with pytest.raises(CalibrationError, match="reaches 255 of 255 grey levels: shorten the exposure"):
+    with pytest.raises(BundleError, match="reaches 255 of 255 grey levels: shorten the exposure"):
         light_model(replace(pictures, whole=pictures.whole * 0 + 255), RING, RING.colours, PIXEL_MM)
 
 
@@ -133,7 +133,7 @@ def test_an_object_in_the_gel_is_told() -> None:
     gel = Gel()
     for_good = gel.exact
     gel.exact = lambda press, group: for_good(Press("CCONVEX", 0.8), group)  # type: ignore[method-assign]
-    with pytest.raises(CalibrationError, match="is something touching it"):
+    with pytest.raises(BundleError, match="is something touching it"):
         gel.model(1)
 
 

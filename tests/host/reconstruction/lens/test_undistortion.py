@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.settings import ReconstructionSettings
-from gellight.bundle.bundle import Calibration, extend_calibration, load_calibration
+from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.daemon.modes import frame_path
 from gellight.evaluation.bench import frame_times
 from gellight.frames.frames import TactileFrame
@@ -16,7 +16,7 @@ from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import Undistortion, circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.distorted import TrueLens
-from tests.helpers.linear_sensor import linear_calibration, photograph
+from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (240, 320)
 PIXEL_MM = 0.1
@@ -29,7 +29,7 @@ BARREL = TrueLens(k1=-0.10, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), sha
 STRAIGHT = TrueLens(centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
 
 
-def with_lens(calibration: Calibration, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Calibration:
+def with_lens(bundle: Bundle, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
     record = LensRecord(
         image_width_px=SHAPE[1],
         image_height_px=SHAPE[0],
@@ -46,12 +46,12 @@ def with_lens(calibration: Calibration, folder: Path, lens: TrueLens, *, from_ci
         rms_after_px=0.02,
         created="2026-01-01T00:00:00Z",
     )
-    return extend_calibration(calibration, folder, {FILE_NAME: record.model_dump_json().encode()})
+    return extend_bundle(bundle, folder, {FILE_NAME: record.model_dump_json().encode()})
 
 
 @pytest.fixture
-def plain(tmp_path: Path) -> Calibration:
-    return linear_calibration(tmp_path / "plain", SHAPE, pixel_size_mm=(PIXEL_MM, PIXEL_MM))
+def plain(tmp_path: Path) -> Bundle:
+    return linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=(PIXEL_MM, PIXEL_MM))
 
 
 def cap_slopes(offset: np.ndarray, ball: float, contact: float) -> np.ndarray:
@@ -73,8 +73,8 @@ def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_ge
     assert radius * PIXEL_MM == pytest.approx(CONTACT_MM, rel=0.01)
 
 
-def felt(calibration: Calibration, slopes: np.ndarray) -> TactileFrame:
-    return Reconstructor(calibration).reconstruct(photograph(slopes))
+def felt(bundle: Bundle, slopes: np.ndarray) -> TactileFrame:
+    return Reconstructor(bundle).reconstruct(photograph(slopes))
 
 
 def extent_mm(frame: TactileFrame) -> tuple[float, float, np.ndarray]:
@@ -85,9 +85,7 @@ def extent_mm(frame: TactileFrame) -> tuple[float, float, np.ndarray]:
     return float(large), float(small), points.mean(axis=0)
 
 
-def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(
-    plain: Calibration, tmp_path: Path
-) -> None:
+def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(plain: Bundle, tmp_path: Path) -> None:
     slopes = cap_slopes(BARREL.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
     bent = felt(plain, slopes)
     straight = felt(with_lens(plain, tmp_path / "lens", BARREL), slopes)
@@ -103,7 +101,7 @@ def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(
 
 
 def test_a_network_that_learnt_from_circles_in_the_picture_also_feels_the_true_ball(
-    plain: Calibration, tmp_path: Path
+    plain: Bundle, tmp_path: Path
 ) -> None:
     centre_px = BARREL.to_picture(PLACE)
     rows, columns = np.indices(SHAPE)
@@ -119,7 +117,7 @@ def test_a_network_that_learnt_from_circles_in_the_picture_also_feels_the_true_b
     assert extent_mm(frame)[0] / extent_mm(frame)[1] == pytest.approx(1, abs=0.02)
 
 
-def test_a_lens_without_distortion_changes_nothing(plain: Calibration, tmp_path: Path) -> None:
+def test_a_lens_without_distortion_changes_nothing(plain: Bundle, tmp_path: Path) -> None:
     slopes = cap_slopes(STRAIGHT.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
     before = felt(plain, slopes)
     for from_circles in (False, True):
@@ -130,19 +128,19 @@ def test_a_lens_without_distortion_changes_nothing(plain: Calibration, tmp_path:
         assert (after.contact.mask == before.contact.mask).all()
 
 
-def test_without_the_file_there_is_no_such_stage(plain: Calibration, tmp_path: Path) -> None:
+def test_without_the_file_there_is_no_such_stage(plain: Bundle, tmp_path: Path) -> None:
     flat = np.zeros((*SHAPE, 2), np.float32)
     assert not has_lens(plain)
     assert "lens" not in felt(plain, flat).stage_seconds
     assert "lens" in felt(with_lens(plain, tmp_path / "lens", BARREL), flat).stage_seconds
 
 
-def test_a_bundle_with_a_lens_can_be_timed(plain: Calibration, tmp_path: Path) -> None:
+def test_a_bundle_with_a_lens_can_be_timed(plain: Bundle, tmp_path: Path) -> None:
     times = frame_times(with_lens(plain, tmp_path / "lens", BARREL), rounds=1)
     assert all("lens" in scene.stages for scene in times)
 
 
-def test_what_the_camera_does_not_see_is_not_felt(plain: Calibration, tmp_path: Path) -> None:
+def test_what_the_camera_does_not_see_is_not_felt(plain: Bundle, tmp_path: Path) -> None:
     pincushion = TrueLens(k1=0.1, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
     slopes = cap_slopes(pincushion.gel_of_pixels() - (14.0, 10.5), BALL_MM, CONTACT_MM)
     frame = felt(with_lens(plain, tmp_path / "lens", pincushion), slopes)
@@ -151,7 +149,7 @@ def test_what_the_camera_does_not_see_is_not_felt(plain: Calibration, tmp_path: 
     assert frame.depth_mm[-1, -1] == 0
 
 
-def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: Calibration, tmp_path: Path) -> None:
+def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: Bundle, tmp_path: Path) -> None:
     slopes = cap_slopes(STRAIGHT.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
     bundle = with_lens(plain, tmp_path / "lens", BARREL)
     over_picture = Reconstructor(bundle, undistorted=False).reconstruct(photograph(slopes))
@@ -165,22 +163,22 @@ def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: C
         (b'{"schema_version": 1}', "image_width_px"),
     ],
 )
-def test_a_damaged_lens_file_is_refused(plain: Calibration, tmp_path: Path, content: bytes, said: str) -> None:
-    bundle = extend_calibration(plain, tmp_path / "broken", {FILE_NAME: content})
-    with pytest.raises(CalibrationError, match=rf"lens.json: {said}.*gellight calibrate lens"):
+def test_a_damaged_lens_file_is_refused(plain: Bundle, tmp_path: Path, content: bytes, said: str) -> None:
+    bundle = extend_bundle(plain, tmp_path / "broken", {FILE_NAME: content})
+    with pytest.raises(BundleError, match=rf"lens.json: {said}.*gellight calibrate lens"):
         Reconstructor(bundle)
 
 
 def test_a_lens_of_another_picture_size_is_refused(tmp_path: Path) -> None:
-    small = linear_calibration(tmp_path / "small", (120, 160), pixel_size_mm=(PIXEL_MM, PIXEL_MM))
+    small = linear_bundle(tmp_path / "small", (120, 160), pixel_size_mm=(PIXEL_MM, PIXEL_MM))
     bundle = with_lens(small, tmp_path / "lens", BARREL)
-    with pytest.raises(CalibrationError, match="is for 320 x 240 px, the bundle for 160 x 120 px"):
+    with pytest.raises(BundleError, match="is for 320 x 240 px, the bundle for 160 x 120 px"):
         Reconstructor(bundle)
 
 
-def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Calibration, tmp_path: Path) -> None:
-    bundle = load_calibration(with_lens(plain, tmp_path / "lens", BARREL).source)
-    with pytest.raises(CalibrationError, match=r"has lens.json.*use network mode"):
+def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Bundle, tmp_path: Path) -> None:
+    bundle = load_bundle(with_lens(plain, tmp_path / "lens", BARREL).source)
+    with pytest.raises(BundleError, match=r"has lens.json.*use network mode"):
         frame_path(bundle, ReconstructionSettings(mode="hybrid"), Reconstructor(bundle))
 
 
@@ -209,5 +207,5 @@ def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:
     assert abs(int(moved_touch.sum()) - int(touched.sum())) < 0.02 * touched.sum()
 
 
-def test_the_lens_takes_part_in_the_identity_of_the_bundle(plain: Calibration, tmp_path: Path) -> None:
+def test_the_lens_takes_part_in_the_identity_of_the_bundle(plain: Bundle, tmp_path: Path) -> None:
     assert with_lens(plain, tmp_path / "lens", BARREL).identity != plain.identity

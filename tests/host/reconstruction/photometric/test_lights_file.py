@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import CalibrationError
+from gellight.base.errors import BundleError
 from gellight.base.settings import GeometrySettings, SensorSettings, Settings
-from gellight.bundle.bundle import Calibration, extend_calibration, load_calibration
+from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.calibration.lights.adding import led_colours
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.lights_file import FILE_NAME, has_lights, read_lights, write_lights
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from tests.helpers.linear_sensor import linear_calibration
+from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.simulated_gel import Gel
 
 
@@ -24,14 +24,14 @@ def model() -> LightModel:
 
 
 @pytest.fixture
-def bundle(tmp_path: Path) -> Calibration:
-    return linear_calibration(tmp_path / "bundle", (240, 320))
+def bundle(tmp_path: Path) -> Bundle:
+    return linear_bundle(tmp_path / "bundle", (240, 320))
 
 
-def test_what_is_written_is_read(bundle: Calibration, model: LightModel, tmp_path: Path) -> None:
+def test_what_is_written_is_read(bundle: Bundle, model: LightModel, tmp_path: Path) -> None:
     assert not has_lights(bundle)
     written = write_lights(bundle, model, tmp_path / "new")
-    again = read_lights(load_calibration(tmp_path / "new"))
+    again = read_lights(load_bundle(tmp_path / "new"))
     assert has_lights(written)
     for kind in LightGroups:
         np.testing.assert_allclose(again.references(kind), model.references(kind), rtol=1e-4)
@@ -41,8 +41,8 @@ def test_what_is_written_is_read(bundle: Calibration, model: LightModel, tmp_pat
     assert written.network == bundle.network
 
 
-def test_a_bundle_is_not_overwritten_unless_told(bundle: Calibration, model: LightModel, tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="exists: choose another name"):
+def test_a_bundle_is_not_overwritten_unless_told(bundle: Bundle, model: LightModel, tmp_path: Path) -> None:
+    with pytest.raises(BundleError, match="exists: choose another name"):
         write_lights(bundle, model, tmp_path / "bundle")
     assert has_lights(write_lights(bundle, model, tmp_path / "bundle", overwrite=True))
 
@@ -58,30 +58,30 @@ def test_a_bundle_is_not_overwritten_unless_told(bundle: Calibration, model: Lig
     ],
 )
 def test_a_damaged_file_is_refused(
-    bundle: Calibration, model: LightModel, tmp_path: Path, change: dict[str, object], words: str
+    bundle: Bundle, model: LightModel, tmp_path: Path, change: dict[str, object], words: str
 ) -> None:
     content = json.loads(write_lights(bundle, model, tmp_path / "good").files[FILE_NAME])
-    damaged = extend_calibration(bundle, tmp_path / "bad", {FILE_NAME: json.dumps(content | change).encode()})
-    with pytest.raises(CalibrationError, match=rf"lights.json: .*{words}.*gellight calibrate lights"):
+    damaged = extend_bundle(bundle, tmp_path / "bad", {FILE_NAME: json.dumps(content | change).encode()})
+    with pytest.raises(BundleError, match=rf"lights.json: .*{words}.*gellight calibrate lights"):
         read_lights(damaged)
 
 
-def test_lights_of_another_image_size_are_refused(bundle: Calibration, model: LightModel, tmp_path: Path) -> None:
+def test_lights_of_another_image_size_are_refused(bundle: Bundle, model: LightModel, tmp_path: Path) -> None:
     other = write_lights(bundle, replace(model, image_shape=(480, 640)), tmp_path / "other")
-    with pytest.raises(CalibrationError, match=r"is for 640 x 480 px, the bundle for 320 x 240"):
+    with pytest.raises(BundleError, match=r"is for 640 x 480 px, the bundle for 320 x 240"):
         read_lights(other)
 
 
 def test_the_shipped_bundle_knows_its_lights() -> None:
-    model = read_lights(load_calibration("synthetic"))
+    model = read_lights(load_bundle("synthetic"))
     assert model.ring == RingGeometry()
     assert model.exposure_us is not None
     assert model.pattern_residual < 0.005
 
 
 def test_colours_come_from_the_bundle_and_have_to_agree_with_the_settings() -> None:
-    shipped = load_calibration("synthetic")
+    shipped = load_bundle("synthetic")
     assert led_colours(shipped, RingGeometry())[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 255, 0], [0, 0, 255]]
     settings = Settings(sensor=SensorSettings(), geometry=GeometrySettings(led_colours="RGB" * 4))
-    with pytest.raises(CalibrationError, match=r"a ring RRRRGGGGBBBB, the settings say RGBRGB.*led_colours"):
+    with pytest.raises(BundleError, match=r"a ring RRRRGGGGBBBB, the settings say RGBRGB.*led_colours"):
         led_colours(shipped, RingGeometry.from_overrides(settings.geometry.overrides()))

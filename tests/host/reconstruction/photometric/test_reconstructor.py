@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Calibration, write_calibration
+from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.photometric.hybrid import HybridReconstructor, network_error
@@ -27,8 +27,8 @@ def gel() -> Gel:
 
 
 @pytest.fixture(scope="module")
-def bundle(gel: Gel, tmp_path_factory: pytest.TempPathFactory) -> Calibration:
-    return write_calibration(
+def bundle(gel: Gel, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    return write_bundle(
         tmp_path_factory.mktemp("photometric") / "bundle",
         sensor="simulated",
         reference=gel.mean(RING.colours, 8),
@@ -41,7 +41,7 @@ def bundle(gel: Gel, tmp_path_factory: pytest.TempPathFactory) -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def paths(gel: Gel, bundle: Calibration) -> dict[LightGroups, PhotometricReconstructor]:
+def paths(gel: Gel, bundle: Bundle) -> dict[LightGroups, PhotometricReconstructor]:
     model = gel.model(16)
     return {kind: PhotometricReconstructor(bundle, model, kind, smoothing_px=0) for kind in LightGroups}
 
@@ -179,7 +179,7 @@ def test_the_status_tells_of_the_last_series(gel: Gel, paths: dict[LightGroups, 
 
 
 def test_hybrid_measures_the_network_by_the_light_when_the_scene_rests(
-    gel: Gel, bundle: Calibration, paths: dict[LightGroups, PhotometricReconstructor]
+    gel: Gel, bundle: Bundle, paths: dict[LightGroups, PhotometricReconstructor]
 ) -> None:
     stereo = paths[LightGroups.TRIPLES]
     hybrid = HybridReconstructor(Reconstructor(bundle), stereo)
@@ -214,6 +214,6 @@ def test_two_equal_frames_have_no_error_and_an_untouched_gel_no_contact(
     assert network_error(felt, untouched).contact_px == 0
 
 
-def test_lights_of_another_size_are_refused(gel: Gel, bundle: Calibration) -> None:
+def test_lights_of_another_size_are_refused(gel: Gel, bundle: Bundle) -> None:
     with pytest.raises(ValueError, match="the lights are for"):
         PhotometricReconstructor(bundle, replace(gel.model(1), image_shape=(10, 10)), LightGroups.TRIPLES)
