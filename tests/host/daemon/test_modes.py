@@ -1,8 +1,6 @@
 """The modes as a user runs them, on the simulated sensor: board, ring, rolling shutter, exposure and all."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -12,13 +10,9 @@ from gellight.bundle.bundle import load_bundle
 from gellight.daemon.assembly import open_session
 from gellight.evaluation.simulated_presses import _Bench, object_presses
 from gellight.simulator.scene import Press
+from tests.helpers.children import gellight
 
-GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
-
-
-def gellight(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*GELLIGHT, *arguments], capture_output=True, text=True, timeout=200, check=False)
 
 
 def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
