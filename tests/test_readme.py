@@ -1,13 +1,13 @@
 """What the README promises runs."""
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 import gellight
+from tests.helpers.children import run
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -15,10 +15,10 @@ README = (ROOT / "README.md").read_text()
 
 @pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
 def test_the_program_in_the_readme_runs(block: str) -> None:
-    run = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert re.search(r"(0\.9\d|1\.0\d) mm deep", run.stdout), run.stdout
-    assert "(480, 640) (480, 640, 3)" in run.stdout
+    done = run([sys.executable, "-c", block])
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"(0\.9\d|1\.0\d) mm deep", done.stdout), done.stdout
+    assert "(480, 640) (480, 640, 3)" in done.stdout
 
 
 def test_every_file_the_documents_link_to_is_there() -> None:
@@ -43,5 +43,4 @@ def test_every_public_name_can_be_had(name: str) -> None:
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, gellight; print([m for m in ('numpy', 'cv2', 'onnxruntime', 'aiohttp') if m in sys.modules])"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
+    assert run([sys.executable, "-c", code], check=True).stdout.strip() == "[]"

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.calibrate import _ball_text, _read, _which_ball, app
+from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
+from gellight.cli.calibrate.verbs import app
 from gellight.reconstruction.integration import angle_deg
 from gellight.simulator.scene import Press, Scene
 from gellight.training import training
@@ -89,10 +90,10 @@ def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: 
 
 @pytest.mark.parametrize(("named", "warned"), [(3.0, True), (4.0, False), (5.0, True)])
 def test_a_ball_that_the_light_contradicts_is_warned_of(pressed: Path, named: float, warned: bool) -> None:
-    given = _read(pressed / "presses.csv", str(pressed / "untouched"), named, 0.2352)
-    told = "".join(_ball_text({**_which_ball(*given, None), "ball_radius_mm": named}))
-    assert bool(told) is warned
-    assert not warned or float(told.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
+    recorded = Recorded(pressed / "presses.csv", str(pressed / "untouched"), named, 0.2352)
+    warning = "".join(ball_warning(which_ball(*recorded.read(), None)["likely_ball_radius_mm"], named))
+    assert bool(warning) is warned
+    assert not warned or float(warning.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
 
 
 def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:
@@ -223,8 +224,8 @@ def test_one_press_is_not_enough_and_the_child_says_so(pressed: Path, tmp_path: 
 
 def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
     result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--recipe", "slow")
-    assert result.exit_code == 2
-    assert "fast, thorough, paper" in result.output
+    assert isinstance(result.exception, InputError)
+    assert "recipe 'slow': give one of fast, thorough, paper" in str(result.exception)
 
 
 def test_without_torch_the_error_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,9 @@
 """The command itself: its version, and how it ends."""
 
 import importlib.metadata
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +14,9 @@ from typer.testing import CliRunner
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli import main
+from gellight.cli.lazy import LazyVerb
 from gellight.cli.run import warn_of_foreign_bundle
+from tests.helpers.children import run
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:
@@ -20,16 +24,56 @@ def test_the_version_is_that_of_the_installed_package() -> None:
     assert (result.exit_code, result.output) == (0, f"gellight {importlib.metadata.version('gellight')}\n")
 
 
+def loaded(command: Any) -> Any:
+    return command.load() if isinstance(command, LazyVerb) else command
+
+
 def verbs(command: Any) -> Iterator[Any]:
+    """Yield a command, and every verb below it as its group shows it."""
     yield command
-    for name in getattr(command, "commands", {}):
-        yield from verbs(command.commands[name])
+    for verb in getattr(loaded(command), "commands", {}).values():
+        yield from verbs(verb)
+
+
+ALL = list(verbs(typer.main.get_command(main.app)))
+
+
+@pytest.mark.parametrize("verb", [verb for verb in ALL if isinstance(verb, LazyVerb)], ids=lambda verb: verb.home)
+def test_a_group_shows_of_a_verb_the_first_paragraph_of_its_help(verb: LazyVerb) -> None:
+    assert " ".join(verb.load().help.split("\n\n")[0].split()) == verb.help
+
+
+HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "own"),
+    [
+        ("--help", HEAVY | {"pydantic"} | {f"gellight.cli.{name}" for name in ("demo", "ring", "calibrate")}),
+        ("--version", HEAVY | {"pydantic"}),
+        ("find --help", HEAVY),
+        ("install-udev --help", HEAVY),
+        ("config show", HEAVY),
+        ("config --help", HEAVY),
+        ("firmware --help", HEAVY),
+        ("ring --help", HEAVY - {"numpy"}),
+    ],
+)
+def test_a_verb_imports_only_what_it_needs(arguments: str, own: set[str], tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom gellight.cli.main import run\n"
+        "try:\n    run()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "print(*sys.modules, file=sys.stderr)"
+    )
+    done = run([sys.executable, "-c", code, *arguments.split()], cwd=tmp_path, check=True)
+    imported = done.stderr.split()
+    assert "gellight.cli.main" in imported
+    assert own.isdisjoint(imported)
 
 
 def test_the_help_of_every_option_is_shown_as_it_is_written() -> None:
     """Square brackets would be taken for markup and vanish, and a default that is told in them too."""
-    found = list(verbs(typer.main.get_command(main.app)))
-    texts = [each.help for verb in found for each in (verb, *verb.params)]
+    texts = [each.help for verb in map(loaded, ALL) for each in (verb, *verb.params)]
     assert len(texts) > 100
     assert [text for text in texts if text and Text.from_markup(text).plain != text] == []
 

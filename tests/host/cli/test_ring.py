@@ -106,6 +106,7 @@ def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gellight.cli import simulated_board
     from gellight.ring.emulator import child
 
     started: list[child.SimulatedBoard] = []
@@ -116,7 +117,7 @@ def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) ->
             started.append(self)
             threading.Timer(0.2, self._process.kill).start()
 
-    monkeypatch.setattr(child, "SimulatedBoard", Noted)
+    monkeypatch.setattr(simulated_board, "SimulatedBoard", Noted)
     done = gellight("sim", "--seconds", "30")
     assert "has ended" in str(done.exception)
     assert not started[0].running

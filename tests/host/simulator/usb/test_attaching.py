@@ -3,10 +3,9 @@
 import os
 import re
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from gellight.simulator.usb.device import VirtualSensor, open_virtual
 from gellight.simulator.usb.geometry import sized_geometry
 from gellight.simulator.usb.server import UsbipServer
 from gellight.simulator.usb.usbip import import_device
+from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.usb_client import UsbClient
 
 TABLE = """hub port sta spd dev      sockfd local_busid
@@ -106,8 +106,7 @@ def test_only_a_simulated_sensor_can_be_virtual() -> None:
     ],
 )
 def test_the_verb_names_what_is_wrong_in_one_line(options: list[str], message: str) -> None:
-    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", "virtual-sensor", *options]
-    done = subprocess.run([*command, "--size", "32x24"], capture_output=True, text=True, timeout=60)
+    done = gellight("virtual-sensor", *options, "--size", "32x24")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert message in done.stderr
@@ -172,26 +171,22 @@ def test_the_emulated_firmware_answers_at_the_serial_endpoints_and_lights_the_pi
 
 
 def test_what_the_verb_offers_can_be_imported() -> None:
-    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", "virtual-sensor"]
     options = ["--sensor", "sim://?board=0", "--size", "32x24", "--listen", "127.0.0.1:0", "--seconds", "20"]
-    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as process:
-        try:
-            line = process.stdout.readline()
-            found = re.search(r"--tcp-port (\d+) ", line)
-            assert found, line
-            with socket.create_connection(("127.0.0.1", int(found[1]))) as connection:
-                assert import_device(connection, "1-1") == (0x10001, 3)
-                client = UsbClient(connection)
-                client.start()
-                assert client.payload().data.startswith(b"\xff\xd8")
-        finally:
-            process.terminate()
+    with started([*GELLIGHT, "virtual-sensor", *options], stdout=PIPE, text=True) as verb:
+        line = verb.stdout.readline()
+        found = re.search(r"--tcp-port (\d+) ", line)
+        assert found, line
+        with socket.create_connection(("127.0.0.1", int(found[1]))) as connection:
+            assert import_device(connection, "1-1") == (0x10001, 3)
+            client = UsbClient(connection)
+            client.start()
+            assert client.payload().data.startswith(b"\xff\xd8")
 
 
 def test_the_cable_that_a_fault_pulls_goes_into_the_next_port(monkeypatch: pytest.MonkeyPatch) -> None:
     ports: list[int | None] = []
     monkeypatch.setattr(virtual_sensor, "REPLUG_S", 0.01)
-    monkeypatch.setattr("gellight.simulator.usb.attaching.plug_in", lambda device, port: ports.append(port) or 3)
+    monkeypatch.setattr(virtual_sensor, "plug_in", lambda device, port: ports.append(port) or 3)
 
     class Unplugging:
         serial_number = "1"

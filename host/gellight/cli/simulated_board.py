@@ -1,27 +1,26 @@
 """`gellight sim`: a simulated board for any program that opens a serial port."""
 
+import time
 from typing import Annotated
 
 import typer
 
-from gellight.cli.bounds import MOST_SECONDS, between
+from gellight.base.errors import BoardError
+from gellight.cli.options import LONGEST_S, Seconds
+from gellight.ring.emulator.child import SimulatedBoard
 
 
 def command(
-    pty: Annotated[bool, typer.Option("--pty", help="serve a pseudo-terminal (the default and only way)")] = True,
-    seconds: Annotated[
-        float, typer.Option(help="end after so long, s; 0: at Ctrl-C", callback=between(0, MOST_SECONDS, "s"))
-    ] = 0,
+    pty: Annotated[bool, typer.Option("--pty", help="Serve a pseudo-terminal (the default and only way).")] = True,
+    seconds: Seconds = 0,
 ) -> None:
-    """Run the firmware in a simulated board behind a pseudo-terminal, and print its light."""
-    import time
+    """Run the firmware in a simulated board behind a pseudo-terminal.
 
-    from gellight.base.errors import BoardError
-    from gellight.ring.emulator.child import SimulatedBoard
-
+    Its light is printed whenever it changes.
+    """
     board = SimulatedBoard(pty=pty)
     print(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`", flush=True)
-    end, shown = time.monotonic() + (seconds or MOST_SECONDS), 0
+    end, shown = time.monotonic() + (seconds or LONGEST_S), 0
     try:
         while time.monotonic() < end:
             while shown < len(board.timeline):

@@ -2,14 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from gellight.base.errors import InputError
-
-if TYPE_CHECKING:
-    from gellight.training.labelling import Detection
+from gellight.cli.options import AsJson, Overwrite, refuse_existing
+from gellight.frames.image_files import image_files
+from gellight.training.labelling import Detection, detect, write_overlays, write_presses
+from gellight.training.presses import Ball
+from gellight.training.training import read_reference
 
 
 def command(
@@ -19,20 +21,15 @@ def command(
     pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")],
     out: Annotated[Path, typer.Option(help="csv to write: a row an image, as `fit` reads it")],
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures with the circles drawn in")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing csv")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print the circles as a JSON array")] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
     """Find the contact circle of a ball press in each image.
 
     An image without a usable press is listed with the reason and `fit` passes over it. The exit status is 0 if every
     image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then nothing is written.
     """
-    from gellight.training.labelling import detect, write_overlays, write_presses
-    from gellight.training.presses import Ball
-    from gellight.training.training import read_reference
-
-    if out.exists() and not overwrite:
-        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+    refuse_existing(out, overwrite)
     ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
     found = detect(_images(images), read_reference(reference).image, ball)
     refused = [detection for detection in found if detection.circle is None]
@@ -47,8 +44,6 @@ def command(
 
 
 def _images(texts: list[str]) -> list[Path]:
-    from gellight.frames.image_files import image_files
-
     paths = [path for text in texts for path in image_files(text)]
     twice = {path for path in paths if paths.count(path) > 1}
     if twice:
@@ -56,7 +51,7 @@ def _images(texts: list[str]) -> list[Path]:
     return paths
 
 
-def _table(found: "list[Detection]", out: Path) -> str:
+def _table(found: list[Detection], out: Path) -> str:
     lines = [f"{'image':<24}{'x':>9}{'y':>9}{'radius':>9}{'quality':>9}  px"]
     for detection in found:
         circle = detection.circle

@@ -5,25 +5,23 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.text import Text
 
 from gellight.base.errors import InputError
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from gellight.calibration.routine import Routine
+from gellight.calibration.routine import Routine
+from gellight.report.pictures import write_png
 
 POLL_S = 0.1
 KEYS = "n: next or enough   d: drop the last press   c X Y R: correct its circle, px   a: accept   q: stop"
 _ACTIONS = {"n": "next", "d": "drop", "c": "correct", "a": "accept", "q": "abort"}
 
 
-def follow(routine: "Routine", place: Path, *, interactive: bool, quiet: bool) -> None:
+def follow(routine: Routine, place: Path, *, interactive: bool, quiet: bool) -> None:
     """Show what the routine says until it ends, and hand it what the user types."""
-    from rich.console import Console
-    from rich.live import Live
-
     typed: SimpleQueue[str] = SimpleQueue()
     if interactive:
         threading.Thread(target=_read_lines, args=(typed,), daemon=True).start()
@@ -47,13 +45,13 @@ def follow(routine: "Routine", place: Path, *, interactive: bool, quiet: bool) -
         console.print()  # only a terminal is left on a new line
 
 
-def _read_lines(typed: "SimpleQueue[str]") -> None:
+def _read_lines(typed: SimpleQueue[str]) -> None:
     for line in sys.stdin:
         typed.put(line)
     typed.put("q")  # nobody can type any more
 
 
-def obey(routine: "Routine", line: str) -> str:
+def obey(routine: Routine, line: str) -> str:
     """Do what a line asks for; returns why it cannot be done, empty otherwise."""
     words = line.split() or ["n"]
     action = _ACTIONS.get(words[0].lower(), words[0])
@@ -66,22 +64,19 @@ def obey(routine: "Routine", line: str) -> str:
     return ""
 
 
-def _show_pictures(routine: "Routine", place: Path, shown: dict[str, object]) -> None:
-    """A terminal shows no pictures: the last press lies beside the state, written when it is a new one."""
-    from gellight.report.pictures import write_png
+def _show_pictures(routine: Routine, place: Path, shown: dict[str, object]) -> None:
+    """Write the pictures that are new into the folder of the state, because a terminal shows none."""
 
     pictures = routine.pictures()
     for name in ("press", "cylinder", "pins"):
         if pictures.get(name) is not shown.get(name):
             shown[name] = pictures[name]
-            with suppress(OSError):  # of a full disk the routine tells, which cannot go on
+            with suppress(OSError):  # the routine reports a full disk, because it cannot go on
                 write_png(place / f"{name}.png", pictures[name])
 
 
-def screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> "RenderableType":
+def screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> RenderableType:
     """Return what is shown of a snapshot of the routine, with what was refused last; keys: explain the keys."""
-    from rich.console import Group
-    from rich.text import Text
 
     marks = {"done": "●", "now": "◐", "to do": "○"}
     head = "  ".join(f"{marks[step['state']]} {step['name'].replace('_', ' ')}" for step in snapshot["steps"])

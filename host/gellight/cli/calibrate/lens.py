@@ -6,12 +6,18 @@ from typing import Annotated, Any
 
 import typer
 
+from gellight.bundle.bundle import load_bundle
+from gellight.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
+from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.frames.image_files import image_files
 
+
+@with_options
 def command(
     images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="pictures of the grid: files or folders")],
     pitch_mm: Annotated[float, typer.Option(help="distance of two neighbouring pins of the square grid, mm")],
     calibration: Annotated[str, typer.Option(help="bundle that the lens is added to")],
-    out: Annotated[Path, typer.Option(help="folder of the calibration bundle to write")],
+    new: NewBundle,
     reference: Annotated[
         str | None,
         typer.Option(
@@ -19,26 +25,20 @@ def command(
         ),
     ] = None,
     overlay: Annotated[Path | None, typer.Option(help="PNG file to draw the pins of the first picture into")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace an existing bundle")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Measure the distortion of the lens from pictures of a grid of pins, and write the bundle with it.
+    """Measure the distortion of the lens and write the bundle with it.
 
-    Depth, contact and slopes are then over the undistorted gel. Without such a file in its bundle nothing changes.
+    The pictures show a grid of pins. Depth, contact and slopes are then over the undistorted gel. Without such a file
+    in its bundle nothing changes.
     """
-    from gellight.bundle.bundle import load_bundle
-    from gellight.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
-    from gellight.frames.image_files import image_files
-
-    if out.exists() and not overwrite:
-        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
     bundle = load_bundle(calibration)
     paths = [path for text in images for path in image_files(text)]
     fit = measure_lens(bundle, paths, pitch_mm, reference)
     if overlay is not None:
         write_overlay(overlay, paths[0], fit)
-    written = add_lens(bundle, fit, paths, out, overwrite=overwrite)
-    result = {"calibration": str(out), "identity": written.identity, **figures(fit, bundle)}
+    written = add_lens(bundle, fit, paths, new.out, overwrite=new.overwrite)
+    result = {"calibration": str(new.out), "identity": written.identity, **figures(fit, bundle)}
     typer.echo(json.dumps(result, indent=2) if as_json else _text(result))
 
 
