@@ -161,34 +161,3 @@ class UsbTransport:
         except self._usb.core.USBError as error:
             logger.debug("the board went before it was closed: %s", error)
         self._usb.util.dispose_resources(self._device)
-
-
-class VirtualTransport:
-    """An emulated board in this process, on virtual time: a timeout passes in no time. For tests and experiments."""
-
-    url = "virtual"
-
-    def __init__(self, board: Any) -> None:
-        """Take an `EmulatedBoard`, wait for its USB, and raise DTR."""
-        self.board = board
-        if not board.run_until(lambda: board.host.configured, 200_000):
-            raise BoardError(f"the firmware did not enumerate: {board.faults or 'no fault was noticed'}")
-        board.host.open()
-        board.run_until(lambda: board.host.opened, 100_000)
-
-    def write(self, data: bytes) -> None:
-        """Queue the bytes for the bus."""
-        self.board.host.send(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        """Let virtual time pass until bytes arrive."""
-        self.board.run_until(lambda: self.board.host.received, timeout_s * 1e6)
-        data = bytes(self.board.host.received)
-        self.board.host.received.clear()
-        return data
-
-    def close(self) -> None:
-        """Drop DTR and give the board time to notice."""
-        if self.board.powered:
-            self.board.host.close()
-            self.board.run(5_000)

@@ -6,8 +6,8 @@ from typing import Protocol
 from gellight.base.errors import ConfigError, InputError
 from gellight.frames.camera import Camera
 from gellight.ring.emulator.child import SimulatedBoard
-from gellight.ring.emulator.waveform import LED_COUNT
 from gellight.ring.light_ring import LightRing
+from gellight.ring.wire import LED_COUNT
 
 
 class Body(Protocol):
