@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gellight.simulator.usb.device import VirtualSensor
-from tests.vm.bench import Bench
-from tests.vm.machine import Call, Guest
+from tests.vm.machine.bench import Bench
+from tests.vm.machine.qemu import Call, Guest
 
 PIXEL_MM = 0.0588 * 640 / 320
 MIDDLE_PX = np.array([159.5, 119.5])

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tests.vm.machine import Guest
+from tests.vm.machine.qemu import Guest
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from tests.vm.bench import LIT, ONE, TWO, Bench, sized
-from tests.vm.machine import Guest, hardware_virtualisation
-from tests.vm.tiny import tiny_bundle
+from tests.vm.machine.bench import LIT, ONE, TWO, Bench, sized
+from tests.vm.machine.qemu import Guest, hardware_virtualisation
+from tests.vm.machine.tiny_bundle import tiny_bundle
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -20,7 +20,7 @@ def _heavy_modules(guest: Guest) -> None:
         "gellight.simulator.usb.device",
         "gellight.daemon.desk",
         "gellight.dashboard.server",
-        "tests.vm.serving",
+        "tests.vm.inside.serving",
     )
 
 
@@ -94,7 +94,7 @@ def test_find_names_the_sensor_and_doctor_finds_it_well(guest: Guest, bench: Ben
 def test_the_udev_rule_gives_the_sensor_to_the_video_group(guest: Guest, bench: Bench) -> None:
     assert guest.run("sensing:gellight", arguments=["install-udev"], limit_s=60)["status"] == 0
     bench.plug("one", 0)
-    assert guest.run("guest:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
+    assert guest.run("plugging:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
 
 
 def test_the_guest_can_plug_a_virtual_sensor_into_itself(guest: Guest, bench: Bench) -> None:
