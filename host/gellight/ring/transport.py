@@ -11,13 +11,20 @@ from typing import Any, Protocol
 
 from gellight.base.errors import BoardError
 from gellight.base.holders import holders_text
+from gellight.ring.usb_numbers import (
+    DATA_INTERFACE,
+    DTR,
+    IN_ENDPOINT,
+    OUT_ENDPOINT,
+    PRODUCT,
+    RTS,
+    SET_CONTROL_LINE_STATE,
+    VENDOR,
+)
 
 logger = logging.getLogger(__name__)
 
-VENDOR, PRODUCT = 0x1209, 0x0001
 USB_TIMEOUT_MS = 1000
-OUT_ENDPOINT, IN_ENDPOINT, DATA_INTERFACE = 0x02, 0x82, 1
-SET_CONTROL_LINE_STATE = 0x22
 
 
 class Transport(Protocol):
@@ -131,7 +138,7 @@ class UsbTransport:
                 if self._device.is_kernel_driver_active(interface):
                     self._device.detach_kernel_driver(interface)
             usb.util.claim_interface(self._device, DATA_INTERFACE)
-            self._lines(3)
+            self._lines(DTR | RTS)
         except usb.core.USBError as error:
             raise BoardError(f"cannot use {url} ({error}): install the udev rule or use serial://") from error
 
