@@ -27,7 +27,7 @@ def command(
     from gellight.simulator.usb import vhci
     from gellight.simulator.usb.device import open_virtual
     from gellight.simulator.usb.faults import parse_faults
-    from gellight.simulator.usb.geometry import sized_geometry
+    from gellight.simulator.usb.picture_size import sized_geometry
 
     if listen is None:
         vhci.choose_port(port)
@@ -41,7 +41,7 @@ def hold(device: "VirtualSensor", port: int | None, seconds: float) -> None:
     """Keep the sensor plugged in; when the cable is pulled (a fault) plug it into the next port a while later."""
     import time
 
-    from gellight.simulator.usb.attaching import plug_in
+    from gellight.simulator.usb.vhci import plug_in
 
     end = time.monotonic() + (seconds or 1e9)
     while time.monotonic() < end:
@@ -58,7 +58,7 @@ def serve(device: "VirtualSensor", address: str, seconds: float) -> None:
     """Offer the sensor over the network until the time is over."""
     import time
 
-    from gellight.simulator.usb.server import PORT, UsbipServer
+    from gellight.simulator.usb.usbip_server import PORT, UsbipServer
 
     host, _, number = address.rpartition(":") if ":" in address else (address, "", str(PORT))
     if not number.isdecimal():
