@@ -18,7 +18,8 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.judging import FrameJudge
 from gellight.frames.series import ExposureSeries
 from gellight.frames.timing import CameraTiming
-from gellight.reconstruction.photometric.static_scene import block_means, repetition_limit
+from gellight.reconstruction.photometric.static_scene import BLOCK_PX, repetition_limit
+from gellight.reconstruction.pixel_grid import block_means
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.lighting.hold import MOST_ATTEMPTS, Hold, still_lit
 
@@ -266,5 +267,5 @@ def as_series(
 
 
 def _small(image: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
-    """(3, H / 16, W / 16) means over blocks of every other pixel."""
-    return block_means(np.ascontiguousarray(np.moveaxis(image[::2, ::2], 2, 0), np.float32))
+    """(H / 16, W / 16, 3) means over blocks of every other pixel."""
+    return block_means(image[::2, ::2], BLOCK_PX)
