@@ -9,13 +9,10 @@ import time
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
-
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore, StoredBundle
 from gellight.calibration.choices import Limits
-from gellight.calibration.preparing import apply_calibration
 from gellight.frames.camera import Camera
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing, RefusedError
@@ -94,7 +91,7 @@ def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, ca
     if ring is not None:
         remember(ring, bundle)
     if camera is not None:
-        apply_calibration(camera, bundle)
+        camera.adopt(bundle.controls, bundle.colours)
     return Installed(bundle=served, remembered=ring is not None)
 
 
@@ -138,8 +135,7 @@ def remember(ring: LightRing, bundle: Bundle) -> None:
     try:
         _configure(ring, replace(configuration, bundle=identity))
     finally:
-        if bundle.manifest.led:
-            ring.wait_for_light(ring.set_leds(np.array([led.rgb for led in bundle.manifest.led], np.uint8)).light_id)
+        ring.light(bundle.colours)
 
 
 def _configure(ring: LightRing, configuration: Configuration) -> None:

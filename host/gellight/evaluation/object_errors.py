@@ -10,7 +10,6 @@ import numpy as np
 
 from gellight.base.errors import CameraError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
-from gellight.calibration.preparing import apply_calibration
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
@@ -45,10 +44,9 @@ def object_errors(
     nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
     """
     bundle = load_bundle(source)
-    with open_camera(url, geometry=geometry) as camera:
+    with open_camera(url, geometry=geometry, bundle=bundle) as camera:
         if camera.stage is None:
             raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
-        apply_calibration(camera, bundle)
         camera.stage.take_over()
         for _ in range(_SETTLE_FRAMES):
             camera.read()
@@ -64,7 +62,7 @@ def _lit_frame(camera: Camera, bundle: Bundle) -> CameraFrame:
         frame = camera.read()
         if frame.light is None or not len(wanted) or np.array_equal(frame.light, wanted):
             return frame
-        apply_calibration(camera, bundle)
+        camera.adopt(bundle.controls, bundle.colours)
     raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
 
 

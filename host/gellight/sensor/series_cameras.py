@@ -6,13 +6,13 @@ as lost: the sequence numbers go on as if the camera had rested meanwhile.
 
 import logging
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.judging import FrameJudge
@@ -73,9 +73,9 @@ class RingCamera(Camera):
         """Return what is known of the camera inside."""
         return self._camera.status()
 
-    def adopt(self, bundle: Bundle) -> None:
-        """Let the camera inside go by another bundle."""
-        self._camera.adopt(bundle)
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the camera inside."""
+        self._camera.adopt(controls, colours)
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return the judge of the camera."""

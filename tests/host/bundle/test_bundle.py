@@ -15,6 +15,7 @@ from gellight.base import writing
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import LedSetting, load_bundle, pack_bundle, save_bundle, write_bundle
 from tests.helpers.linear_sensor import linear_bundle, linear_network, reference_image
+from tests.helpers.sensor_bench import lit_bundle
 
 SHAPE = (24, 32)
 
@@ -336,3 +337,18 @@ def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
 def test_manifests_are_toml_without_nulls(bundle: Path) -> None:
     assert "created = 20" in (bundle / "manifest.toml").read_text()
     assert tomli_w.dumps(load_bundle(bundle).manifest.model_dump()) == (bundle / "manifest.toml").read_text()
+
+
+def test_a_bundle_tells_the_controls_and_the_colours_of_its_sensor_and_not_how_the_camera_is_opened(
+    bundle: Path, tmp_path: Path
+) -> None:
+    plain = load_bundle(bundle)
+    assert plain.controls == {}
+    assert plain.colours is None
+    full = lit_bundle(tmp_path / "lit")
+    assert full.controls == {"exposure_us": 8000.0, "white_balance_k": 5000.0}
+    assert full.colours is not None
+    assert full.colours[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 200, 0], [0, 0, 90]]
+    rewrite_manifest(tmp_path / "lit", "exposure_us = 8000", 'exposure_us = "long"')
+    with pytest.raises(BundleError, match=r"camera\.exposure_us = 'long' is no number: calibrate the sensor again"):
+        _ = load_bundle(tmp_path / "lit").controls
