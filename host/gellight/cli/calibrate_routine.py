@@ -80,7 +80,8 @@ def command(
     """Calibrate a sensor: guided, step by step, or by itself; the verbs work on recorded images and on bundles."""
     if context.invoked_subcommand:
         return
-    from gellight.calibration.choices import Limits, RoutineOptions
+    from gellight.bundle.limits import Limits
+    from gellight.calibration.choices import RoutineOptions
 
     place = folder or out.with_name(out.name + ".state")
     _choose_state(place, resume=resume, restart=restart)

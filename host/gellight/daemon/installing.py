@@ -11,8 +11,8 @@ from typing import Protocol
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore, StoredBundle
-from gellight.calibration.choices import Limits
 from gellight.frames.camera import Camera
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing, RefusedError
@@ -64,7 +64,7 @@ def install(
     camera do not answer: the bundle is in service then, and they have to be told again.
     """
     check_sensor(bundle, sensor)
-    check_verified(bundle, limits or Limits())
+    (limits or Limits()).check(bundle)
     return _serve(store.add(bundle), store, running, camera)
 
 
@@ -101,23 +101,6 @@ def check_sensor(bundle: Bundle, sensor: str) -> None:
         raise BundleError(
             f"{bundle.source} is the bundle of sensor {bundle.manifest.sensor!r}, this is {sensor!r}: nothing was "
             "replaced; calibrate this sensor, or give the bundle of this one"
-        )
-
-
-def check_verified(bundle: Bundle, limits: Limits) -> None:
-    """Raise BundleError unless fresh presses have shown the bundle to be within the limits."""
-    figures = bundle.metrics.get("verification", {})
-    try:
-        depth_mm, normal_deg = float(figures["depth_mm"]), float(figures["normal_deg"])
-    except (TypeError, KeyError, ValueError) as error:
-        raise BundleError(
-            f"{bundle.source} was never verified on fresh presses: run `gellight calibrate`, whose last step does that"
-        ) from error
-    if not (depth_mm <= limits.depth_mm and normal_deg <= limits.normal_deg):
-        raise BundleError(
-            f"{bundle.source} did not pass its verification (depth {depth_mm * 1000:.0f} um, normals {normal_deg:.1f} "
-            f"degrees; allowed are {limits.depth_mm * 1000:.0f} um and {limits.normal_deg:g} degrees): nothing was "
-            "replaced; calibrate again"
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+from gellight.base import writing
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import LedSetting, load_bundle, pack_bundle, save_bundle, write_bundle
 from tests.helpers.linear_sensor import linear_bundle, linear_network, reference_image
@@ -140,15 +141,15 @@ def test_a_file_in_the_place_of_a_bundle_is_replaced_only_when_told(tmp_path: Pa
 def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool) -> None:
     target = bundle if overwrite else bundle.parent / "other"
     before = sorted(str(p) for p in bundle.parent.rglob("*"))
-    write = Path.write_bytes
+    flush = os.fsync
 
-    def full(path: Path, content: bytes) -> int:
-        if path.name == "network.onnx":
-            write(path, content[:10])
+    def full(handle: int) -> None:
+        if Path(f"/proc/self/fd/{handle}").readlink().name == "network.onnx":
+            os.ftruncate(handle, 10)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, content)
+        flush(handle)
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(BundleError, match=r"not written \(No space left on device\): free some space"):
         linear_bundle(target, SHAPE, overwrite=overwrite)
     assert sorted(str(p) for p in bundle.parent.rglob("*")) == before
@@ -156,6 +157,9 @@ def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.Mon
 
 
 def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def cannot(one: bytes, other: bytes) -> None:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+
     rename = Path.rename
 
     def refuse(path: Path, target: Path) -> Path:
@@ -163,6 +167,7 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
             raise OSError(errno.EACCES, os.strerror(errno.EACCES))
         return rename(path, target)
 
+    monkeypatch.setattr(writing, "_rename_exchange", cannot)
     monkeypatch.setattr(Path, "rename", refuse)
     with pytest.raises(BundleError, match="check the folder and its permissions"):
         linear_bundle(bundle, (48, 64), overwrite=True)

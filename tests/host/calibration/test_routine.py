@@ -12,8 +12,9 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import load_bundle
+from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
-from gellight.calibration.choices import Limits, RoutineOptions
+from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.routine import Routine
 from gellight.evaluation.object_errors import object_errors, summary
 from gellight.frames.camera import Camera
