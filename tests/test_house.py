@@ -38,7 +38,7 @@ DOORS = {
     ),
     "onnxruntime": ("reconstruction/gelnet.py", "evaluation/bench.py"),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
-    "usb": ("ring/transport.py", "ring/firmware/flash.py", "ring/emulator/"),
+    "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),
     "typer": ("cli/",),
     "rich": ("cli/",),

@@ -1,10 +1,12 @@
 """The state of a calibration on disk: every figure, picture and press is there as soon as it is known.
 
-state.json        what is done, written whole or not at all
+state.json        what is done
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
 grids/*.png       the pin grid
+
+Each file is written whole or not at all, and is on the disk when the call that wrote it returns.
 """
 
 import io
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
-from gellight.base.writing import write_file
+from gellight.base.writing import make_folder, write_file
 from gellight.calibration.bulletin import Picture
 from gellight.report.pictures import write_png
 from gellight.training.presses import Press
@@ -210,6 +212,6 @@ def _writing(path: Path) -> Iterator[None]:
 
 def _made(path: Path) -> None:
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        make_folder(path)
     except OSError as error:
         raise InputError(f"folder {path} cannot be made ({error.strerror}): give another one") from error

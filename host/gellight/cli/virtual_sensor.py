@@ -9,11 +9,11 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.options import LONGEST_S, Seconds
 from gellight.simulator.usb import vhci
-from gellight.simulator.usb.attaching import plug_in
 from gellight.simulator.usb.device import VirtualSensor, open_virtual
 from gellight.simulator.usb.faults import parse_faults
-from gellight.simulator.usb.geometry import sized_geometry
-from gellight.simulator.usb.server import PORT, UsbipServer
+from gellight.simulator.usb.picture_size import sized_geometry
+from gellight.simulator.usb.usbip_server import PORT, UsbipServer
+from gellight.simulator.usb.vhci import plug_in
 
 REPLUG_S = 2.0
 

@@ -6,7 +6,6 @@ from gellight.base.errors import InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
-from gellight.calibration.preparing import apply_calibration
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import bundle_of
 from gellight.daemon.modes import Mode, frame_path, tactile_camera
@@ -29,7 +28,6 @@ def open_session(settings: Settings) -> Daemon:
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), bundle=bundle)
     try:
         bundle.check_fits(camera.url, camera.image_shape)
-        apply_calibration(camera, bundle)
         judge = camera.selfcheck(bundle.pixel_size_mm)
         camera = tactile_camera(camera, bundle, settings.reconstruction)
         watched = settings.watch.enabled and Mode(settings.reconstruction.mode) is Mode.NETWORK

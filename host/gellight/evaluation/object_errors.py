@@ -1,16 +1,13 @@
 """The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gellight.base.errors import CameraError, InputError
-from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
-from gellight.calibration.preparing import apply_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
@@ -45,14 +42,13 @@ def object_errors(
     nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
     """
     bundle = load_bundle(source)
-    with open_camera(url, geometry=geometry) as camera:
+    with open_camera(url, geometry=geometry, bundle=bundle) as camera:
         if camera.stage is None:
             raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
-        apply_calibration(camera, bundle)
         camera.stage.take_over()
         for _ in range(_SETTLE_FRAMES):
             camera.read()
-        reconstructor = Reconstructor(_rezeroed(bundle, camera) if rezero else bundle)
+        reconstructor = Reconstructor(rezeroed(bundle, camera) if rezero else bundle)
         names = [name for name in camera.stage.objects if name != BALL]
         return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
 
@@ -64,26 +60,14 @@ def _lit_frame(camera: Camera, bundle: Bundle) -> CameraFrame:
         frame = camera.read()
         if frame.light is None or not len(wanted) or np.array_equal(frame.light, wanted):
             return frame
-        apply_calibration(camera, bundle)
+        camera.adopt(bundle.controls, bundle.colours)
     raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
 
 
-def _rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
-    """The bundle with the untouched gel as the camera sees it now."""
+def rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
+    """Return the bundle with the untouched gel as the camera sees it now, and all else as it was."""
     untouched = np.mean([_lit_frame(camera, bundle).image for _ in range(_REFERENCE_FRAMES)], axis=0)
-    with tempfile.TemporaryDirectory(prefix="gellight-rezeroed-") as folder:
-        return write_bundle(
-            Path(folder) / "bundle",
-            sensor=bundle.manifest.sensor,
-            reference=untouched,
-            reference_frames=_REFERENCE_FRAMES,
-            noise_grey=bundle.manifest.noise_grey,
-            pixel_size_mm=bundle.pixel_size_mm,
-            network=bundle.network,
-            follow_light=bundle.manifest.follow_light,
-            led=bundle.manifest.led,
-            metrics={},
-        )
+    return bundle.with_reference(untouched, frames=_REFERENCE_FRAMES)
 
 
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:

@@ -2,6 +2,7 @@
 
 pipeline.py      Reconstructor: the way from a camera frame to a tactile frame
 gelnet.py        the network in ONNX Runtime: difference image to gradient map
+pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it
 smoothing.py     how wide the gradient map may be smoothed

@@ -11,13 +11,20 @@ from typing import Any, Protocol
 
 from gellight.base.errors import BoardError
 from gellight.base.holders import holders_text
+from gellight.ring.usb_numbers import (
+    DATA_INTERFACE,
+    DTR,
+    IN_ENDPOINT,
+    OUT_ENDPOINT,
+    PRODUCT,
+    RTS,
+    SET_CONTROL_LINE_STATE,
+    VENDOR,
+)
 
 logger = logging.getLogger(__name__)
 
-VENDOR, PRODUCT = 0x1209, 0x0001
 USB_TIMEOUT_MS = 1000
-OUT_ENDPOINT, IN_ENDPOINT, DATA_INTERFACE = 0x02, 0x82, 1
-SET_CONTROL_LINE_STATE = 0x22
 
 
 class Transport(Protocol):
@@ -131,7 +138,7 @@ class UsbTransport:
                 if self._device.is_kernel_driver_active(interface):
                     self._device.detach_kernel_driver(interface)
             usb.util.claim_interface(self._device, DATA_INTERFACE)
-            self._lines(3)
+            self._lines(DTR | RTS)
         except usb.core.USBError as error:
             raise BoardError(f"cannot use {url} ({error}): install the udev rule or use serial://") from error
 
@@ -161,34 +168,3 @@ class UsbTransport:
         except self._usb.core.USBError as error:
             logger.debug("the board went before it was closed: %s", error)
         self._usb.util.dispose_resources(self._device)
-
-
-class VirtualTransport:
-    """An emulated board in this process, on virtual time: a timeout passes in no time. For tests and experiments."""
-
-    url = "virtual"
-
-    def __init__(self, board: Any) -> None:
-        """Take an `EmulatedBoard`, wait for its USB, and raise DTR."""
-        self.board = board
-        if not board.run_until(lambda: board.host.configured, 200_000):
-            raise BoardError(f"the firmware did not enumerate: {board.faults or 'no fault was noticed'}")
-        board.host.open()
-        board.run_until(lambda: board.host.opened, 100_000)
-
-    def write(self, data: bytes) -> None:
-        """Queue the bytes for the bus."""
-        self.board.host.send(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        """Let virtual time pass until bytes arrive."""
-        self.board.run_until(lambda: self.board.host.received, timeout_s * 1e6)
-        data = bytes(self.board.host.received)
-        self.board.host.received.clear()
-        return data
-
-    def close(self) -> None:
-        """Drop DTR and give the board time to notice."""
-        if self.board.powered:
-            self.board.host.close()
-            self.board.run(5_000)

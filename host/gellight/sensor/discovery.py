@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gellight.base.errors import CameraError
-from gellight.ring.transport import PRODUCT, VENDOR
+from gellight.ring.usb_numbers import PRODUCT, VENDOR
 from gellight.sensor.v4l2.errors import UnpluggedError
 
 SYSFS, DEV = Path("/sys"), Path("/dev")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, InputError
+from gellight.bundle.limits import Limits
 from gellight.calibration.ball_radius import likely_radius_mm
 from gellight.calibration.bulletin import Bulletin
-from gellight.calibration.choices import Limits, RoutineOptions
+from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.coverage import advice, coverage
 from gellight.calibration.folder import Folder, has_state
 from gellight.calibration.live_error import LiveError

@@ -13,8 +13,9 @@ import typer
 from gellight.base.errors import BundleError, InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
+from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
-from gellight.calibration.choices import Limits, RoutineOptions
+from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.folder import begun_with, has_state
 from gellight.calibration.routine import Routine
 from gellight.cli.calibrate.screen import follow

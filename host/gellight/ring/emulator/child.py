@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError
-from gellight.ring.emulator.waveform import LED_COUNT, Light, LightTimeline
+from gellight.ring.emulator.waveform import Light, LightTimeline
+from gellight.ring.wire import LED_COUNT
 
 logger = logging.getLogger(__name__)
 START_S = 30.0

@@ -149,30 +149,23 @@ class Guard:
 
 
 class UsbGuard(Guard):
-    """The USB controller with what the emulator leaves out: start of frame and suspend (data sheet 4.1)."""
+    """The USB controller with what the emulator leaves out: the start of a frame (data sheet 4.1)."""
 
-    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None], clock: Any,
-                 interrupt: Callable[[bool], None]) -> None:  # fmt: skip
-        """Let a frame begin each millisecond of the emulator's clock; raise the interrupt line by `interrupt`."""
-        super().__init__(inner, held, report)
-        self._clock, self._interrupt = clock, interrupt
-        self._suspended = False
+    def __init__(self, chip: Any, held: Callable[[], bool], report: Callable[[str], None]) -> None:
+        """Let a frame begin each millisecond of the emulator's clock."""
+        super().__init__(chip.usb_ctrl, held, report)
+        self._clock = chip.clock
         self._frame_read = 0
-        self._alarm = clock.create_alarm(self._begin_frame)
-
-    def suspend(self) -> None:
-        """The host has been silent for 3 ms."""
-        self._suspended = True
-        self._interrupt(True)
+        self._alarm = self._clock.create_alarm(self._begin_frame)
 
     def read_uint32(self, offset: int) -> int:
-        """SOF_RD, which ends its interrupt, and the suspend bit of INTS are ours."""
+        """Read through, but for SOF_RD: the number of the frame; reading it ends the interrupt."""
         value = super().read_uint32(offset)
-        if offset == 0x48:
-            self._frame_read = self._frame
-            self._set_raw(False)
-            return self._frame_read & 0x7FF
-        return value | 1 << 14 if offset == 0x98 and self._suspended else value
+        if offset != 0x48:
+            return value
+        self._frame_read = self._frame
+        self._set_raw(False)
+        return self._frame_read & 0x7FF
 
     @property
     def _frame(self) -> int:
@@ -193,11 +186,7 @@ class UsbGuard(Guard):
             self._alarm.schedule((self._frame + 1) * FRAME_NS - self._clock.nanos + 1)
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
-        """Writing SUSPENDED to SIE_STATUS ends the interrupt."""
-        if offset == 0x50 and value & 1 << 4 and self._suspended:
-            self._suspended = False
-            self._interrupt(False)
-            value &= ~(1 << 4)
+        """Write through; with the interrupt of SOF enabled in INTE, wait for the next frame."""
         super().write_uint32_atomic(offset, value, alias)
         if offset == 0x90 and self.inner._int_enable & SOF:
             self._await_frame()

@@ -6,10 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-GET_DESCRIPTOR, SET_ADDRESS, SET_CONFIGURATION = 6, 5, 9
-SET_LINE_CODING, SET_CONTROL_LINE_STATE = 0x20, 0x22
-DEVICE, CONFIGURATION, STRING = 1, 2, 3
-BULK, ENDPOINT_DESCRIPTOR = 2, 5
+from gellight.ring.usb_numbers import (
+    BULK,
+    CONFIGURATION,
+    DEVICE,
+    DTR,
+    ENDPOINT,
+    GET_DESCRIPTOR,
+    RTS,
+    SET_ADDRESS,
+    SET_CONFIGURATION,
+    SET_CONTROL_LINE_STATE,
+    SET_LINE_CODING,
+    STRING,
+)
+
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
 ENDPOINT0_BYTES = 64
 SIE_CTRL, PULL_UP = 0x4C, 1 << 16
@@ -94,7 +105,7 @@ class UsbHost:
     def open(self, baud: int = 115200) -> None:
         """Do what opening the serial port does: line coding, then DTR and RTS."""
         self.control(0x21, SET_LINE_CODING, 0, 0, 7, lambda _: None, struct.pack("<IBBB", baud, 0, 0, 8))
-        self.control(0x21, SET_CONTROL_LINE_STATE, 3, 0, 0, lambda _: self._set_opened(True))
+        self.control(0x21, SET_CONTROL_LINE_STATE, DTR | RTS, 0, 0, lambda _: self._set_opened(True))
 
     def close(self) -> None:
         """Do what closing the port does: DTR and RTS fall."""
@@ -135,7 +146,7 @@ class UsbHost:
             self._report("USB: the pull-up is off, a real host would not see the device")
         rest = self.descriptors["configuration"]
         while rest:
-            if rest[1] == ENDPOINT_DESCRIPTOR and rest[3] & 3 == BULK:
+            if rest[1] == ENDPOINT and rest[3] & 3 == BULK:
                 if rest[2] & 0x80:
                     self.in_endpoint = rest[2] & 15
                 else:

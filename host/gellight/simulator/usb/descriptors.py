@@ -8,7 +8,9 @@ bulk endpoint: an isochronous one would have to be served every 125 us.
 import struct
 from dataclasses import dataclass
 
-VENDOR, PRODUCT, RELEASE = 0x1209, 0x0001, 0x0100
+from gellight.ring.usb_numbers import PRODUCT, VENDOR
+
+RELEASE = 0x0100
 MANUFACTURER, NAME = "GelLight", "GelLight virtual sensor"
 NOTIFY_ENDPOINT, SERIAL_ENDPOINT, VIDEO_ENDPOINT = 1, 2, 3
 CONTROL_INTERFACE, STREAMING_INTERFACE = 2, 3

@@ -37,6 +37,9 @@ class Faults:
                 raise InputError(f"fault {name}={getattr(self, name)}: give a number from 0 up")
 
 
+NO_FAULTS = Faults()
+
+
 def parse_faults(texts: list[str]) -> Faults:
     """Return the faults that texts such as `drop=0.1` or `stuck=exposure_us` name; InputError for what names none."""
     known = {field.name: type(getattr(Faults(), field.name)) for field in fields(Faults)}

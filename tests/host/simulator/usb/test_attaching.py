@@ -15,11 +15,10 @@ from gellight.cli import virtual_sensor
 from gellight.ring.light_ring import LightRing
 from gellight.simulator.usb import vhci
 from gellight.simulator.usb.device import VirtualSensor, open_virtual
-from gellight.simulator.usb.geometry import sized_geometry
-from gellight.simulator.usb.server import UsbipServer
-from gellight.simulator.usb.usbip import import_device
+from gellight.simulator.usb.picture_size import sized_geometry
+from gellight.simulator.usb.usbip_server import UsbipServer
 from tests.helpers.children import GELLIGHT, gellight, started
-from tests.helpers.usb_client import UsbClient
+from tests.helpers.usb_client import UsbClient, import_device
 
 TABLE = """hub port sta spd dev      sockfd local_busid
 hs  0000 006 003 00010001 000003 1-1
@@ -150,11 +149,21 @@ class PluggedRing:
 
 def latched(sensor: VirtualSensor, *, last: bool = False) -> set[int]:
     """The values that the LEDs show now, as soon as the emulator has told so (`last`: in the end)."""
-    board = sensor._body.board
+    board = sensor._inside.board
     end = time.monotonic() + 5
     while board.light_at(np.inf).any() == last and time.monotonic() < end:
         time.sleep(0.01)
     return set(board.light_at(np.inf).ravel().tolist())
+
+
+@pytest.mark.parametrize("url", ["sim://?board=0", "sim://?board=false&fps=20"])
+def test_without_a_board_the_serial_port_is_silent(url: str) -> None:
+    with open_virtual(url, serial_number="C3", geometry=sized_geometry("64x48")) as sensor:
+        ours, theirs = socket.socketpair()
+        with ours:
+            sensor.plug(theirs)
+            assert sensor._inside.board is None
+            assert sensor._inside.camera.ring is None
 
 
 def test_the_emulated_firmware_answers_at_the_serial_endpoints_and_lights_the_picture() -> None:

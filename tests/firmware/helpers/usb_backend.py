@@ -9,8 +9,8 @@ from typing import Any
 import usb.backend
 import usb.core
 
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.emulator.usb_host import ADDRESS
+from tests.helpers.bench_board import BenchBoard
 
 CONTROL_US = 200_000.0
 EPIPE, ETIMEDOUT = 32, 110
@@ -142,7 +142,7 @@ class DeviceBackend(usb.backend.IBackend):  # type: ignore[misc]
 class EmulatedBackend(DeviceBackend):
     """The firmware on the emulated board; waiting for it lets virtual time pass."""
 
-    def __init__(self, board: EmulatedBoard) -> None:
+    def __init__(self, board: BenchBoard) -> None:
         """Enumerate the board when it is first looked for."""
         super().__init__()
         self.board = board

@@ -5,7 +5,6 @@ import logging
 import socket
 import threading
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Self
 
 from gellight.base.errors import BoardError, GellightError, InputError
@@ -35,9 +34,7 @@ class UsbipServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop listening; sensors that are plugged in stay so."""
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
@@ -56,7 +53,7 @@ class UsbipServer:
         try:
             code, bus_id = read_operation(connection)
             if code == REQUEST_LIST:
-                free = [s.exported(bus) for bus, s in self._sensors.items() if s.unplugged.is_set()]
+                free = [bus for bus, s in self._sensors.items() if s.unplugged.is_set()]
                 connection.sendall(pack_list(free))
                 connection.close()
             else:
@@ -70,4 +67,4 @@ class UsbipServer:
         if sensor is None or not sensor.unplugged.is_set():
             connection.sendall(pack_import(None))
             raise BoardError(f"{bus_id!r} is not offered or already imported")
-        sensor.plug(connection, greeting=pack_import(sensor.exported(bus_id)))
+        sensor.plug(connection, greeting=pack_import(bus_id))

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from gellight.simulator.usb import vhci
-from gellight.simulator.usb.usbip import import_device, receive
-from tests.vm.agent import MACHINE
+from tests.helpers.usb_client import import_device, receive
+from tests.vm.inside.agent import MACHINE
 
 VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
 

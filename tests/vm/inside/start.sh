@@ -3,7 +3,7 @@ export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root PYTHONDONTWRITEBYTECODE=1 O
 for module in $(cat "$FOLDER/modules.txt"); do busybox insmod "$module" || echo "cannot load $module"; done
 /lib/systemd/systemd-udevd --daemon
 echo "guest: drivers and udevd after $(cut -d' ' -f1 /proc/uptime) s"
-"$PYTHON" -m tests.vm.agent "$PORT" 2>&1
+"$PYTHON" -m tests.vm.inside.agent "$PORT" 2>&1
 echo "guest: agent ended with $?"
 echo o > /proc/sysrq-trigger
 sleep 10

@@ -7,7 +7,7 @@ from typing import Any
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.routine import Routine
 from gellight.sensor.sensor_camera import open_sensor
-from tests.vm.agent import report
+from tests.vm.inside.agent import report
 
 POLL_S = 0.05
 

@@ -15,7 +15,7 @@ from gellight.ring import protocol
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.wire import COLOUR_BYTES, Packet, Record, decode, encode
 
-CHECKOUT = Path(__file__).parents[2]
+CHECKOUT = Path(__file__).parents[3]
 FLASH_BYTES = 8192
 FLAGS = ["-std=c11", "-g", "-O1", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 

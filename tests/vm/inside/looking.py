@@ -14,8 +14,8 @@ from gellight.sensor.sensor_checks import check_stamps
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.video_camera import V4l2Camera, open_v4l2
 from gellight.simulator.usb.encoding import read_mark
-from tests.vm.agent import report
-from tests.vm.guest import video_link
+from tests.vm.inside.agent import report
+from tests.vm.inside.plugging import video_link
 
 SLOW_S = 0.12
 """so long a slow program works on each picture"""

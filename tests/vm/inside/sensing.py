@@ -11,9 +11,9 @@ from gellight.cli import main
 from gellight.frames.camera import ReconnectingError
 from gellight.sensor.discovery import discover
 from gellight.sensor.sensor_camera import open_sensor
-from tests.vm.agent import report
-from tests.vm.guest import settle, video_link, wait_for
-from tests.vm.looking import FIXED, opened
+from tests.vm.inside.agent import report
+from tests.vm.inside.looking import FIXED, opened
+from tests.vm.inside.plugging import settle, video_link, wait_for
 
 
 def sensors() -> dict[str, Any]:

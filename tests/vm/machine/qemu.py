@@ -12,15 +12,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.vm import initramfs
-from tests.vm.modules import content, load_order
-from tests.vm.packages import unpacked
+from tests.vm.machine import initramfs
+from tests.vm.machine.modules import content, load_order
+from tests.vm.machine.packages import unpacked
 
 DRIVERS = ("vhci_hcd", "uvcvideo", "cdc_acm")
 ON_DEMAND = ("vivid",)
 BOOT_LIMIT_S = 270.0
 """on a machine that does nothing else it takes 30"""
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 class GuestError(AssertionError):
@@ -81,8 +81,8 @@ class Line:
         self.name, self.uptime_s = str(ready["line"]), float(ready["uptime_s"])
 
     def start(self, call: str, *, limit_s: float = 30.0, **arguments: Any) -> Call:
-        """Begin a function `module:function` of the package tests.vm."""
-        request = {"call": f"tests.vm.{call}", "arguments": arguments, "limit_s": limit_s}
+        """Begin a function `module:function` of the package tests.vm.inside."""
+        request = {"call": f"tests.vm.inside.{call}", "arguments": arguments, "limit_s": limit_s}
         print(json.dumps(request), file=self._write, flush=True)
         return Call(self._lines)
 
@@ -204,7 +204,7 @@ def write_start(folder: Path, port: int) -> None:
         "PYTHONPATH": os.pathsep.join(str(ROOT / part) for part in ("host", "models", ".")),
     }
     told = "".join(f"export {name}={shlex.quote(str(value))}\n" for name, value in known.items())
-    (folder / "start.sh").write_text(told + (ROOT / "tests/vm/start.sh").read_text())
+    (folder / "start.sh").write_text(told + (ROOT / "tests/vm/inside/start.sh").read_text())
 
 
 def plain(modules: list[Path], folder: Path) -> list[Path]:

@@ -8,7 +8,7 @@ import struct
 
 import usb.core
 
-from gellight.ring.emulator.usb_backend import EPIPE, DeviceBackend
+from tests.firmware.helpers.usb_backend import EPIPE, DeviceBackend
 
 VENDOR, PRODUCT = 0x2E8A, 0x0003
 MAGIC = 0x431FD10B

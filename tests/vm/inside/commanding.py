@@ -13,10 +13,11 @@ from usb.backend import libusb1
 
 from gellight.base.errors import BoardError
 from gellight.ring.light_ring import LightRing, connect
-from gellight.ring.transport import PRODUCT, VENDOR, UsbTransport
-from tests.vm.agent import report
-from tests.vm.guest import serial_link, video_link
-from tests.vm.looking import opened
+from gellight.ring.transport import UsbTransport
+from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from tests.vm.inside.agent import report
+from tests.vm.inside.looking import opened
+from tests.vm.inside.plugging import serial_link, video_link
 
 
 def usb_parent(device: str, subsystem: str) -> str:

@@ -13,7 +13,7 @@ from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.video_camera import V4l2Camera
-from tests.vm.guest import settle, wait_for
+from tests.vm.inside.plugging import settle, wait_for
 
 OPTIONS = {"format": "YUYV", "width": 320, "height": 180, "gain": 77}
 

@@ -17,12 +17,12 @@ from gellight.simulator.usb.usbip import STALL, Unlink, Urb, pack_return, pack_u
 BUFFER_BYTES = 1 << 20
 
 
-class UnpluggedError(Exception):
-    """The cable is out; it ends the threads of the functions and reaches no user."""
+class CablePulledError(Exception):
+    """The cable is out. It ends the threads that serve the device, and reaches no user."""
 
 
-class UsbLink:
-    """One plugged-in cable; `pull` is the hand at the plug."""
+class UsbCable:
+    """A cable that is plugged in, until `pull`."""
 
     def __init__(self, connection: socket.socket) -> None:
         """Take over a connected stream socket whose other end a kernel reads."""
@@ -34,15 +34,13 @@ class UsbLink:
         self._waiting: defaultdict[int, deque[Urb]] = defaultdict(deque)
         self._changed = threading.Condition()
         self.plugged = True
-        self.urbs = 0
-        """answered so far"""
 
     def run(self, control: Callable[[Urb], bytes | None], outgoing: Callable[[Urb], None]) -> None:
         """Serve until the cable is pulled on either side.
 
         `control` answers a control transfer (None: stall); `outgoing` takes the data of an OUT endpoint.
         """
-        with contextlib.suppress(OSError, ValueError, UnpluggedError):
+        with contextlib.suppress(OSError, ValueError, CablePulledError):
             while self.plugged:
                 request = read_request(self._socket)
                 if isinstance(request, Unlink):
@@ -59,7 +57,7 @@ class UsbLink:
         self.pull()
 
     def pull(self) -> None:
-        """Pull the plug; whoever waits gets UnpluggedError. A second pull does nothing."""
+        """Pull the plug; whoever waits gets CablePulledError. A second pull does nothing."""
         with self._changed:
             self.plugged = False
             self._changed.notify_all()
@@ -88,7 +86,7 @@ class UsbLink:
         with self._changed:
             while not self._waiting[endpoint]:
                 if not self.plugged:
-                    raise UnpluggedError
+                    raise CablePulledError
                 if not wanted():
                     return None
                 self._changed.wait(0.1)
@@ -100,7 +98,10 @@ class UsbLink:
             return len(part), urb.length
 
     def sleep_until(self, time_s: float, wanted: Callable[[], bool]) -> bool:
-        """Sleep until a time of `time.monotonic`; False, at once, when `wanted` ends before. Raises UnpluggedError."""
+        """Sleep until a time of `time.monotonic`; return False at once where `wanted` ends before that.
+
+        Raises CablePulledError.
+        """
         with self._changed:
             while self.plugged and wanted():
                 left = time_s - time.monotonic()
@@ -108,7 +109,7 @@ class UsbLink:
                     return True
                 self._changed.wait(min(left, 0.05))
             if not self.plugged:
-                raise UnpluggedError
+                raise CablePulledError
             return False
 
     def _unlink(self, request: Unlink) -> None:
@@ -132,9 +133,8 @@ class UsbLink:
     def _answer(self, packet: bytes) -> None:
         with self._changed:
             if not self.plugged:
-                raise UnpluggedError
+                raise CablePulledError
             try:
                 self._socket.sendall(packet)
             except OSError:
-                raise UnpluggedError from None
-            self.urbs += 1
+                raise CablePulledError from None

@@ -13,7 +13,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-CHECKOUT = Path(__file__).parents[2]
+CHECKOUT = Path(__file__).parents[3]
 BOARD, CORE = CHECKOUT / "firmware/boards/rp2040", CHECKOUT / "firmware/core"
 COMPILER = ["arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb", "-std=c11", "-Os", "-ffreestanding", "-fno-builtin",
             "-fno-common", f"-I{BOARD}", f"-I{CORE}", "-fcallgraph-info=su", "-c"]  # fmt: skip

@@ -8,9 +8,10 @@ import time
 from collections.abc import Mapping
 from typing import Any, Self
 
-from gellight.simulator.usb.device import HONEST, VirtualSensor
-from gellight.simulator.usb.server import UsbipServer
-from tests.vm.machine import Guest
+from gellight.simulator.usb.device import VirtualSensor
+from gellight.simulator.usb.faults import NO_FAULTS
+from gellight.simulator.usb.usbip_server import UsbipServer
+from tests.vm.machine.qemu import Guest
 
 ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"
 """serial numbers: two sensors with steady light, two that the emulated firmware lights, the last with more pixels"""
@@ -65,7 +66,7 @@ class Bench:
         """Plug a sensor into a USB port of the guest; `aside` while another call runs there."""
         line = self.guest.aside if aside else self.guest.main
         found = line.run(
-            "guest:plug",
+            "plugging:plug",
             server=self._server.port,
             bus_id=self._ids[name],
             serial=self.sensors[name].serial_number,
@@ -80,11 +81,11 @@ class Bench:
         sensor.unplug()
         assert sensor.unplugged.wait(15), f"{name} still has a cable"
         line = self.guest.aside if aside else self.guest.main
-        line.run("guest:unplugged", port=self._in.pop(name))
+        line.run("plugging:unplugged", port=self._in.pop(name))
 
     def clear(self) -> None:
         """Unplug everything and let all sensors be honest again."""
         for name in list(self._in):
             self.unplug(name)
         for sensor in self.sensors.values():
-            sensor.inject(HONEST)
+            sensor.inject(NO_FAULTS)

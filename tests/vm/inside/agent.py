@@ -16,7 +16,13 @@ import time
 import traceback
 from typing import Any, TextIO
 
-PRELOADED = ("tests.vm.guest", "tests.vm.looking", "tests.vm.commanding", "tests.vm.sensing", "tests.vm.faking")
+PRELOADED = (
+    "tests.vm.inside.plugging",
+    "tests.vm.inside.looking",
+    "tests.vm.inside.commanding",
+    "tests.vm.inside.sensing",
+    "tests.vm.inside.faking",
+)
 """imported once, before the first call: it takes seconds in an emulated machine"""
 MACHINE = "10.0.2.2"
 """the machine, seen from the guest"""
@@ -96,5 +102,5 @@ def serve(line: str) -> None:
 
 if __name__ == "__main__":
     # Modules that call `report` must find this very module, not a second copy of it.
-    sys.modules["tests.vm.agent"] = sys.modules["__main__"]
+    sys.modules["tests.vm.inside.agent"] = sys.modules["__main__"]
     main()

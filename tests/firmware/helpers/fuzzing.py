@@ -1,8 +1,8 @@
-"""Build and run the fuzzer of the core: `python tests/firmware/fuzzing.py SECONDS [SEED]` for a long run.
+"""Build and run the fuzzer of the core: `python tests/firmware/helpers/fuzzing.py SECONDS [SEED]` for a long run.
 
 libFuzzer where clang has it, firmware/fuzz/driver.c where not: both are guided by coverage, and change stories by
-firmware/fuzz/mutator.c. Inputs that reach new code are added to build/fuzz. `python tests/firmware/fuzzing.py --keep`
-makes firmware/fuzz/corpus a small set of inputs that reaches all that it and build/fuzz reached.
+firmware/fuzz/mutator.c. Inputs that reach new code are added to build/fuzz. With `--keep` in place of SECONDS,
+firmware/fuzz/corpus becomes a small set of inputs that reaches all that it and build/fuzz reached.
 """
 
 import shutil
@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-CHECKOUT = Path(__file__).parents[2]
+CHECKOUT = Path(__file__).parents[3]
 CORPUS = CHECKOUT / "firmware/fuzz/corpus"
 NEW = CHECKOUT / "build/fuzz"
 INPUT_BYTES = 1024

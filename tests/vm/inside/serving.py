@@ -8,8 +8,8 @@ import urllib.request
 from collections.abc import Callable
 from typing import Any
 
-from tests.vm.agent import report
-from tests.vm.sensing import gellight
+from tests.vm.inside.agent import report
+from tests.vm.inside.sensing import gellight
 
 PORT = 8420
 ASK_S = 0.1
