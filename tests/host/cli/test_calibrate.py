@@ -277,7 +277,7 @@ def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.skipif(not REAL.is_dir(), reason="needs the real presses beside the checkout")
+@pytest.mark.real_images
 def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
     given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png", "--refine", "--folds", "3"]

@@ -2,9 +2,7 @@
 
 import importlib.metadata
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer
@@ -17,6 +15,7 @@ from gellight.cli import main
 from gellight.cli.lazy import LazyVerb
 from gellight.cli.run import warn_of_foreign_bundle
 from tests.helpers.children import run
+from tests.helpers.verbs import verbs
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:
@@ -24,21 +23,11 @@ def test_the_version_is_that_of_the_installed_package() -> None:
     assert (result.exit_code, result.output) == (0, f"gellight {importlib.metadata.version('gellight')}\n")
 
 
-def loaded(command: Any) -> Any:
-    return command.load() if isinstance(command, LazyVerb) else command
-
-
-def verbs(command: Any) -> Iterator[Any]:
-    """Yield a command, and every verb below it as its group shows it."""
-    yield command
-    for verb in getattr(loaded(command), "commands", {}).values():
-        yield from verbs(verb)
-
-
 ALL = list(verbs(typer.main.get_command(main.app)))
+LAZY = [verb for group in ALL for verb in getattr(group, "commands", {}).values() if isinstance(verb, LazyVerb)]
 
 
-@pytest.mark.parametrize("verb", [verb for verb in ALL if isinstance(verb, LazyVerb)], ids=lambda verb: verb.home)
+@pytest.mark.parametrize("verb", LAZY, ids=lambda verb: verb.home)
 def test_a_group_shows_of_a_verb_the_first_paragraph_of_its_help(verb: LazyVerb) -> None:
     assert " ".join(verb.load().help.split("\n\n")[0].split()) == verb.help
 
@@ -73,7 +62,7 @@ def test_a_verb_imports_only_what_it_needs(arguments: str, own: set[str], tmp_pa
 
 def test_the_help_of_every_option_is_shown_as_it_is_written() -> None:
     """Square brackets would be taken for markup and vanish, and a default that is told in them too."""
-    texts = [each.help for verb in map(loaded, ALL) for each in (verb, *verb.params)]
+    texts = [each.help for verb in ALL for each in (verb, *verb.params)]
     assert len(texts) > 100
     assert [text for text in texts if text and Text.from_markup(text).plain != text] == []
 
