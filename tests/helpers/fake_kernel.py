@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.kernel import Kernel
 
 
 @dataclass
@@ -117,7 +118,7 @@ def refuse(number: int) -> OSError:
     return OSError(number, errno.errorcode[number])
 
 
-class FakeKernel:
+class FakeKernel(Kernel):
     """Cameras by path; `now_s` moves when somebody waits."""
 
     def __init__(self, cameras: dict[str, FakeCamera] | None = None) -> None:

@@ -20,10 +20,10 @@ def command(
     from gellight.sensor.connection import Surroundings
     from gellight.sensor.doctor import examine
     from gellight.sensor.findings import Level
-    from gellight.sensor.v4l2.kernel import LinuxKernel
+    from gellight.sensor.v4l2.kernel import LINUX
 
     findings = []
-    for finding in examine(sensor, surroundings=Surroundings(kernel=LinuxKernel()), folder=Path.cwd()):
+    for finding in examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd()):
         findings.append(finding)
         if not as_json:
             print(line(finding), flush=True)

@@ -19,7 +19,7 @@ from gellight.frames.timing import CameraTiming
 from gellight.sensor.connection import Connection, Setup, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
-from gellight.sensor.v4l2.kernel import LinuxKernel
+from gellight.sensor.v4l2.kernel import LINUX
 from gellight.sensor.v4l2.options import CaptureOptions, parse_url
 from gellight.sensor.v4l2.stream import Counts
 
@@ -60,7 +60,7 @@ class SensorCamera(Camera):
         self._sensor, self._by_serial = sensor, by_serial
         self._given = options or CaptureOptions()
         self._setup = Setup.of(self._given, bundle)
-        self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
+        self._surroundings = surroundings or Surroundings(kernel=LINUX)
         self._clock = self._surroundings.kernel.clock
         self._closing = threading.Event()
         self._past = Counts()
@@ -197,7 +197,7 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
 
     Raises CameraError, BoardError or InputError, naming what is there and what to do.
     """
-    around = surroundings or Surroundings(kernel=LinuxKernel())
+    around = surroundings or Surroundings(kernel=LINUX)
     place, options = parse_url(url)
     if not place:
         raise InputError(

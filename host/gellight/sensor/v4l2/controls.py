@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from gellight.base.errors import CameraError, InputError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import explained, told
+from gellight.sensor.v4l2.errors import explaining, explanation
 from gellight.sensor.v4l2.formats import Ask
 
 _USER, _CAMERA = 0x00980900, 0x009A0900
@@ -172,7 +172,7 @@ class V4l2Controls:
     def get(self, number: int) -> int:
         """Return the value of a control by number."""
         control = v.Control(id=number)
-        with told(self._path, "to tell a setting"):
+        with explaining(self._path, "to tell a setting"):
             self._ask(v.G_CTRL, control)
         return int(control.value)
 
@@ -198,7 +198,7 @@ class V4l2Controls:
             self._ask(v.S_CTRL, v.Control(id=number, value=value))
         except OSError as error:
             if error.errno not in REFUSALS:
-                raise explained(self._path, f"to set {text}", error) from error
+                raise explanation(self._path, f"to set {text}", error) from error
             raise CameraError(
                 f"{self._path} refuses {text} ({os.strerror(error.errno)}): choose another value, or a camera whose "
                 "settings can be fixed"
@@ -212,7 +212,7 @@ class V4l2Controls:
 
     def _describe(self, number: int) -> v.ControlDescription:
         description = v.ControlDescription(id=number)
-        with told(self._path, "to describe a setting"):
+        with explaining(self._path, "to describe a setting"):
             self._ask(v.QUERYCTRL, description)
         return description
 

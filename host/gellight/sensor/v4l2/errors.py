@@ -34,12 +34,12 @@ class CorruptPictureError(ValueError):
 
 
 @contextmanager
-def told(path: str, doing: str) -> Iterator[None]:
-    """Turn an OSError of the kernel into the error of this module that says what to do."""
+def explaining(path: str, doing: str) -> Iterator[None]:
+    """Raise an OSError of the kernel as the error of this module that says what to do."""
     try:
         yield
     except OSError as error:
-        raise explained(path, doing, error) from error
+        raise explanation(path, doing, error) from error
 
 
 def no_camera(path: str) -> str:
@@ -47,7 +47,7 @@ def no_camera(path: str) -> str:
     return f"{path} is no V4L2 camera: `gellight find` lists those that are there"
 
 
-def explained(path: str, doing: str, error: OSError) -> CameraError:
+def explanation(path: str, doing: str, error: OSError) -> CameraError:
     """Return the error that belongs to an errno."""
     if error.errno == errno.ENOENT:
         return UnpluggedError(f"no camera at {path}: plug it in, or let `gellight find` list what is there")

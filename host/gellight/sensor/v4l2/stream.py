@@ -7,12 +7,13 @@ is waited for. A reader as slow as it may be never gets an old one.
 
 import errno
 from dataclasses import asdict, dataclass
+from mmap import mmap
 
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, told
+from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining
 from gellight.sensor.v4l2.formats import Ask
-from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel, Memory
+from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel
 
 BUFFERS, FEWEST_BUFFERS = 4, 2
 BAD_LIMIT = 60
@@ -72,12 +73,12 @@ class Stream:
         The driver may give more or fewer buffers. Nothing stays mapped where it fails.
         """
         self._kernel, self._descriptor, self._ask, self._path = kernel, descriptor, ask, path
-        self._memory: list[Memory] = []
+        self._memory: list[mmap] = []
         self._last: tuple[int, float] | None = None
         self._last_data = b""
         self.counts = Counts()
         try:
-            with told(path, "to start its stream"):
+            with explaining(path, "to start its stream"):
                 self._start(buffers)
         except BaseException:
             self._unmap()
@@ -165,12 +166,12 @@ class Stream:
             if error.errno == errno.EIO and self.plugged():
                 self.counts.damaged += 1
                 return None
-            with told(self._path, "to deliver a picture"):
+            with explaining(self._path, "to deliver a picture"):
                 raise
         return buffer
 
     def _requeue(self, buffer: v.Buffer) -> None:
-        with told(self._path, "to take a buffer back"):
+        with explaining(self._path, "to take a buffer back"):
             self._ask(v.QBUF, v.Buffer(index=buffer.index, type=v.CAPTURE, memory=v.MMAP))
 
     def _judge(self, buffer: v.Buffer) -> Picture | None:
@@ -219,5 +220,5 @@ class Stream:
                 self._ask(request, argument)
             except OSError as error:
                 if error.errno not in GONE:
-                    with told(self._path, "to stop its stream"):
+                    with explaining(self._path, "to stop its stream"):
                         raise
