@@ -1,4 +1,4 @@
-"""Ways to the board of the light ring, chosen by URL; what uses them cannot tell which.
+"""Ways to the board of the light ring, chosen by URL; they all behave alike.
 
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://SERIALNUMBER``: the port of the board with this number, or
 ``serial://`` of the only one there is. ``usb://`` or ``usb://SERIALNUMBER``: the same endpoints through pyusb, without

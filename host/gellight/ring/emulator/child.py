@@ -32,7 +32,7 @@ KEPT_POINTS = 4096
 
 
 class Report(BaseModel):
-    """One line that the process of the board prints; what it does not tell about is None."""
+    """One line that the process of the board prints; what it does not report is None."""
 
     now_us: float | None = None
     """how far virtual time had come"""

@@ -48,13 +48,13 @@ class Bytes:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send, or lose what nobody reads."""
+        """Send; what the other end does not read is lost."""
         with contextlib.suppress(OSError):
             os.write(self.descriptor, data)
 
 
 class PseudoTerminal(Bytes):
-    """A terminal that real pyserial opens; DTR is up while somebody holds it open."""
+    """A terminal that real pyserial opens; DTR is up while a program holds it open."""
 
     def __init__(self) -> None:
         """Make the pair of terminals; ours stays open."""
@@ -69,7 +69,7 @@ class PseudoTerminal(Bytes):
         self._poll.register(controlling, select.POLLIN)
 
     def read(self) -> bytes:
-        """Return what is there; a hang-up means that nobody has it open."""
+        """Return what is there; a hang-up means that no program has it open."""
         events = dict(self._poll.poll(0)).get(self.descriptor, 0)
         self.connected = not events & select.POLLHUP
         if not events & select.POLLIN:

@@ -17,7 +17,7 @@ from gellight.sensor.v4l2.stream import BUFFERS, Stream
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """Who the driver says the device is."""
+    """What the driver reports about the device."""
 
     driver: str
     card: str
@@ -48,7 +48,7 @@ class Device:
 
     def ask(self, request: int, argument: Structure) -> None:
         """Do one ioctl; OSError as the kernel raises it, or of a descriptor that was closed."""
-        if self._descriptor < 0:  # another thread may still hold the controls of a camera that was let go of
+        if self._descriptor < 0:  # another thread may still hold the controls of a camera that was closed
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         self.kernel.ioctl(self._descriptor, request, argument)
 
@@ -99,7 +99,7 @@ class Device:
         with explaining(self.path, "to take a frame rate"):
             self.ask(v.S_PARM if fps else v.G_PARM, parameters)
         if not parameters.numerator or not parameters.denominator:
-            raise CameraError(f"{self.path} does not tell its frame rate: give one that it offers with ?fps=")
+            raise CameraError(f"{self.path} does not report its frame rate: give one that it offers with ?fps=")
         return float(round(parameters.denominator / parameters.numerator, 3))
 
     def start(self, *, buffers: int = BUFFERS) -> Stream:

@@ -12,7 +12,7 @@ Ask = Callable[[int, Structure], None]
 """an ioctl on one open device; raises OSError"""
 
 DECODABLE = ("MJPG", "YUYV", "RGB3", "GREY")
-"""in order of preference: MJPG lets several sensors share one bus, and grey cannot tell the lights apart"""
+"""in order of preference: MJPG lets several sensors share one bus; grey, the last choice, has no colours"""
 USUAL_FPS = 30.0
 RATE_TOLERANCE = 0.01
 """share by which a rate may differ from the one that is asked for"""
@@ -28,7 +28,7 @@ class Offer:
     height: int
     """the largest, where a range is offered"""
     rates: tuple[float, ...]
-    """frames per second, highest first; empty where the camera does not tell"""
+    """frames per second, highest first; empty where the camera does not list them"""
     smallest: tuple[int, int] | None = None
     """(width, height) of the smallest, where a range is offered"""
     step: tuple[int, int] = (1, 1)
@@ -45,7 +45,7 @@ class Offer:
         )
 
     def rate_near(self, fps: float) -> float:
-        """Return the offered rate nearest to `fps`; `fps` itself where the camera does not tell its rates."""
+        """Return the offered rate nearest to `fps`; `fps` itself where the camera lists none."""
         if not self.rates:
             return fps
         if self.any_rate:

@@ -33,7 +33,7 @@ class CaptureOptions(BaseModel):
     """from the end of the first row's exposure to its time stamp, see stamps.py"""
     readout_us: float | None = Field(default=None, ge=0, le=1e6)
     stamp_error_us: float | None = Field(default=None, ge=0, le=1e6)
-    """by which a time stamp may be off, either way; `gellight doctor` tells how far they wander"""
+    """by which a time stamp may be off, either way; `gellight doctor` measures their jitter"""
     buffers: int = Field(default=4, ge=3, le=16)
     ring: str | None = Field(default=None, min_length=1)
     """URL of the light ring, for a camera and a ring that share no USB parent"""

@@ -37,7 +37,7 @@ class StampMeaning:
     """a stamp that is said to be the start of the exposure is that, not the first packet"""
     period_s: float
     exposure_s: float | None = None
-    """None where the camera does not tell: then a whole period is taken, the longest it can be"""
+    """None where the camera does not report it: then a whole period is taken, the longest it can be"""
     delay_s: float | None = None
     """None where it was not measured: then 0 is taken, the shortest it can be"""
     readout_s: float | None = None

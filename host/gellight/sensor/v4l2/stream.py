@@ -1,8 +1,8 @@
 """Buffers shared with the driver: the newest picture comes out, everything else is counted.
 
 The driver fills queued buffers in order and throws pictures away while none is queued. So the newest filled buffer is
-the newest picture only as long as one buffer was still empty; when all are full, all may be old, and the next picture
-is waited for. A reader as slow as it may be never gets an old one.
+the newest picture only while another buffer is still empty. When all are full, all may be old, and the stream waits for
+the next picture. So even a slow reader never gets an old one.
 """
 
 import errno
@@ -49,7 +49,7 @@ class Counts:
     lost: int = 0
     """never came: gaps in the sequence"""
     duplicated: int = 0
-    """came again, by sequence or time; not delivered"""
+    """the same sequence number or time came again; not delivered"""
     identical: int = 0
     """delivered, yet byte for byte the picture before: the camera repeats itself or sees no light at all"""
     damaged: int = 0
@@ -132,7 +132,7 @@ class Stream:
         raise StalledError(f"the camera at {self._path} is there but {why}: it is started anew, or unplug it")
 
     def plugged(self) -> bool:
-        """Ask the driver whether the camera is still there: a poll error alone does not tell."""
+        """Ask the driver whether the camera is still there: a poll error alone does not show that."""
         try:
             self._ask(v.QUERYCAP, v.Capability())
         except OSError as error:
@@ -209,7 +209,7 @@ class Stream:
         return True
 
     def close(self) -> None:
-        """Stop; the buffers go back to the driver. What is unplugged is let go of in silence."""
+        """Stop; the buffers go back to the driver. A camera that was unplugged is no error."""
         for request, argument in (
             (v.STREAMOFF, v.Int(v.CAPTURE)),
             (v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP)),

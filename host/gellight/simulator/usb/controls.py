@@ -29,7 +29,7 @@ class Control:
     step: int
     default: int
     automatic: str = ""
-    """name of the control that takes this one out of the host's hand"""
+    """name of the control that, while on, keeps the host from setting this one"""
 
 
 CONTROLS = (

@@ -95,7 +95,7 @@ class VirtualSensor:
             thread.start()
 
     def unplug(self) -> None:
-        """Pull the plug, in mid-stream too; returns at once, `unplugged` tells when the power is gone."""
+        """Pull the plug, in mid-stream too; returns at once; `unplugged` is set when the power is gone."""
         if self._cable is not None:
             self._cable.pull()
 

@@ -69,7 +69,7 @@ class VideoFunction:
         return self.controls.request(unit, selector, code, data) if interface == CONTROL_INTERFACE else None
 
     def stop(self) -> None:
-        """End the stream: what the host says by clearing the halt of the endpoint."""
+        """End the stream, as a host asks by clearing the halt of the endpoint."""
         self.negotiation.committed = None
 
     def run(self, cable: UsbCable) -> None:
