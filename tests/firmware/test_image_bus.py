@@ -95,8 +95,8 @@ def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: BenchBoard
 
 def test_the_descriptors_are_those_of_a_serial_port(board: BenchBoard, ring: LightRing) -> None:
     host = board.host
-    assert host.text("product") == "GelLight light ring"
-    assert host.text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
+    assert board.usb_text("product") == "GelLight light ring"
+    assert board.usb_text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
     assert len(host.descriptors["configuration"]) == int.from_bytes(host.descriptors["head"][2:4], "little")
 
 

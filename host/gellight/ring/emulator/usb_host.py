@@ -50,7 +50,8 @@ class UsbHost:
         self.configured = False
         self.opened = False
         self.received = bytearray()
-        self._pending = bytearray()
+        self.unsent = bytearray()
+        """what the device has not taken yet"""
         self.descriptors: dict[str, bytes] = {}
         self._connect_callbacks()
 
@@ -73,13 +74,8 @@ class UsbHost:
 
     def send(self, data: bytes) -> None:
         """Queue bytes for the bulk OUT endpoint."""
-        self._pending += data
+        self.unsent += data
         self._pump()
-
-    @property
-    def unsent(self) -> int:
-        """Bytes that the device has not taken yet."""
-        return len(self._pending)
 
     def control(self, request_type: int, request: int, value: int, index: int, length: int,
                 done: Callable[[bytes | None], None], data: bytes = b"") -> None:  # fmt: skip
@@ -142,10 +138,6 @@ class UsbHost:
                 else:
                     self.out_endpoint = rest[2]
             rest = rest[rest[0] :] if rest[0] else b""
-
-    def text(self, name: str) -> str:
-        """Return a string descriptor."""
-        return self.descriptors.get(name, b"")[2:].decode("utf-16le")
 
     # ---- the bus ----
 
@@ -210,9 +202,9 @@ class UsbHost:
             self._status_out()
 
     def _pump(self) -> None:
-        if self.configured and self._out_room and self._pending:
-            count = min(self._out_room, len(self._pending))
-            packet = bytes(self._pending[:count])
-            del self._pending[:count]
+        if self.configured and self._out_room and self.unsent:
+            count = min(self._out_room, len(self.unsent))
+            packet = bytes(self.unsent[:count])
+            del self.unsent[:count]
             self._out_room = 0
             self._usb.endpoint_read_done(self.out_endpoint, packet)

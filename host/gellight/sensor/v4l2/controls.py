@@ -118,9 +118,7 @@ class V4l2Controls:
         if not low <= value <= high:
             raise InputError(f"{name} = {value:g}: {self._path} takes {low:g} to {high:g} in steps of {step:g}")
         self._manual(name, knob)
-        steps = round((value - low) / step)
-        if low + steps * step > high + 1e-6:
-            steps -= 1
+        steps = min(round((value - low) / step), int((high - low + 1e-6) / step))
         raw = round((low + steps * step) / knob.scale)
         self._put(knob.number, raw, name, knob.scale)
         if name == "exposure_us":
