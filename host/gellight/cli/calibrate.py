@@ -12,8 +12,9 @@ import typer
 from gellight.cli import calibrate_detect
 
 if TYPE_CHECKING:
+    from gellight.training.child import Progress
     from gellight.training.presses import Ball, Press
-    from gellight.training.training import Progress, Reference, TrainingOptions
+    from gellight.training.training import Reference, TrainingOptions
 
 app = typer.Typer(
     name="calibrate",
@@ -105,7 +106,7 @@ def evaluate(
     ball = _ball_of(bundle.metrics, bundle.pixel_size_mm, ball_radius_mm)
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
     result = {
-        **validation.evaluate(bundle, labelled, ball),
+        **validation.evaluate(bundle, labelled, ball).as_json(),
         "ball_radius_mm": ball.radius_mm,
         "felt_ball_radius_mm": felt_radius_mm(bundle, labelled),
     }
@@ -193,10 +194,10 @@ def _which_ball(labelled: "list[Press]", untouched: "Reference", ball: "Ball", p
 def _cross_validated(
     given: "tuple[list[Press], Reference, Ball]", *, folds: int, options: "TrainingOptions", refine: bool
 ) -> dict[str, Any]:
-    from gellight.training import training
+    from gellight.training.cross_validation import cross_validate
 
     with _progress("folds") as report:
-        return training.cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
+        return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report).as_json()
 
 
 def _ball_of(metrics: dict[str, Any], pixel_size_mm: tuple[float, float], radius_mm: float | None) -> "Ball":

@@ -15,7 +15,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press, Scene
-from gellight.training.training import Progress, run_module, silent
+from gellight.training.child import Progress, run_module, silent
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
