@@ -30,7 +30,7 @@ def command(
     Exits with 1 when a comparison is out of its bounds.
     """
     from gellight.base.settings import load_settings
-    from gellight.daemon.assembly import check_presses
+    from gellight.evaluation.checked_presses import check_presses
 
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
