@@ -18,7 +18,7 @@ from gellight.calibration.sensing import Capture, Watcher, check_light, wait_fre
 from gellight.calibration.session import Session
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.errors import surface_error
+from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
@@ -141,7 +141,7 @@ def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, fl
     """Return the errors against what only a simulator knows; nothing on a real sensor."""
     if truth is None:
         return {}
-    error = surface_error(felt, truth)
+    error = surface_errors(felt, truth)
     return {
         "true_depth_mm": error.contact_depth_mm,
         "true_normal_deg": error.normal_deg,

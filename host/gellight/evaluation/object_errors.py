@@ -1,7 +1,7 @@
 """The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from gellight.calibration.preparing import apply_calibration
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
-from gellight.reconstruction.errors import SurfaceError, surface_error
+from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 
 BALL = "BALL"
@@ -22,7 +22,7 @@ _ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectError(SurfaceError):
+class ObjectError(SurfaceErrors):
     """The errors on one object, against the simulator's truth."""
 
     object_name: str
@@ -71,11 +71,10 @@ def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: floa
     camera.stage.press(name, depth_mm, 0.0, 0.0)
     frame = _lit_frame(camera, reconstructor.bundle)
     assert frame.truth is not None
-    error = surface_error(reconstructor.reconstruct(frame), frame.truth)
+    error = surface_errors(reconstructor.reconstruct(frame), frame.truth)
     return ObjectError(object_name=name, **asdict(error))
 
 
 def summary(errors: list[ObjectError]) -> ObjectError:
     """Return the means over the objects."""
-    means = {f.name: float(np.mean([getattr(error, f.name) for error in errors])) for f in fields(SurfaceError)}
-    return ObjectError(object_name="mean", **means)
+    return ObjectError(object_name="mean", **asdict(mean_errors(errors)))

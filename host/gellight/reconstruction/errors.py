@@ -1,6 +1,7 @@
 """How far a reconstruction is from the true surface, where a simulator knows it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -27,7 +28,7 @@ class TrueSurface(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SurfaceError:
+class SurfaceErrors:
     """Mean angle between the normals and mean absolute error of the depth, over the whole map and over the contact."""
 
     normal_deg: float
@@ -36,14 +37,20 @@ class SurfaceError:
     contact_depth_mm: float
 
 
-def surface_error(frame: TactileFrame, true: TrueSurface) -> SurfaceError:
+def surface_errors(frame: TactileFrame, true: TrueSurface) -> SurfaceErrors:
     """Compare a tactile frame with the true surface; where nothing touches, the whole map stands for the contact."""
     where = true.contact if true.contact.any() else np.ones_like(true.contact)
     angle = angle_deg(frame.normal_map, normals(true.gradient_map))
     depth = np.abs(frame.depth_mm - true.depth_mm)
-    return SurfaceError(
+    return SurfaceErrors(
         normal_deg=float(angle.mean()),
         contact_normal_deg=float(angle[where].mean()),
         depth_mm=float(depth.mean()),
         contact_depth_mm=float(depth[where].mean()),
     )
+
+
+def mean_errors(errors: Sequence[SurfaceErrors]) -> SurfaceErrors:
+    """Return the means over presses."""
+    names = [field.name for field in fields(SurfaceErrors)]
+    return SurfaceErrors(**{name: float(np.mean([getattr(error, name) for error in errors])) for name in names})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
-from gellight.reconstruction.errors import surface_error
+from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.integration import normals
 
 SHAPE = (6, 8)
@@ -33,11 +33,11 @@ def test_errors_are_means_over_the_map_and_over_the_true_contact() -> None:
     depth = np.where(contact, -0.5, 0.1).astype(np.float32)
     slopes = np.zeros((*SHAPE, 2), np.float32)
     slopes[contact, 0] = np.tan(np.radians(12))
-    error = surface_error(frame(depth, slopes), true)
+    error = surface_errors(frame(depth, slopes), true)
     share = contact.mean()
     assert error.contact_depth_mm == pytest.approx(0.5)
     assert error.depth_mm == pytest.approx(0.5 * share + 0.1 * (1 - share))
     assert error.contact_normal_deg == pytest.approx(12, rel=1e-5)
     assert error.normal_deg == pytest.approx(12 * share, rel=1e-5)
-    untouched = surface_error(frame(depth, slopes), replace(true, contact=np.zeros(SHAPE, np.bool_)))
+    untouched = surface_errors(frame(depth, slopes), replace(true, contact=np.zeros(SHAPE, np.bool_)))
     assert (untouched.contact_normal_deg, untouched.contact_depth_mm) == (error.normal_deg, error.depth_mm)
