@@ -7,7 +7,7 @@ import typer
 
 from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson
-from gellight.daemon.assembly import check_presses
+from gellight.evaluation.checked_presses import check_presses
 from gellight.frames.judging import SelfCheckResult
 
 COLUMNS = (
@@ -32,6 +32,7 @@ def command(
     The ball and the ten objects are pressed; depth, normals and picture are compared. The exit status is 1 when a
     comparison is out of its bounds.
     """
+
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
     if not as_json:

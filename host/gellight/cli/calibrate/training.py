@@ -17,9 +17,11 @@ from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.evaluation.synthetic import make_synthetic
 from gellight.frames.image_files import read_image
 from gellight.training import training, validation
+from gellight.training.child import Progress, silent
+from gellight.training.cross_validation import cross_validate
 from gellight.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.training.presses import Ball, Press, read_presses
-from gellight.training.training import RECIPES, Progress, Reference, TrainingOptions, read_reference
+from gellight.training.training import RECIPES, Reference, TrainingOptions, read_reference
 
 Given = tuple[list[Press], Reference, Ball]
 """what a network is trained on"""
@@ -121,7 +123,7 @@ def evaluate(
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
-    errors = validation.evaluate(bundle, labelled, ball)
+    errors = validation.evaluate(bundle, labelled, ball).as_json()
     felt_mm = felt_radius_mm(bundle, labelled)
     if as_json:
         typer.echo(json.dumps({**errors, "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}, indent=2))
@@ -175,7 +177,7 @@ def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous
 
 def _cross_validated(given: Given, folds: int, options: TrainingOptions, refine: bool) -> dict[str, Any]:
     with _progress("folds") as report:
-        return training.cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
+        return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report).as_json()
 
 
 def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
@@ -194,7 +196,7 @@ def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
 def _progress(label: str) -> Iterator[Progress]:
     """Show a bar on a terminal, and nothing where the output goes to a file."""
     if not sys.stderr.isatty():
-        yield training.silent
+        yield silent
         return
     with typer.progressbar(length=1000, label=label, file=sys.stderr) as bar:
         yield lambda done, total, value: bar.update(round(1000 * done / total) - bar.pos)
