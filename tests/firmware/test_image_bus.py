@@ -7,7 +7,7 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import SyncMode
+from gellight.ring.enumerations import Check, SyncMode
 from gellight.ring.firmware.image import image_crc
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.transport import UsbTransport
@@ -95,8 +95,8 @@ def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: BenchBoard
 
 def test_the_descriptors_are_those_of_a_serial_port(board: BenchBoard, ring: LightRing) -> None:
     host = board.host
-    assert host.text("product") == "GelLight light ring"
-    assert host.text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
+    assert board.usb_text("product") == "GelLight light ring"
+    assert board.usb_text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
     assert len(host.descriptors["configuration"]) == int.from_bytes(host.descriptors["head"][2:4], "little")
 
 
@@ -138,7 +138,7 @@ def test_the_self_test_passes_and_the_stack_is_bounded(board: BenchBoard, ring: 
     board.run(2_000)
     result = ring.self_test()
     assert result.failed == 0
-    assert result.tested == p.Check.IMAGE | p.Check.LIGHT_PATH | p.Check.STACK
+    assert result.tested == Check.IMAGE | Check.LIGHT_PATH | Check.STACK
     assert result.image_crc == ring.hello.image_crc == image_crc(image)
     assert result.stack_free > 2048
 
@@ -149,7 +149,7 @@ def test_a_damaged_image_fails_its_self_test(image: bytes) -> None:
     board = BenchBoard(bytes(damaged))
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         board.run(2_000)
-        assert ring.self_test().failed == p.Check.IMAGE
+        assert ring.self_test().failed == Check.IMAGE
 
 
 def test_a_boot2_with_a_wrong_checksum_stays_in_the_boot_loader(image: bytes) -> None:

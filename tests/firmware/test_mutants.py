@@ -65,7 +65,7 @@ def _reopen(board: BenchBoard) -> LightRing:
 
 
 def _colours(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
-    if board.host.text("serial") != board.unique_id.hex().upper():
+    if board.usb_text("serial") != board.unique_id.hex().upper():
         problems.append("unique number")
     ring.set_leds(PATTERN)
     ring.set_leds(PATTERN)

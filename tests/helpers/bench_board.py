@@ -92,6 +92,10 @@ class BenchBoard(EmulatedBoard):
         self._wake_pio()
         self.chip.gpio[TRIGGER_PIN].set_input_value(high)
 
+    def usb_text(self, name: str) -> str:
+        """Return a string descriptor, as the host read it: manufacturer, product or serial."""
+        return self.host.descriptors.get(name, b"")[2:].decode("utf-16le")
+
     def suspend(self) -> None:
         """Let the bus fall silent."""
         self.chip.peripherals[USB].suspend()

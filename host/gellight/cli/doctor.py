@@ -10,7 +10,7 @@ from gellight.cli.options import AsJson
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.doctor import examine
 from gellight.sensor.findings import Finding, Level
-from gellight.sensor.v4l2.kernel import LinuxKernel
+from gellight.sensor.v4l2.kernel import LINUX
 
 
 def command(
@@ -24,7 +24,7 @@ def command(
     The exit status is 1 when something prevents use.
     """
     findings = []
-    for finding in examine(sensor, surroundings=Surroundings(kernel=LinuxKernel()), folder=Path.cwd()):
+    for finding in examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd()):
         findings.append(finding)
         if not as_json:
             print(line(finding), flush=True)

@@ -9,5 +9,5 @@ DEVICE, CONFIGURATION, STRING, ENDPOINT = 1, 2, 3, 5
 BULK = 2
 """kind of an endpoint"""
 SET_LINE_CODING, GET_LINE_CODING, SET_CONTROL_LINE_STATE, SEND_BREAK = 0x20, 0x21, 0x22, 0x23
-DTR, RTS = 1, 2
-"""bits of the control line state"""
+DTR, DTR_AND_RTS = 1, 3
+"""control line states: what a host raises as it opens the port"""

@@ -102,7 +102,7 @@ class Discovery:
         return f"sensor://{sensor.name if len(named) == 1 else sensor.port}"
 
     def only(self) -> Sensor:
-        """Return the one sensor there is; CameraError says what else is there and how to name it."""
+        """Return the one sensor there is; CameraError lists what else is there and how to name it."""
         if len(self.sensors) == 1:
             return self.sensors[0]
         if self.sensors:

@@ -24,7 +24,7 @@ from gellight.sensor.connection import Connection, Setup, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
 from gellight.sensor.v4l2.controls import KNOBS
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
-from gellight.sensor.v4l2.kernel import LinuxKernel
+from gellight.sensor.v4l2.kernel import LINUX
 from gellight.sensor.v4l2.options import CaptureOptions, parse_url
 from gellight.sensor.v4l2.stream import Counts
 
@@ -68,7 +68,7 @@ class SensorCamera(Camera):
         if bundle is not None:
             _warn_of_dark(url, bundle.colours)
             self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
-        self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
+        self._surroundings = surroundings or Surroundings(kernel=LINUX)
         self._clock = self._surroundings.kernel.clock
         self._closing = threading.Event()
         self._past = Counts()
@@ -211,7 +211,7 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
 
     Raises CameraError, BoardError or InputError, naming what is there and what to do.
     """
-    around = surroundings or Surroundings(kernel=LinuxKernel())
+    around = surroundings or Surroundings(kernel=LINUX)
     place, options = parse_url(url)
     if not place:
         raise InputError(

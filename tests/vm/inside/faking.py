@@ -15,6 +15,8 @@ from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.video_camera import V4l2Camera
 from tests.vm.inside.plugging import settle, wait_for
 
+NEXT_CONTROL = 0x80000000
+"""flag of V4L2_CTRL_FLAG_NEXT_CTRL: the control after this number"""
 OPTIONS = {"format": "YUYV", "width": 320, "height": 180, "gain": 77}
 
 
@@ -50,13 +52,13 @@ def bars(letters: str) -> list[list[float]]:
 
 def set_fault(device: Device, name: str, value: int) -> None:
     """Set one of vivid's controls by its name."""
-    number = v.CTRL_NEXT
+    number = NEXT_CONTROL
     while True:
         description = v.ControlDescription(id=number)
         device.ask(v.QUERYCTRL, description)  # OSError after the last one
         if description.name.decode() == name:
             break
-        number = description.id | v.CTRL_NEXT
+        number = description.id | NEXT_CONTROL
     device.ask(v.S_CTRL, v.Control(id=description.id, value=value))
 
 

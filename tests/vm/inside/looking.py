@@ -5,14 +5,15 @@ import statistics
 import time
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl
 
 import cv2
 
 from gellight.base.errors import CameraError, GellightError
 from gellight.sensor.sensor_checks import check_stamps
 from gellight.sensor.v4l2.decoding import decode
-from gellight.sensor.v4l2.video_camera import V4l2Camera, open_v4l2
+from gellight.sensor.v4l2.options import CaptureOptions
+from gellight.sensor.v4l2.video_camera import V4l2Camera
 from gellight.simulator.usb.encoding import read_mark
 from tests.vm.inside.agent import report
 from tests.vm.inside.plugging import video_link
@@ -25,7 +26,8 @@ FIXED = {"exposure_us": "8000", "gain": "0", "white_balance_k": "4600"}
 
 def opened(serial: str, options: str = "") -> V4l2Camera:
     """Open a sensor's camera by its link."""
-    return open_v4l2(f"v4l2://{video_link(serial)}?{urlencode({**FIXED, **dict(parse_qsl(options))})}")
+    wanted = CaptureOptions.model_validate({**FIXED, **dict(parse_qsl(options))})
+    return V4l2Camera(str(video_link(serial)), wanted)
 
 
 def stream(serial: str, options: str, count: int) -> dict[str, Any]:

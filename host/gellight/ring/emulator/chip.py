@@ -9,7 +9,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from gellight.base.errors import BoardError
+from rp2040py.rp2040 import RP2040
+from rp2040py.simulator import Simulator
+
 from gellight.ring.emulator import registers
 from gellight.ring.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.ring.emulator.usb_host import UsbHost
@@ -17,7 +19,7 @@ from gellight.ring.emulator.waveform import LightTimeline, WaveformDecoder
 from gellight.ring.firmware.image import boot2_crc
 
 LED_PIN = 2
-FLASH_BASE, FLASH_BYTES = 0x10000000, 2 << 20
+FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
 PIO0, USB = 0x50200, 0x50110
 """windows (address >> 12)"""
@@ -59,10 +61,6 @@ class EmulatedBoard:
 
     def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
         """Flash an image and switch the power on."""
-        try:
-            import rp2040py  # noqa: F401
-        except ImportError as error:
-            raise BoardError("the simulated board needs rp2040py: pip install rp2040py==0.3.6") from error
         self.unique_id = unique_id
         self.flash = bytearray(image.ljust(FLASH_BYTES, b"\xff"))
         self.faults: list[str] = []
@@ -85,9 +83,6 @@ class EmulatedBoard:
         return (self._past_ns + self._chip_ns) / 1e3
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
-        from rp2040py.rp2040 import RP2040
-        from rp2040py.simulator import Simulator
-
         chip = self.chip = RP2040()
         chip.logger = _Log(self.fault)
         chip.load_bootrom(rom_words())
@@ -231,7 +226,7 @@ class EmulatedBoard:
         self._pio_busy = pio.next_due_fp < NEVER_DUE
 
     def _wake_pio(self) -> None:
-        """Give the PIO the cycles that passed while it had nothing to do, before somebody gives it something."""
+        """Give the PIO the cycles that passed while it had nothing to do, before it is given something to do."""
         if not self._pio_busy:
             self._pio_ns, self._pio_busy = self._chip_ns, True
             self.chip.pio[0].advance(self._pio_behind)

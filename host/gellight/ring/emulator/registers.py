@@ -59,23 +59,31 @@ class Resets(Window):
             super().write_uint32(offset, value)
 
 
-class Pll(Window):
-    """PLL_USB: locks when it has power and a feedback divider."""
+class ClockWindow(Window):
+    """Registers on which the frequency of clk_sys depends."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """Tell when the frequency may have changed."""
-        super().__init__({0x0: 1, 0x4: 0x2D, 0xC: 0x77000})
+    def __init__(self, changed: Callable[[], None], initial: dict[int, int] | None = None) -> None:
+        """Call `changed` whenever the frequency may have changed."""
+        super().__init__(initial)
         self._changed = changed
-
-    def read_uint32(self, offset: int) -> int:
-        """CS carries the lock bit."""
-        locked = offset == 0 and not self.values[4] & 0x21 and self.values.get(8)
-        return super().read_uint32(offset) | (1 << 31 if locked else 0)
 
     def write_uint32(self, offset: int, value: int) -> None:
         """Set a register and recompute."""
         super().write_uint32(offset, value)
         self._changed()
+
+
+class Pll(ClockWindow):
+    """PLL_USB: locks when it has power and a feedback divider."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Be off, as after a reset."""
+        super().__init__(changed, {0x0: 1, 0x4: 0x2D, 0xC: 0x77000})
+
+    def read_uint32(self, offset: int) -> int:
+        """CS carries the lock bit."""
+        locked = offset == 0 and not self.values[4] & 0x21 and self.values.get(8)
+        return super().read_uint32(offset) | (1 << 31 if locked else 0)
 
     @property
     def hz(self) -> float:
@@ -86,13 +94,8 @@ class Pll(Window):
         return CRYSTAL_HZ / (self.values[0] & 63) * self.values[8] / post if post else 0.0
 
 
-class Clocks(Window):
+class Clocks(ClockWindow):
     """Clock generators: every switch succeeds at once."""
-
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """Tell when clk_sys may have changed."""
-        super().__init__()
-        self._changed = changed
 
     def read_uint32(self, offset: int) -> int:
         """SELECTED shows the source that was chosen."""
@@ -101,11 +104,6 @@ class Clocks(Window):
         if offset == 0x44:
             return int(1 << (self.values.get(0x3C, 0) & 1))
         return super().read_uint32(offset)
-
-    def write_uint32(self, offset: int, value: int) -> None:
-        """Set a register and recompute."""
-        super().write_uint32(offset, value)
-        self._changed()
 
     def system_hz(self, pll: Pll) -> float:
         """Frequency of clk_sys; a stopped source leaves the ring oscillator, as the data sheet's resuscitation."""
@@ -209,7 +207,7 @@ class FlashBus(Window):
         self._answers.clear()
 
     def read_uint32(self, offset: int) -> int:
-        """DR0 gives what came back, SR tells what there is."""
+        """DR0 gives what came back; SR whether there is any."""
         if offset == 0x28:
             return 0x6 | (0x8 if self._answers else 0)
         if offset == 0x60:

@@ -83,7 +83,6 @@ class WaveformDecoder:
         self.bits: list[Bit] = []
         """of the last frame that was latched"""
         self.frame_starts_us: list[float] = []
-        self.wire_end_us = 0.0
         self._report = report
         self._frame: list[Bit] = []
         self._rise_ns = self._fall_ns = 0.0
@@ -127,7 +126,6 @@ class WaveformDecoder:
         if len(bits) != BITS:
             self._report(f"WS2812B: a frame of {len(bits)} bits, not {BITS}: torn")
         self.bits = bits
-        self.wire_end_us = self._fall_ns / 1e3
         octets = np.packbits(np.array([bit.high_ns > ONE_NS for bit in bits[:BITS]], np.uint8))
         wire = np.zeros(3 * LED_COUNT, np.uint8)
         wire[: len(octets)] = octets

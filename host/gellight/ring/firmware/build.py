@@ -16,8 +16,6 @@ from gellight.ring.firmware.image import flash_image
 
 IMAGE = Path(__file__).parent / "gellight-rp2040.uf2"
 CHECKOUT = Path(__file__).parents[4]
-ZIG_VERSION = "0.17.0"
-"""of the compiler that built the committed image"""
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
 _COMMON = (
     "-std=c11", "-Os", "-g0", "-ffreestanding", "-nostdlib", "-fno-common", "-fno-jump-tables",

@@ -66,7 +66,7 @@ class UsbCable:
         self._socket.close()
 
     def send(self, endpoint: int, data: bytes, *, wanted: Callable[[], bool], ended: bool = True) -> bool:
-        """Send one transfer to the kernel through as many URBs as it takes, while `wanted` says so.
+        """Send one transfer to the kernel through as many URBs as it takes, while `wanted` is true.
 
         A short URB ends a transfer; where the last one is full an empty one is added if `ended`. Returns whether all of
         it went.

@@ -8,16 +8,7 @@ import threading
 from collections.abc import Callable, Mapping
 
 from gellight.base.errors import CameraError, InputError
-from gellight.ring.usb_numbers import (
-    CLEAR_FEATURE,
-    CONFIGURATION,
-    DEVICE,
-    GET_CONFIGURATION,
-    GET_DESCRIPTOR,
-    GET_INTERFACE,
-    GET_STATUS,
-    STRING,
-)
+from gellight.ring import usb_numbers as numbers
 from gellight.simulator.usb import descriptors
 from gellight.simulator.usb.cable import CablePulledError, UsbCable
 from gellight.simulator.usb.camera_and_board import CameraAndBoard, open_inside
@@ -27,6 +18,7 @@ from gellight.simulator.usb.usbip import Urb
 from gellight.simulator.usb.video import VideoFunction, modes_of
 
 logger = logging.getLogger(__name__)
+ANSWERS = {numbers.GET_STATUS: b"\0\0", numbers.GET_CONFIGURATION: b"\1", numbers.GET_INTERFACE: b"\0"}
 STANDARD, CLASS, INTERFACE_RECIPIENT = 0x00, 0x20, 1
 STOP_S = 10.0
 
@@ -95,7 +87,7 @@ class VirtualSensor:
             thread.start()
 
     def unplug(self) -> None:
-        """Pull the plug, in mid-stream too; returns at once, `unplugged` tells when the power is gone."""
+        """Pull the plug, in mid-stream too; returns at once; `unplugged` is set when the power is gone."""
         if self._cable is not None:
             self._cable.pull()
 
@@ -137,18 +129,18 @@ class VirtualSensor:
         return self.video.request(interface, unit, value >> 8, code, urb.data)
 
     def _standard(self, code: int, value: int, index: int) -> bytes | None:
-        if code == GET_DESCRIPTOR:
+        if code == numbers.GET_DESCRIPTOR:
             return self._descriptor(value >> 8, value & 0xFF)
-        if code == CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
+        if code == numbers.CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
             self.video.stop()
-        return {GET_STATUS: b"\0\0", GET_CONFIGURATION: b"\1", GET_INTERFACE: b"\0"}.get(code, b"")
+        return ANSWERS.get(code, b"")
 
     def _descriptor(self, kind: int, index: int) -> bytes | None:
-        if kind == DEVICE:
+        if kind == numbers.DEVICE:
             return descriptors.device_descriptor()
-        if kind == CONFIGURATION and index == 0:
+        if kind == numbers.CONFIGURATION and index == 0:
             return descriptors.configuration_descriptor(self.modes)
-        return descriptors.string_descriptor(index, self.serial_number) if kind == STRING else None
+        return descriptors.string_descriptor(index, self.serial_number) if kind == numbers.STRING else None
 
 
 def checked_serial(text: str) -> str:

@@ -21,7 +21,7 @@ class SerialFunction:
     """Interfaces 0 and 1."""
 
     def __init__(self, path: str) -> None:
-        """Connect to the terminal at `path`; "": nobody is there, bytes are lost."""
+        """Connect to the terminal at `path`; "": there is none, bytes are lost."""
         self._path = path
         self._terminal: int | None = None
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""The wire format of USB/IP: who offers which device, and the URBs of one that is imported.
+"""The wire format of USB/IP: which devices are offered, and the URBs of one that is imported.
 
 Source: Documentation/usb/usbip_protocol.rst of the Linux kernel. All numbers are big-endian; the eight bytes of a
 setup packet are as on the bus. Only bulk, interrupt and control transfers; none of our endpoints is isochronous.

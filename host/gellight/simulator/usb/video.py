@@ -9,19 +9,14 @@ from dataclasses import replace
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
+from gellight.simulator.usb import descriptors
 from gellight.simulator.usb.cable import UsbCable
 from gellight.simulator.usb.control_effects import developed, run_automatics, set_up
 from gellight.simulator.usb.controls import ControlState
-from gellight.simulator.usb.descriptors import (  # fmt: skip
-    CONTROL_INTERFACE,
-    MJPG,
-    STREAMING_INTERFACE,
-    VIDEO_ENDPOINT,
-    VideoModes,
-)
+from gellight.simulator.usb.descriptors import VideoModes
 from gellight.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
 from gellight.simulator.usb.faults import Faults
-from gellight.simulator.usb.negotiation import HEADER_BYTES, Mode, Negotiation
+from gellight.simulator.usb.negotiation import HEADER_BYTES, Negotiation, StreamMode
 
 END_OF_HEADER, ERROR, END_OF_FRAME = 0x80, 0x40, 0x02
 LATENCY_FRAMES = 2
@@ -64,12 +59,12 @@ class VideoFunction:
 
     def request(self, interface: int, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a class request; None: refused."""
-        if interface == STREAMING_INTERFACE:
+        if interface == descriptors.STREAMING_INTERFACE:
             return self.negotiation.request(selector, code, data)
-        return self.controls.request(unit, selector, code, data) if interface == CONTROL_INTERFACE else None
+        return self.controls.request(unit, selector, code, data) if interface == descriptors.CONTROL_INTERFACE else None
 
     def stop(self) -> None:
-        """End the stream: what the host says by clearing the halt of the endpoint."""
+        """End the stream, as a host asks by clearing the halt of the endpoint."""
         self.negotiation.committed = None
 
     def run(self, cable: UsbCable) -> None:
@@ -82,7 +77,7 @@ class VideoFunction:
                 self.streams += 1
                 self._stream(cable, mode, lambda mode=mode: self.negotiation.committed is mode)  # type: ignore[misc]
 
-    def _stream(self, cable: UsbCable, mode: Mode, wanted: Callable[[], bool]) -> None:
+    def _stream(self, cable: UsbCable, mode: StreamMode, wanted: Callable[[], bool]) -> None:
         count, due_s = 0, time.monotonic()
         self._last = None
         self._values.clear()
@@ -97,7 +92,7 @@ class VideoFunction:
             if not (faults.stall_after and count > faults.stall_after):
                 self._send(cable, self._encode(frame, mode, values), faults, wanted)
 
-    def _expose(self, mode: Mode) -> tuple[dict[str, int], CameraFrame]:
+    def _expose(self, mode: StreamMode) -> tuple[dict[str, int], CameraFrame]:
         """Take the next picture at the negotiated rate, and let the automatics see it."""
         self._values.append(self.controls.snapshot())
         values = self._values[0]
@@ -111,9 +106,9 @@ class VideoFunction:
         run_automatics(self.controls, frame.image, mode.interval // 1000)
         return values, frame
 
-    def _encode(self, frame: CameraFrame, mode: Mode, values: dict[str, int]) -> bytes:
+    def _encode(self, frame: CameraFrame, mode: StreamMode, values: dict[str, int]) -> bytes:
         image = binned(frame.image, self._modes.sizes[mode.size_index - 1])
-        if mode.format == MJPG:
+        if mode.format == descriptors.MJPG:
             return to_jpeg(image, Mark(self._taken, frame.time_s, values["exposure_us"] * 100))
         return to_yuyv(image)
 
@@ -132,4 +127,4 @@ class VideoFunction:
             cable.sleep_until(time.monotonic() + chance() * faults.late_ms * 1e-3, wanted)
         header = bytes((HEADER_BYTES, END_OF_HEADER | END_OF_FRAME | self._toggle | damaged))
         self._toggle ^= 1
-        self.sent += cable.send(VIDEO_ENDPOINT, header + picture, wanted=wanted)
+        self.sent += cable.send(descriptors.VIDEO_ENDPOINT, header + picture, wanted=wanted)

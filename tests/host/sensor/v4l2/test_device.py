@@ -86,8 +86,8 @@ def test_a_range_of_rates_holds_every_rate_in_it() -> None:
     with Device(PATH, kernel=kernel) as device:
         (offer,) = offered = device.offers()
     assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
-    assert choose(offered, Wanted(), path=PATH)[1].fps == 30, "not 1, the nearer one of its ends"
-    assert choose(offered, Wanted(fps=25), path=PATH)[1].fps == 25
+    assert choose(offered, Wanted(), path=PATH).fps == 30, "not 1, the nearer one of its ends"
+    assert choose(offered, Wanted(fps=25), path=PATH).fps == 25
     with pytest.raises(CameraError, match="60 to 1 fps"):
         choose(offered, Wanted(fps=90), path=PATH)
 
