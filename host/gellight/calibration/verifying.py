@@ -18,14 +18,14 @@ from gellight.calibration.sensing import Capture, Watcher, check_light, wait_fre
 from gellight.calibration.session import Session
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_picture
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
-from gellight.training.presses import Ball, Press, PressTable, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.training.validation import baseline_errors
+from gellight.training.presses import Ball, Press, PressTable, contact_circle
+from gellight.training.validation import baseline_errors, press_error
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
@@ -119,13 +119,10 @@ def figures_of(felt: TactileFrame, press: Press, ball: Ball) -> dict[str, float]
     depth_mm: mean absolute error inside the contact circle, mean removed, for a circle does not say how deep its rim
     lies. normal_deg: mean angle there.
     """
-    shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
-    inside = contact_circle(press, shape)
-    depth = felt.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
-    true = normals(sphere_gradient(press, ball, shape))[inside]
+    error = press_error(press, ball, felt)
     return {
-        "depth_mm": float(np.abs(depth - depth.mean()).mean()),
-        "normal_deg": float(angle_deg(felt.normal_map[inside], true).mean()),
+        "depth_mm": error.depth_mae_mm,
+        "normal_deg": error.mean_deg,
         "indentation_mm": felt.contact.indentation_mm,
     }
 
@@ -144,13 +141,11 @@ def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, fl
     """Return the errors against what only a simulator knows; nothing on a real sensor."""
     if truth is None:
         return {}
-    angles = angle_deg(felt.normal_map, normals(truth.gradient_map))
-    depth = np.abs(felt.depth_mm - truth.depth_mm)
-    where = truth.contact if truth.contact.any() else np.ones_like(truth.contact)
+    error = surface_errors(felt, truth)
     return {
-        "true_depth_mm": float(depth[where].mean()),
-        "true_normal_deg": float(angles.mean()),
-        "true_contact_normal_deg": float(angles[where].mean()),
+        "true_depth_mm": error.contact_depth_mm,
+        "true_normal_deg": error.normal_deg,
+        "true_contact_normal_deg": error.contact_normal_deg,
     }
 
 
@@ -186,8 +181,7 @@ def summary(session: Session) -> dict[str, Any]:
 
 def _second_opinions(session: Session, draft: Bundle, ball: Ball) -> dict[str, dict[str, float]]:
     """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
-    kept, (height, width) = draft.presses(), draft.image_shape
-    table = PressTable(rows=kept["rows"], image=kept["image"], image_size=(width, height))
+    table = PressTable.of(draft)
     follow, reference = draft.manifest.follow_light, draft.reference
     found = {}
     for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):

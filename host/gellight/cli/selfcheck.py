@@ -7,7 +7,7 @@ import typer
 
 from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson
-from gellight.daemon.assembly import check_presses
+from gellight.evaluation.checked_presses import check_presses
 from gellight.frames.judging import SelfCheckResult
 
 COLUMNS = (

@@ -1,7 +1,7 @@
 """The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
-from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 
 BALL = "BALL"
@@ -21,16 +21,10 @@ _ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectError:
-    """Mean absolute errors on one object, against the simulator's truth."""
+class ObjectError(SurfaceErrors):
+    """The errors on one object, against the simulator's truth."""
 
     object_name: str
-    normal_deg: float
-    """mean angle between the normals over the whole map"""
-    contact_normal_deg: float
-    depth_mm: float
-    """mean absolute depth error over the whole map"""
-    contact_depth_mm: float
 
 
 def object_errors(
@@ -74,21 +68,11 @@ def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: floa
     assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
     frame = _lit_frame(camera, reconstructor.bundle)
-    truth = frame.truth
-    assert truth is not None
-    felt = reconstructor.reconstruct(frame)
-    angles = angle_deg(felt.normal_map, normals(truth.gradient_map))
-    depth = np.abs(felt.depth_mm - truth.depth_mm)
-    return ObjectError(
-        object_name=name,
-        normal_deg=float(angles.mean()),
-        contact_normal_deg=float(angles[truth.contact].mean()),
-        depth_mm=float(depth.mean()),
-        contact_depth_mm=float(depth[truth.contact].mean()),
-    )
+    assert frame.truth is not None
+    error = surface_errors(reconstructor.reconstruct(frame), frame.truth)
+    return ObjectError(object_name=name, **asdict(error))
 
 
 def summary(errors: list[ObjectError]) -> ObjectError:
     """Return the means over the objects."""
-    names = [f.name for f in fields(ObjectError) if f.name != "object_name"]
-    return ObjectError(object_name="mean", **{n: float(np.mean([getattr(e, n) for e in errors])) for n in names})
+    return ObjectError(object_name="mean", **asdict(mean_errors(errors)))
