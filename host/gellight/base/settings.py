@@ -1,14 +1,15 @@
 """Settings: flags over environment over ./gellight.toml over the user's config.toml over the defaults.
 
 Each source is checked by itself before it is merged, so a mistake is reported with the file or variable it is in, even
-where a stronger source would have hidden it. Nothing unknown is ignored.
+where a stronger source would have hidden it. An unknown key is an error.
 """
 
 import inspect
+import json
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from math import radians
 from pathlib import Path
 from typing import Any, Literal
@@ -48,10 +49,10 @@ class SensorSettings(Section):
 
 
 class GeometrySettings(Section):
-    """How the sensor is built; what is not given is as in the paper. Angles are degrees here, rad inside.
+    """How the sensor is built; what is not given is as in the paper. Angles are in degrees.
 
-    A simulated sensor is all of it. Of a real one the calibration takes the colours of the ring, and photometric stereo
-    the ring.
+    A simulated sensor is built by all of these. With a real sensor the calibration uses the colours of the LEDs, and
+    photometric stereo uses the ring.
     """
 
     gel_diameter_mm: float | None = Field(default=None, gt=0, description="diameter of the gel")
@@ -79,7 +80,10 @@ class GeometrySettings(Section):
     def overrides(self) -> dict[str, float | int | str]:
         """Return what is given, by the names and in the units (rad) of `sim_reference.geometry.SensorGeometry`."""
         given = self.model_dump(exclude_none=True)
-        return {_inner_name(name): radians(value) if name.endswith("_deg") else value for name, value in given.items()}
+        return {
+            name.replace("_deg", "_rad"): radians(value) if name.endswith("_deg") else value
+            for name, value in given.items()
+        }
 
 
 class ReconstructionSettings(Section):
@@ -107,7 +111,7 @@ class ReconstructionSettings(Section):
 
 
 class WatchSettings(Section):
-    """What is told of changes since the calibration; see docs/watch.md."""
+    """What is watched for changes since the calibration; see docs/watch.md."""
 
     enabled: bool = Field(default=True, description="watch for drift, LEDs, the camera's place, dirt and tears")
     rezero: bool = Field(
@@ -131,29 +135,28 @@ class Settings(Section):
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
 
 
+SECTIONS: dict[str, Any] = {name: field.annotation for name, field in Settings.model_fields.items()}
+"""model of each section by its name"""
+
+
 @dataclass(frozen=True)
 class Layer:
     """The values of one source, checked."""
 
     source: str
-    """a file, a variable or "flag", for messages"""
-    values: Values = field(default_factory=dict)
+    """a file, a variable or "--flag", for messages"""
+    values: Values
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One row of the reference: a key and what may be said there."""
+    """One row of the reference: a key, and the values it may have."""
 
     section: str
     key: str
     allowed: str
     default: object
     description: str
-
-    @property
-    def variable(self) -> str:
-        """Environment variable that sets it."""
-        return f"{PREFIX}{self.section}_{self.key}".upper()
 
 
 def load_settings(
@@ -178,18 +181,17 @@ def read_layers(
     folder: Path | None = None,
     user_folder: Path | None = None,
 ) -> list[Layer]:
-    """Return every source that says something, weakest first; arguments and errors as in `load_settings`."""
+    """Return every source that sets something, weakest first; arguments and errors as in `load_settings`."""
     files = [path for path in file_paths(folder=folder, user_folder=user_folder) if path.exists()]
-    layers = [Layer(str(path), _read_file(path)) for path in files]
-    layers += _environment_layers(os.environ if environment is None else environment)
-    layers += _flag_layers(flags or {})
-    for layer in layers:
-        _check(layer)
-    return layers
+    return [
+        *(_file_layer(path) for path in files),
+        *_environment_layers(os.environ if environment is None else environment),
+        *_flag_layers(flags or {}),
+    ]
 
 
 def merge(layers: list[Layer]) -> Settings:
-    """Return the settings that `layers`, weakest first and already checked, add up to."""
+    """Return the settings that `layers`, weakest first, add up to."""
     merged: Values = {}
     for layer in layers:
         for section, values in layer.values.items():
@@ -199,9 +201,7 @@ def merge(layers: list[Layer]) -> Settings:
 
 def read_settings(path: Path) -> Settings:
     """Read one file by itself, whatever its name; raises ConfigError as `load_settings` does."""
-    layer = Layer(str(path), _read_file(path))
-    _check(layer)
-    return merge([layer])
+    return merge([_file_layer(path)])
 
 
 def file_paths(*, folder: Path | None = None, user_folder: Path | None = None) -> list[Path]:
@@ -214,7 +214,7 @@ def reference() -> list[Setting]:
     """Return every setting there is, in order; the documentation and the messages are made of it."""
     return [
         Setting(section, key, allowed(schema), schema.get("default"), schema["description"])
-        for section, model in _sections().items()
+        for section, model in SECTIONS.items()
         for key, schema in model.model_json_schema()["properties"].items()
     ]
 
@@ -222,96 +222,60 @@ def reference() -> list[Setting]:
 def reference_markdown() -> str:
     """Return the reference as Markdown, one table a section; docs/configuration.md holds it."""
     lines: list[str] = []
-    for section, model in _sections().items():
-        lines += [
-            f"### `[{section}]`",
-            "",
-            inspect.cleandoc(model.__doc__ or ""),
-            "",
-            "| key | allowed | default | meaning |",
-            "|---|---|---|---|",
-        ]
+    for section, model in SECTIONS.items():
+        lines += [f"### `[{section}]`", "", inspect.cleandoc(model.__doc__ or ""), ""]
+        lines += ["| key | allowed | default | meaning |", "|---|---|---|---|"]
         lines += [_markdown_row(setting) for setting in reference() if setting.section == section]
         lines.append("")
     return "\n".join(lines)
 
 
 def _markdown_row(setting: Setting) -> str:
-    default = "as in the paper" if setting.default is None else f"`{_toml(setting.default)}`"
+    default = "as in the paper" if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
     return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else str(value)
-
-
-def _sections() -> dict[str, type[BaseModel]]:
-    models = {name: info.annotation for name, info in Settings.model_fields.items()}
-    return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, BaseModel)}
-
-
-def _inner_name(name: str) -> str:
-    return name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name
-
-
-def _read_file(path: Path) -> Values:
+def _file_layer(path: Path) -> Layer:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read ({error.strerror}): make it readable or move it away") from error
     except ValueError as error:
         raise ConfigError(f"{path} is not TOML in UTF-8 ({error}): correct it or move it away") from error
+    return _checked(str(path), values)
 
 
 def _environment_layers(environment: Mapping[str, str]) -> Iterator[Layer]:
     for variable, text in sorted(environment.items()):
-        for section in _sections():
+        for section in SECTIONS:
             start = f"{PREFIX}{section}_".upper()
             if variable.upper().startswith(start):
-                key = variable[len(start) :].lower()
-                yield Layer(f"environment variable {variable}", {section: {key: _parse(section, key, text)}})
+                values = {section: {variable[len(start) :].lower(): text}}
+                yield _checked(f"environment variable {variable}", values, Settings.model_validate_strings)
 
 
 def _flag_layers(flags: Mapping[str, object]) -> Iterator[Layer]:
     for path, value in flags.items():
         if value is not None:
             section, _, key = path.partition(".")
-            yield Layer(f"--{key.replace('_', '-')}", {section: {key: value}})
+            yield _checked(f"--{key.replace('_', '-')}", {section: {key: value}})
 
 
-def _parse(section: str, key: str, text: str) -> object:
-    """Return the value of an environment variable: text where text is wanted, else what TOML makes of it."""
-    wanted = {(setting.section, setting.key): setting.allowed for setting in reference()}.get((section, key), "text")
-    if wanted.startswith("text"):
-        return text
+def _checked(source: str, values: Any, validate: Callable[[Any], Settings] = Settings.model_validate) -> Layer:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
-
-
-def _check(layer: Layer) -> None:
-    try:
-        Settings.model_validate(layer.values)
+        return Layer(source, validate(values).model_dump(exclude_unset=True))
     except ValidationError as error:
-        problems = [_explain(layer, dict(problem)) for problem in error.errors(include_url=False)]
+        problems = [f"{source}: {_explain(dict(problem))}" for problem in error.errors(include_url=False)]
         raise ConfigError("; ".join(problems)) from error
 
 
-def _explain(layer: Layer, problem: dict[str, Any]) -> str:
+def _explain(problem: dict[str, Any]) -> str:
     section, *rest = (str(step) for step in problem["loc"])
+    here = {setting.key: setting.allowed for setting in reference() if setting.section == section}
     if problem["type"] == "extra_forbidden":
-        return f"{layer.source}: {_unknown(section, rest)}"
+        if not rest:
+            return f"unknown section {section}: {nearest(section, SECTIONS)}"
+        return f"unknown key {section}.{rest[0]}: {nearest(rest[0], here)}"
     if not rest:
-        return f"{layer.source}: {section} = {problem['input']!r} is no section: write [{section}] and its keys below"
-    wanted = next(s.allowed for s in reference() if (s.section, s.key) == (section, rest[0]))
-    return f"{layer.source}: {section}.{rest[0]} = {problem['input']!r} is not allowed: give {wanted}"
-
-
-def _unknown(section: str, rest: list[str]) -> str:
-    if not rest:
-        return f"unknown section {section}: {nearest(section, list(_sections()))}"
-    known = [setting.key for setting in reference() if setting.section == section]
-    return f"unknown key {section}.{rest[0]}: {nearest(rest[0], known)}"
+        return f"{section} = {problem['input']!r} is no section: write [{section}] and its keys below"
+    return f"{section}.{rest[0]} = {problem['input']!r} is not allowed: give {here[rest[0]]}"

@@ -17,10 +17,10 @@ AGAIN = "calibrate the sensor again or restore the bundle from a copy"
 IDENTITY_BYTES = 8
 """of a bundle, as the board of its sensor remembers it"""
 BULGE = 1.71
-"""Mean depth of a view that is touched all over, per bulge at its border. A soft layer keeps its volume, so what is
-pressed down in the view comes up around it. Fitted to 30 random presses of the simulated gel of the paper; nine of ten
-lay between 1.5 and 2.1. Another gel, or a view of another size, has another value: its bundle tells it (`bulge` in the
-manifest)."""
+"""Mean depth over a view that is touched all over, divided by the height of the gel at its border above the gel at
+rest. A soft layer keeps its volume, so what is pressed down in the view rises around it. Fitted to 30 random presses of
+the simulated gel of the paper; nine of ten lay between 1.5 and 2.1. Another gel, or a view of another size, has another
+value: `bulge` in the manifest of its bundle."""
 
 
 def plain_name(name: str) -> str:
@@ -71,7 +71,7 @@ class Manifest(BaseModel):
     follow_light: bool = False
     """take the median over the view off every difference image, because the light of this sensor drifts"""
     bulge: Length = BULGE
-    """mean depth of a view that is touched all over, per bulge at its border; see `BULGE`"""
+    """of this gel and view, see `BULGE`"""
     network: FileName = "network.onnx"
     files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
     led: tuple[LedSetting, ...] = ()

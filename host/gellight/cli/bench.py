@@ -10,8 +10,9 @@ import typer
 
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson
-from gellight.evaluation import bench, simulated_presses
+from gellight.evaluation import bench
 from gellight.evaluation.bench import DepthScale, FrameTimes
+from gellight.evaluation.simulated_presses import Figures, compare_ways
 from gellight.evaluation.synthetic import evaluate_simulated
 
 
@@ -49,7 +50,7 @@ def command(
         errors = asdict(evaluate_simulated(bundle))
         typer.echo(json.dumps(errors) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in errors.items()))
     elif subject is Subject.PHOTOMETRIC:
-        ways = simulated_presses.compare_ways(bundle)
+        ways = compare_ways(bundle)
         typer.echo(json.dumps(bench.as_rows(ways), indent=2) if as_json else _way_table(ways))
     else:
         times = bench.frame_times(bundle, rounds=rounds, threads=threads)
@@ -70,7 +71,7 @@ def _time_table(times: Sequence[FrameTimes]) -> str:
     return "\n".join(lines)
 
 
-def _way_table(ways: Sequence[simulated_presses.Figures]) -> str:
+def _way_table(ways: Sequence[Figures]) -> str:
     columns = ("exposure", "contact, deg", "all, deg", "x GelNet's", "depth, mm")
     lines = [f"{'errors':24}" + "".join(f"{name:>14}" for name in columns)]
     for w in ways:

@@ -32,7 +32,6 @@ def command(
     The ball and the ten objects are pressed; depth, normals and picture are compared. The exit status is 1 when a
     comparison is out of its bounds.
     """
-
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
     if not as_json:

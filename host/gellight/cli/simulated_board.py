@@ -19,9 +19,9 @@ def command(
     Its light is printed whenever it changes.
     """
     board = SimulatedBoard(pty=pty)
-    print(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`", flush=True)
     end, shown = time.monotonic() + (seconds or LONGEST_S), 0
     try:
+        print(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`", flush=True)
         while time.monotonic() < end:
             while shown < len(board.timeline):
                 light = board.timeline[shown]

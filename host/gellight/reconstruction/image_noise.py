@@ -1,8 +1,8 @@
-"""The noise of a camera's pictures, such that limits on means over pixels hold.
+"""The noise of a camera's pictures, measured so that limits on means over pixels hold.
 
-Whatever looks for a touch compares means over n x n pixels with a multiple of their noise, and takes the noise to be
-white: sigma / n. A camera that compresses (MJPG) leaves noise that its neighbours share: it blurs single pixels, whose
-spread falls, and moves whole blocks of 8 x 8 together. Half a picture at rest would look touched.
+A touch is found by comparing means over n x n pixels with a multiple of their noise, sigma / n for white noise. The
+noise of a camera that compresses (MJPG) is not white: single pixels are blurred, so that they spread less, and whole
+blocks of 8 x 8 pixels change together. With the sigma of single pixels half a picture at rest would look touched.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,9 @@ class ImageNoise:
 def measure_noise(images: Sequence[NDArray[np.uint8]], mean: NDArray[np.float32]) -> ImageNoise:
     """Measure the noise of at least two (H, W, 3) uint8 pictures of a scene at rest, given their mean.
 
-    A change of all the light from picture to picture is drift and not noise: it is taken off before. Its mean is, for
-    nothing touches: the median of some pixels is itself unsure by as much as the means whose spread is measured.
+    A change of all the light from picture to picture is drift and not noise, so the mean change of each channel is
+    taken off first. The mean serves because nothing touches the gel; a median over a part of the pixels would be as
+    noisy as the means whose spread is measured.
     """
     if len(images) < 2:
         raise ValueError(f"{len(images)} pictures: at least 2 are needed")

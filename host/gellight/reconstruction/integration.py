@@ -48,9 +48,9 @@ def integrate(
 
     Returns (H, W) depth in mm. Slopes leave the height of the whole surface open; what sets it is: the median over
     `at_rest` is 0. Without `at_rest` the median of the map is 0, which is the untouched gel while less than half of
-    the view is touched. With an `at_rest` of less than 5 % of the view nothing tells the height but the gel itself: it
-    keeps its volume, so what is pressed down in the view bulges up at its border, in a known proportion; on the
-    simulated gel that is right to some 0.02 mm. The medians are over a regular subset of about 40 000 pixels.
+    the view is touched. With an `at_rest` of less than 5 % of the view the height comes from the bulge: gel keeps its
+    volume, so what is pressed down in the view rises at its border, in a known proportion. On the simulated gel that
+    is right to some 0.02 mm. The medians are over a regular subset of about 40 000 pixels.
 
     Where the slope jumps between two samples, as at the rim of a hard cap on a plane, the rim is known to half a pixel
     only: caps 5, 10, 20 and 60 px across scatter by 7, 4, 1.4 and 0.3 % with their place between the pixels
@@ -132,10 +132,17 @@ def _pixel_size(pixel_size_mm: float | tuple[float, float]) -> tuple[float, floa
 
 def _edge_integrals(slope: Floats) -> Floats:
     """Integrate along the last axis between neighbouring samples: (..., n) to (..., n - 1), in pixels."""
-    n = slope.shape[-1]
-    if n < 6:
-        return (slope[..., 1:] + slope[..., :-1]) / 2 if n < 4 else _edge_integrals_short(slope)
+    if slope.shape[-1] < 4:
+        return (slope[..., 1:] + slope[..., :-1]) / 2
     edges = np.empty_like(slope[..., 1:])
+    if slope.shape[-1] > 5:
+        _fill_interior(slope, edges)
+    _close_borders(slope, edges)
+    return edges
+
+
+def _fill_interior(slope: Floats, edges: Floats) -> None:
+    """Fill all edges but the two at each end."""
     inner = edges[..., 2:-2]
     np.add(slope[..., 2:-3], slope[..., 3:-2], out=inner)
     inner *= slope.dtype.type(_EDGE[0])
@@ -145,15 +152,6 @@ def _edge_integrals(slope: Floats) -> Floats:
     np.add(slope[..., :-5], slope[..., 5:], out=pair)
     pair *= slope.dtype.type(_EDGE[2])
     inner += pair
-    _close_borders(slope, edges)
-    return edges
-
-
-def _edge_integrals_short(slope: Floats) -> Floats:
-    """The same for 4 or 5 samples, which have border edges only."""
-    edges = np.empty_like(slope[..., 1:])
-    _close_borders(slope, edges)
-    return edges
 
 
 def _close_borders(slope: Floats, edges: Floats) -> None:

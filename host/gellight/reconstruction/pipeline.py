@@ -9,8 +9,8 @@ from scipy import ndimage
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
+from gellight.frames.frames import CameraFrame, ExposureReport, TactileFrame
+from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.integration import integrate, normals
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
@@ -21,6 +21,7 @@ STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
 
 _CELL_PX = 8
+Floats = NDArray[np.float32]
 
 
 class FramePath(Protocol):
@@ -29,7 +30,7 @@ class FramePath(Protocol):
     bundle: Bundle
 
     def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
-        """Return what the sensor feels in one frame."""
+        """Return the maps and the contact of one frame."""
 
     def status(self) -> dict[str, object]:
         """Return `mode`, and what else is known of the way it is computed, ready for JSON."""
@@ -48,20 +49,17 @@ class Reconstructor:
         threads: int = 1,
         smoothing_px: int = NARROWEST_PX,
         masked: bool = True,
-        contact_threshold_mm: float = THRESHOLD_MM,
         undistorted: bool = True,
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
         threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
         run the network only where the image differs from the reference; without, everywhere. undistorted: take the lens
-        of the bundle out of the maps, where it knows one; without, they lie over the picture, as labels do. Raises
-        BundleError.
+        out of the maps where the bundle has one; without, they lie over the picture, as labels do. Raises BundleError.
         """
         self.bundle = bundle
         self.masked = masked
         self._smoother = Smoother(smoothing_px)
-        self.contact_threshold_mm = contact_threshold_mm
         self._reference = bundle.reference
         self._undistortion = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
         self._network = GradientNetwork(
@@ -79,51 +77,42 @@ class Reconstructor:
         touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
         self._check(camera_frame)
-        watch = Watch()
-        difference = np.subtract(camera_frame.image, self._reference, dtype=np.float32)
-        if self.bundle.manifest.follow_light:
-            difference -= light_drift(difference)
-        watch.lap("difference")
+        stages = Stages()
+        difference = self._difference(camera_frame.image)
+        stages.end("difference")
         touched = self._network.touched(difference)
-        watch.lap("mask")
+        stages.end("mask")
         slopes = self._network.gradient_map(difference, touched if self.masked else None)
         # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
         slopes, noise = self._smoother.narrow(slopes)
-        watch.lap("gradient")
+        stages.end("gradient")
         if self._undistortion is not None:
             slopes, touched = self._undistortion.apply(slopes, touched)
-            watch.lap("lens")
-        depth_mm = integrate(
-            slopes,
-            self.bundle.pixel_size_mm,
-            at_rest=far_from_touch(touched),
-            bulge=self.bundle.manifest.bulge,
-        )
-        watch.lap("depth")
-        gradient_map = self._smoother.of_surface(
-            depth_mm, self.bundle.pixel_size_mm, slopes, noise, where=touched if self.masked else None
-        )
+            stages.end("lens")
+        depth_mm = self._depth(slopes, touched)
+        stages.end("depth")
+        where = touched if self.masked else None
+        gradient_map = self._smoother.of_surface(depth_mm, self.bundle.pixel_size_mm, slopes, noise, where=where)
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
-        normal_map = normals(gradient_map)
-        watch.lap("normals")
-        contact = find_contact(depth_mm, self.bundle.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
-        watch.lap("contact")
-        return TactileFrame(
-            camera_frame=camera_frame,
-            difference=difference,
-            gradient_map=gradient_map,
-            normal_map=normal_map,
-            depth_mm=depth_mm.astype(np.float32, copy=False),
-            contact=contact,
-            stage_seconds=watch.seconds,
-        )
+        return tactile_frame(camera_frame, difference, gradient_map, depth_mm, self.bundle.pixel_size_mm, stages)
+
+    def _difference(self, image: NDArray[np.uint8]) -> Floats:
+        difference = np.subtract(image, self._reference, dtype=np.float32)
+        if self.bundle.manifest.follow_light:
+            difference -= light_drift(difference)
+        return difference
+
+    def _depth(self, slopes: Floats, touched: NDArray[np.bool_]) -> Floats:
+        manifest = self.bundle.manifest
+        depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=far_from_touch(touched), bulge=manifest.bulge)
+        return depth_mm.astype(np.float32, copy=False)
 
     def status(self) -> dict[str, object]:
         """Return the mode, ready for JSON."""
         return {"mode": "network"}
 
-    def touched(self, difference: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
         return self._network.touched(difference)
 
@@ -159,16 +148,42 @@ def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(free & far[rows[:, None], columns[None, :]])
 
 
-class Watch:
-    """Time the stages of one frame."""
+class Stages:
+    """The wall time of each stage of one frame."""
 
     def __init__(self) -> None:
-        """Start now."""
+        """Begin the first stage."""
         self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
+        self._began = time.perf_counter()
 
-    def lap(self, stage: str) -> None:
-        """Book the time since the last lap."""
+    def end(self, stage: str) -> None:
+        """Record the time since the stage before ended."""
         now = time.perf_counter()
-        self.seconds[stage] = now - self._last
-        self._last = now
+        self.seconds[stage] = now - self._began
+        self._began = now
+
+
+def tactile_frame(
+    camera_frame: CameraFrame,
+    difference: Floats,
+    gradient_map: Floats,
+    depth_mm: Floats,
+    pixel_size_mm: tuple[float, float],
+    stages: Stages,
+    exposures: ExposureReport | None = None,
+) -> TactileFrame:
+    """Do the last two stages, normals and contact, and put the frame together."""
+    normal_map = normals(gradient_map)
+    stages.end("normals")
+    contact = find_contact(depth_mm, pixel_size_mm)
+    stages.end("contact")
+    return TactileFrame(
+        camera_frame=camera_frame,
+        difference=difference,
+        gradient_map=gradient_map,
+        normal_map=normal_map,
+        depth_mm=depth_mm,
+        contact=contact,
+        exposures=exposures,
+        stage_seconds=stages.seconds,
+    )

@@ -4,7 +4,7 @@ A Savitzky-Golay filter (1964) puts a quadratic through a window of pixels and k
 across it. The wider the window the less noise is left, and the wider a contact must be to be kept. So it is done twice:
 
 * `Smoother.narrow` smooths the slopes as measured by the narrowest window, before they are integrated, so that no
-  contact loses height. What it takes away is nearly all noise, and tells how strong the noise is, place by place.
+  contact loses height. What it takes away is nearly all noise: its strength, place by place, is measured from that.
 * `Smoother.widen` smooths the slopes of the integrated surface further, pixel by pixel as far as they allow, by
   Lepski's principle (Goldenshluger and Nemirovski 1997; Katkovnik 1999): the next wider window is taken as far as its
   answer differs from the narrower one's by no more than that noise explains. At a rim it differs by far more, and
@@ -120,9 +120,9 @@ class Smoother:
         self._widen(surface[window], noise * self._reconcile(surface[window], measured[window], noise))
 
     def _reconcile(self, surface: Floats, measured: Floats, noise: Floats) -> Floats:
-        """Put the measured slopes in the place of the surface's where noise does not explain what differs.
+        """Replace slopes of the surface by the measured ones where they differ by more than noise explains.
 
-        Returns the energy of the noise that is left, (h, w, 1), as a multiple of the surface's: 1 to 2.
+        Returns the energy of the noise in the result, (h, w, 1), in units of that in the surface: 1 to 2.
         """
         change, work = self._arrays(surface.shape, 2)
         cv2.subtract(surface, measured, change)
@@ -174,10 +174,10 @@ def _window(where: NDArray[np.bool_] | None, shape: tuple[int, ...]) -> tuple[sl
 
 @cache
 def _energies(narrowest: int) -> tuple[float, ...]:
-    """Variance of the difference between each window and the next narrower one, for a variance of the noise of 1.
+    """Variance of the difference between each window and the next narrower one, for white noise of variance 1.
 
-    The noise has gone through the narrowest window and the integration, which leaves half of its energy: that part of
-    white noise in two slopes which has no curl.
+    Before the windows the noise passes the narrowest window and the integration. The integration leaves half of its
+    energy: the part without curl.
     """
     frequencies = np.fft.fftfreq(_PERIOD)
     answers = [_answer(width, frequencies) for width in half_widths(narrowest)]

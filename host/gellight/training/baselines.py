@@ -83,7 +83,7 @@ class Polynomial:
     least: Array
     """(3,) smallest and"""
     most: Array
-    """(3,) largest inputs seen: beyond them a polynomial knows nothing"""
+    """(3,) largest inputs it was fitted to: others are clipped to this range"""
     gain: Floats | None
     """(H, W, 3) what the difference is divided by, for ratio features; None: nothing"""
 

@@ -46,13 +46,13 @@ def _run_child(command: list[str], progress: Progress) -> None:
             raise
         status = child.wait()
         complaints.seek(0)
-        words = complaints.read().strip()
+        text = complaints.read().strip()
     if status:
-        raise TrainingError(_last_words(words, status))
+        raise TrainingError(_reason(text, status))
 
 
-def _last_words(words: str, status: int) -> str:
-    last = words.splitlines()[-1] if words else "it said nothing"
+def _reason(text: str, status: int) -> str:
+    last = text.splitlines()[-1] if text else "it said nothing"
     if "No module named" in last:
         return f"training cannot start ({last}): {_REMEDY}"
     if status < 0:

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +18,11 @@ from gellight.evaluation.synthetic import make_synthetic
 from gellight.frames.image_files import read_image
 from gellight.training import training, validation
 from gellight.training.child import Progress, silent
-from gellight.training.cross_validation import cross_validate
+from gellight.training.cross_validation import Comparison, CrossValidation, cross_validate
 from gellight.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.training.presses import Ball, Press, read_presses
 from gellight.training.training import RECIPES, Reference, TrainingOptions, read_reference
+from gellight.training.validation import AngleFigures, PressFigures
 
 Given = tuple[list[Press], Reference, Ball]
 """what a network is trained on"""
@@ -91,8 +92,9 @@ def fit(
     """Train on ball presses and write a calibration bundle."""
     given, options = recorded.read(), how.options()
     extra = which_ball(*given, previous)
-    if folds:
-        extra["cross_validation"] = _cross_validated(given, folds, options, recorded.refine)
+    crossed = _cross_validated(given, folds, options, recorded.refine) if folds else None
+    if crossed:
+        extra["cross_validation"] = crossed.as_json()
     with _progress("training") as report:
         written = training.fit(
             *given,
@@ -104,7 +106,8 @@ def fit(
             overwrite=bundle.overwrite,
             progress=report,
         )
-    _print_written(written, bundle.out, as_json, _fit_lines)
+    lines = [*_fit_lines(written.metrics), *(_cross_lines(crossed) if crossed else [])]
+    _print_written(written, bundle.out, as_json, lines)
 
 
 def evaluate(
@@ -123,10 +126,12 @@ def evaluate(
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
-    errors = validation.evaluate(bundle, labelled, ball).as_json()
+    errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
     if as_json:
-        typer.echo(json.dumps({**errors, "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}, indent=2))
+        typer.echo(
+            json.dumps({**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}, indent=2)
+        )
     else:
         typer.echo("\n".join(_error_lines(errors)))
         typer.echo(f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.2f} mm")
@@ -144,7 +149,7 @@ def crossvalidate(
     Each press is measured once, in folds by image.
     """
     errors = _cross_validated(recorded.read(), folds, how.options(), recorded.refine)
-    typer.echo(json.dumps(errors, indent=2) if as_json else "\n".join(_error_lines(errors)))
+    typer.echo(json.dumps(errors.as_json(), indent=2) if as_json else "\n".join(_cross_lines(errors)))
 
 
 @with_options
@@ -160,24 +165,26 @@ def synthetic(
         written = make_synthetic(
             bundle.out, width=width, seed=seed, threads=threads, overwrite=bundle.overwrite, progress=report
         )
-    _print_written(written, bundle.out, as_json, _synthetic_lines)
+    test = [f"{name:<28}{value:>10.4g}" for name, value in written.metrics["test"].items()]
+    lines = ["measured on simulated presses it was not trained on:", *test]
+    _print_written(written, bundle.out, as_json, lines)
 
 
-def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, Any]:
+def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, object]:
     """Return, for the metrics, the radius that fits the light in the imprints, and that an earlier bundle feels.
 
     Raises InputError where the earlier bundle feels another ball than the one that was named.
     """
     images = [read_image(press.image) for press in labelled]
-    found: dict[str, Any] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
+    found: dict[str, object] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
     if previous is not None:
         found["felt_ball_radius_mm"] = check_ball(load_bundle(previous), labelled, ball)
     return found
 
 
-def _cross_validated(given: Given, folds: int, options: TrainingOptions, refine: bool) -> dict[str, Any]:
+def _cross_validated(given: Given, folds: int, options: TrainingOptions, refine: bool) -> CrossValidation:
     with _progress("folds") as report:
-        return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report).as_json()
+        return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
 
 
 def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
@@ -202,22 +209,21 @@ def _progress(label: str) -> Iterator[Progress]:
         yield lambda done, total, value: bar.update(round(1000 * done / total) - bar.pos)
 
 
-def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: Callable[[dict[str, Any]], list[str]]) -> None:
+def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: list[str]) -> None:
     if as_json:
         typer.echo(json.dumps({"calibration": str(out), "metrics": bundle.metrics}, indent=2))
     else:
-        typer.echo("\n".join([f"wrote {out}", *lines(bundle.metrics)]))
+        typer.echo("\n".join([f"wrote {out}", *lines]))
 
 
-def _fit_lines(metrics: dict[str, Any]) -> list[str]:
+def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
     trained = metrics["training"]
-    lines = [
+    return [
         f"trained on {trained['images']} images in {trained['cpu_seconds']:.1f} CPU seconds; normal error on "
         f"{len(trained['held_out_images'])} held-out images, each pixel alone: "
         f"{trained['held_out_normal_error_deg']['mean']:.2f} deg",
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
     ]
-    return lines + (_error_lines(metrics["cross_validation"]) if "cross_validation" in metrics else [])
 
 
 def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
@@ -230,27 +236,28 @@ def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
     ]
 
 
-def _synthetic_lines(metrics: dict[str, Any]) -> list[str]:
+def _error_lines(errors: PressFigures) -> list[str]:
+    pixels = sum(image.pixels for image in errors.images)
+    rows = [*((i.image, i.pixels, i.normal_error_deg) for i in errors.images), ("all", pixels, errors.normal_error_deg)]
     return [
-        "measured on simulated presses it was not trained on:",
-        *(f"{name:<28}{value:>10.4g}" for name, value in metrics["test"].items()),
+        f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg",
+        *(f"{name:<24}{pixels:>8}{_angles(angles)}" for name, pixels, angles in rows),
+        f"depth error in contact {errors.depth_mae_mm:.4f} mm, contact patch IoU {errors.contact_iou:.2f}",
     ]
 
 
-def _error_lines(errors: dict[str, Any]) -> list[str]:
-    lines = [f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg"]
-    for row in [*errors["images"], {"image": "all", "pixels": sum(i["pixels"] for i in errors["images"]), **errors}]:
-        lines.append(f"{row['image']:<24}{row['pixels']:>8}{_angles(row)}")
-    lines.append(
-        f"depth error in contact {errors['depth_mae_mm']:.4f} mm, contact patch IoU {errors['contact_iou']:.2f}"
-    )
-    for labels, figures in (("as labelled", errors), ("labels refined", errors.get("refined", {}))):
-        ways = {"GelNet": figures, **figures.get("baselines", {})} if "baselines" in figures else {}
-        for name, way in ways.items():
-            title = f"{name.replace('_', ' ')}, {labels}"
-            lines.append(f"{title:<36}{_angles(way)} deg{way['depth_mae_mm']:>10.4f} mm{way['contact_iou']:>7.2f} IoU")
-    return lines
+def _cross_lines(errors: CrossValidation) -> list[str]:
+    compared = (("as labelled", errors.given), ("labels refined", errors.refined))
+    ways = [line for labels, figures in compared if figures for line in _way_lines(labels, figures)]
+    return _error_lines(errors.given.network) + ways
 
 
-def _angles(figures: dict[str, Any]) -> str:
-    return "".join(f"{figures['normal_error_deg'][name]:>8.2f}" for name in ("mean", "median", "p95"))
+def _way_lines(labels: str, compared: Comparison) -> Iterator[str]:
+    for name, way in {"GelNet": compared.network, **compared.baselines}.items():
+        title = f"{name.replace('_', ' ')}, {labels}"
+        figures = f"{_angles(way.normal_error_deg)} deg{way.depth_mae_mm:>10.4f} mm{way.contact_iou:>7.2f} IoU"
+        yield f"{title:<36}{figures}"
+
+
+def _angles(angles: AngleFigures) -> str:
+    return f"{angles.mean:>8.2f}{angles.median:>8.2f}{angles.p95:>8.2f}"

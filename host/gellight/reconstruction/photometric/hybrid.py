@@ -55,24 +55,24 @@ class HybridReconstructor:
         """Reconstruct one frame by GelNet; of a series that is its first frame, which carries the series' report."""
         if not isinstance(camera_frame, ExposureSeries):
             return self._network.reconstruct(camera_frame)
-        felt = self._network.reconstruct(camera_frame.opening)
-        judge = self._stereo.reconstruct(camera_frame)
-        assert judge.exposures is not None
-        if judge.exposures.moved:
+        learnt = self._network.reconstruct(camera_frame.opening)
+        measured = self._stereo.reconstruct(camera_frame)
+        assert measured.exposures is not None
+        if measured.exposures.moved:
             self._moved += 1
-        elif (error := network_error(felt, judge)).contact_px:
+        elif (error := network_error(learnt, measured)).contact_px:
             self._measured += 1
             self._error = error
-        return replace(felt, exposures=judge.exposures)
+        return replace(learnt, exposures=measured.exposures)
 
 
-def network_error(felt: TactileFrame, judge: TactileFrame) -> NetworkError:
-    """Compare two tactile frames of one scene over the contact that `judge` sees, where it had enough lights."""
-    assert judge.exposures is not None
-    where = judge.contact.mask & (judge.exposures.lights >= judge.exposures.least_lights)
+def network_error(learnt: TactileFrame, measured: TactileFrame) -> NetworkError:
+    """Compare GelNet's frame with the one `measured` of the same scene, over its contact where lights sufficed."""
+    assert measured.exposures is not None
+    where = measured.contact.mask & (measured.exposures.lights >= measured.exposures.least_lights)
     pixels = int(where.sum())
-    angle = angle_deg(felt.normal_map[where], judge.normal_map[where])
-    depth = np.abs(felt.depth_mm - judge.depth_mm)[where]
+    angle = angle_deg(learnt.normal_map[where], measured.normal_map[where])
+    depth = np.abs(learnt.depth_mm - measured.depth_mm)[where]
     return NetworkError(
         normal_deg=float(angle.sum() / max(pixels, 1)),
         depth_mm=float(depth.sum() / max(pixels, 1)),

@@ -1,7 +1,7 @@
 """How high the gel stands as a whole, from the light alone.
 
 Slopes leave it open. As long as part of the view is untouched, that part is 0. An object that fills the view leaves no
-such part; but near light tells: gel that comes closer to the ring is lit from lower angles, and near LEDs gain on far
+such part, but the light is near: gel that comes closer to the ring is lit from lower angles, and near LEDs gain on far
 ones, by a per cent in 0.1 mm. Twelve lights overdetermine the three unknowns of a pixel, so a wrong height shows as a
 misfit, which is smallest at the right one. On the gel at rest the model fits by its making, whatever is wrong with the
 positions of the LEDs; such errors scale the height that is found by a few per cent, and do not shift its zero.
@@ -19,7 +19,7 @@ from gellight.reconstruction.photometric.solver import Points, light_rows, predi
 
 Indices = NDArray[np.intp]
 SAMPLES = 2500
-"""pixels that are asked; they tell the height to 0.007 mm"""
+"""pixels that are compared; they give the height to 0.007 mm"""
 LEAST_LIGHTS = 8
 LEAST_SAMPLES = 200
 STEPS_MM = (0.2, 0.2, 0.1)

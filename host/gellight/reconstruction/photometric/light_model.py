@@ -29,7 +29,7 @@ Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 WHITE = 255
 CLIPPED = 254
-"""a channel from this grey level on tells nothing of the light"""
+"""a channel at this grey level or above may have been brighter"""
 DEGREE = 8
 """of the pattern's polynomial; the paper's sensor is met to 0.03 % at every pixel"""
 
@@ -59,7 +59,7 @@ class LightModel:
     """(3,) grey level of no light"""
     gamma: float = 1.0
     exposure_us: float | None = None
-    """at which it was measured; None where the camera does not tell"""
+    """at which it was measured; None where the camera does not say"""
     brightest_grey: float = 0.0
     """of one LED in its own channel, above black, as measured"""
     pattern_residual: float = 0.0
@@ -132,8 +132,9 @@ SHADOW_SHARE = 0.2
 """a single pixel is in shadow, too, when it is at most 3 standard deviations above black and below a fifth of what the
 untouched gel shows there: the edge of a shadow is sharper than a mean, and a LED far away is dim without one"""
 SHADOW_PX = 5
-"""over so many pixels a side the signal is averaged before it is judged: to leave out single pixels under a dim light
-because noise made them dimmer would make the others of their kind too bright on average, and bend a gel at rest"""
+"""side of the square over which the signal is averaged before it is compared with `DARK_DEVIATIONS`. Compared pixel by
+pixel, those that noise made darker would be left out and the rest would be too bright on average: a gel at rest would
+look bent."""
 
 
 def signals_of(

@@ -62,6 +62,10 @@ def write_lights(bundle: Bundle, model: LightModel, out: Path, *, overwrite: boo
     return extend_bundle(bundle, out, {FILE_NAME: content.encode()}, overwrite=overwrite)
 
 
+_AS_THEY_ARE = ("gamma", "exposure_us", "brightest_grey", "pattern_residual")
+"""fields that are the same in the record and in the model"""
+
+
 def _model(record: LightRecord) -> LightModel:
     ring: dict[str, Any] = dict(record.ring)
     return LightModel(
@@ -71,10 +75,7 @@ def _model(record: LightRecord) -> LightModel:
         patterns={kind: np.array(values) for kind, values in record.patterns.items()},
         crosstalk=np.array(record.crosstalk),
         black_grey=np.array(record.black_grey),
-        gamma=record.gamma,
-        exposure_us=record.exposure_us,
-        brightest_grey=record.brightest_grey,
-        pattern_residual=record.pattern_residual,
+        **{name: getattr(record, name) for name in _AS_THEY_ARE},
     )
 
 
@@ -87,10 +88,7 @@ def _record(model: LightModel) -> LightRecord:
             "image_height_px": model.image_shape[0],
             "crosstalk": model.crosstalk.round(6).tolist(),
             "black_grey": model.black_grey.round(3).tolist(),
-            "gamma": model.gamma,
-            "exposure_us": model.exposure_us,
-            "brightest_grey": model.brightest_grey,
-            "pattern_residual": model.pattern_residual,
             "patterns": {kind: values.round(7).tolist() for kind, values in model.patterns.items()},
+            **{name: getattr(model, name) for name in _AS_THEY_ARE},
         }
     )

@@ -14,8 +14,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, TactileFrame
 from gellight.frames.series import ExposureSeries
-from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
-from gellight.reconstruction.integration import integrate, normals
+from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.photometric import static_scene
 from gellight.reconstruction.photometric.level import find_level
 from gellight.reconstruction.photometric.light_model import (
@@ -37,7 +36,7 @@ from gellight.reconstruction.photometric.solver import (
     slopes,
     solve_robustly,
 )
-from gellight.reconstruction.pipeline import Watch, far_from_touch
+from gellight.reconstruction.pipeline import Stages, far_from_touch, tactile_frame
 from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, spread_blocks
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 
@@ -61,7 +60,6 @@ class PhotometricReconstructor:
         kind: LightGroups,
         *,
         smoothing_px: int = NARROWEST_PX,
-        contact_threshold_mm: float = THRESHOLD_MM,
     ) -> None:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
 
@@ -73,7 +71,6 @@ class PhotometricReconstructor:
         self.bundle = bundle
         self.model = model
         self._smoother = Smoother(smoothing_px)
-        self.contact_threshold_mm = contact_threshold_mm
         self._shape = model.image_shape
         self._points = flat_gel(self._shape, bundle.pixel_size_mm)
         self._references = model.references(kind).astype(np.float32).reshape(len(model.colours), -1)
@@ -97,29 +94,16 @@ class PhotometricReconstructor:
                 f"{camera_frame.source or 'the image'} is one picture, photometric stereo needs one for each light "
                 "group: use --mode network"
             )
-        series, watch = camera_frame, Watch()
-        noise = self.bundle.manifest.noise_grey
-        signals = signals_of(series.pictures, series.groups, self.model, noise)
+        series, stages = camera_frame, Stages()
+        signals = signals_of(series.pictures, series.groups, self.model, self.bundle.manifest.noise_grey)
         signals = without_shadows(signals, self._references)
-        watch.lap("signals")
-        gradient_map, depth, used, predicted = self._solved(signals, watch)
-        self._last = report = self._report(series, signals, used, predicted)
-        watch.lap("still")
-        normal_map = normals(gradient_map)
-        watch.lap("normals")
-        contact = find_contact(depth, self.bundle.pixel_size_mm, threshold_mm=self.contact_threshold_mm)
-        watch.lap("contact")
         picture = self._picture(series, signals)
-        return TactileFrame(
-            camera_frame=picture,
-            difference=np.subtract(picture.image, self.bundle.reference, dtype=np.float32),
-            gradient_map=gradient_map,
-            normal_map=normal_map,
-            depth_mm=depth,
-            contact=contact,
-            exposures=report,
-            stage_seconds=watch.seconds,
-        )
+        difference = np.subtract(picture.image, self.bundle.reference, dtype=np.float32)
+        stages.end("signals")
+        gradient_map, depth, used, predicted = self._solved(signals, stages)
+        self._last = report = self._report(series, signals, used, predicted)
+        stages.end("still")
+        return tactile_frame(picture, difference, gradient_map, depth, self.bundle.pixel_size_mm, stages, report)
 
     def _picture(self, series: ExposureSeries, signals: Signals) -> CameraFrame:
         """Return the sum of the exposures as one picture, under the whole ring at the level of the reference image."""
@@ -127,20 +111,20 @@ class PhotometricReconstructor:
         light = np.rint(self.model.colours * share).astype(np.uint8)
         return replace(series.opening, image=self.model.grey(signals.light * np.float32(share)), light=light)
 
-    def _solved(self, signals: Signals, watch: Watch) -> tuple[Floats, Floats, Bools, Floats]:
+    def _solved(self, signals: Signals, stages: Stages) -> tuple[Floats, Floats, Bools, Floats]:
         """Return gradient map, depth map, the lights used and what they should have shown, (K, P) each."""
         scaled = self._flat(signals)
         gradient_map, noise = self._slopes(scaled)
-        watch.lap("slopes")
+        stages.end("slopes")
         depth = self._depth(gradient_map, scaled, signals)
-        watch.lap("depth")
+        stages.end("depth")
         used, predicted = signals.valid, signals.grey
         for _ in range(REFINEMENTS):
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map, noise = self._slopes(scaled)
             depth = self._depth(gradient_map, scaled, signals)
         gradient_map = self._smoother.of_surface(depth, self.bundle.pixel_size_mm, gradient_map, noise)
-        watch.lap("refined")
+        stages.end("refined")
         return gradient_map, depth, used, predicted
 
     def _flat(self, signals: Signals) -> Floats:

@@ -1,8 +1,8 @@
-"""Which ball was pressed? What an earlier calibration of the same sensor says to the circles.
+"""The radius of the ball that was pressed, measured by an earlier calibration of the same sensor.
 
-One ball alone cannot tell its size by its colours. In its contact sin(slope) = distance / R, so another R is the same
-pattern under a response of the light that is stronger by a factor, and the response is what is being calibrated. What
-knows the strength is a map that was calibrated before: the slope it feels at a known distance gives R.
+The colours of a press alone do not give the radius R of the ball. In the contact sin(slope) = distance / R, so another
+R is the same pattern under a stronger or weaker response of the light, which is what is being calibrated. An earlier
+calibration knows the response: the slope that it measures at a known distance gives R.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ _INNER, _OUTER = 0.3, 0.85
 
 
 def felt_radius_mm(bundle: Bundle, presses: Sequence[Press]) -> float:
-    """Return the radius of the ball, mm, that the slopes felt inside the circles fit best: median over the presses.
+    """Return the radius of the ball, mm, that fits the slopes inside the circles best: median over the presses.
 
     Needs square pixels. Raises InputError without presses, or for images of another size.
     """
@@ -34,13 +34,13 @@ def felt_radius_mm(bundle: Bundle, presses: Sequence[Press]) -> float:
 
 def check_ball(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> float:
     """Return `felt_radius_mm`, and raise InputError if it is not the radius of the ball that was named."""
-    felt = felt_radius_mm(bundle, presses)
-    if abs(felt / ball.radius_mm - 1) > TOLERANCE:
+    measured = felt_radius_mm(bundle, presses)
+    if abs(measured / ball.radius_mm - 1) > TOLERANCE:
         raise InputError(
             f"the ball is said to have a radius of {ball.radius_mm:g} mm, but to {bundle.source} the presses look "
-            f"like a ball of {felt:.2f} mm: give that radius, press the right ball, or check the pixel size"
+            f"like a ball of {measured:.2f} mm: give that radius, press the right ball, or check the pixel size"
         )
-    return felt
+    return measured
 
 
 def _radius_px(reconstructor: Reconstructor, press: Press) -> float:

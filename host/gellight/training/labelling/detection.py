@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +30,8 @@ class Detection:
     circle: PressCircle | None
     refused: str = ""
 
-    def record(self) -> dict[str, Any]:
-        """Return what a program wants to know."""
+    def record(self) -> dict[str, object]:
+        """Return the circle or the reason by name, rounded, ready for JSON."""
         if self.circle is None:
             return {"image": str(self.image), "refused": self.refused}
         found = self.circle

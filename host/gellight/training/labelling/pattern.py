@@ -7,7 +7,7 @@ first calibration; it is taken to be a low polynomial of the normal (Lambert's l
 depth (a gel that is lit white darkens with it), with unknown coefficients for each channel.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -32,24 +32,12 @@ class PressShape:
 
     def vector(self) -> Array:
         """The six numbers in this order."""
-        return np.array(
-            [
-                self.center_x,
-                self.center_y,
-                self.contact_radius,
-                self.step_share,
-                self.step_length,
-                self.skirt_length,
-            ]
-        )
+        return np.array(astuple(self))
 
     @classmethod
     def of(cls, vector: Array) -> Self:
         """Take the six numbers."""
-        x, y, radius, share, step, skirt = (float(value) for value in vector)
-        return cls(
-            center_x=x, center_y=y, contact_radius=radius, step_share=share, step_length=step, skirt_length=skirt
-        )
+        return cls(**dict(zip((field.name for field in fields(cls)), vector.tolist(), strict=True)))
 
 
 def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Array]:

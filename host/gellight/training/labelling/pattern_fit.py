@@ -16,7 +16,7 @@ from gellight.training.labelling.pattern import STEEPEST, PressShape, background
 Array = NDArray[np.float64]
 _BLUR_PX = 0.8
 _FITTED_PIXELS = 1200
-"""chosen at random from the window: a thousand pixels know the circle to a tenth of a pixel"""
+"""chosen at random from the window: a thousand pixels give the circle to a tenth of a pixel"""
 _WINDOW = 1.6
 """in contact radii"""
 _ROBUST_GREY = 4.0

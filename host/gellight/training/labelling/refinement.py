@@ -1,13 +1,12 @@
 """Circles corrected by what all presses of one sensor have in common.
 
-Circles that were drawn by hand are some pixels off, each in its own way; the gel answers the same slope with the same
-colour in every image. So a response of the light that all images share is fitted together with the circles, in turns:
-the response to the other images, then each circle to that response. No circle is ever fitted to a response that was
-learnt from its own image, because such a response agrees with the circle as it is, right or wrong.
+Circles that were drawn by hand are some pixels off, each in its own way, while the gel shows the same slope in the same
+colour in every image. So one response of the light, shared by all images, is fitted together with the circles, in
+turns: first the response to all other images, then each circle to that response. A circle is never fitted to a response
+that was learnt from its own image: such a response agrees with the circle as it is, right or wrong.
 
-Two things are held against drift. The ball: its radius is known and never fitted. And the whole: what all circles have
-in common, their mean shift and mean change of radius, no image can tell from another response of the light, so the
-mean over the presses stays as labelled.
+Two things are held fixed. The radius of the ball is known and never fitted. The mean shift and the mean change of
+radius over all presses stay 0, because a common shift of all circles looks the same as another response of the light.
 """
 
 from collections.abc import Sequence
@@ -83,8 +82,8 @@ def refine(
 ) -> Refined:
     """Refit the circles of all presses together with the response of the light; reference is (H, W, 3), grey levels.
 
-    first: keeps what it costs to begin with a press, for whoever refines the same ones again.
-    Raises InputError for fewer than 5 presses, which cannot vouch for each other.
+    first: keeps the first fit of each press, which saves time when the same presses are refined again.
+    Raises InputError for fewer than 5 presses: too few to correct each other.
     """
     if len(presses) < _LEAST_PRESSES:
         raise InputError(f"{len(presses)} presses cannot be refined: give at least {_LEAST_PRESSES}")
@@ -103,7 +102,10 @@ def refine(
     near = np.hypot(*(moves[:, :2] - np.median(moves[:, :2], axis=0)).T) < _FARTHEST * ball.radius_px
     offset = np.asarray(moves[near].mean(axis=0) if near.any() else np.zeros(3), np.float64)
     return Refined(
-        presses=[_moved(fit.press, move - offset, ball, near_) for fit, move, near_ in _zipped(fits, moves, near)],
+        presses=[
+            _moved(fit.press, move - offset, ball) if is_near else fit.press
+            for fit, move, is_near in zip(fits, moves, near, strict=True)
+        ],
         kept=[fit.press.image.name for fit, is_near in zip(fits, near, strict=True) if not is_near],
         rms_shift_px=float(np.sqrt((np.hypot(*(moves[near, :2] - offset[:2]).T) ** 2).mean())) if near.any() else 0.0,
         offset=offset,
@@ -120,16 +122,13 @@ def refine_others(
     first: FirstFits | None = None,
 ) -> list[Press]:
     """Refit circles that had no part in `refined`, by its response and its offset; nothing is learnt from them."""
-    result = []
     first = first or FirstFits(reference, ball)
+    result = []
     for press in presses:
         move = _move(_fitted_to(first.of(press), refined.coefficients, ball, _extent(reference))) - refined.offset
-        result.append(_moved(press, move, ball, bool(np.hypot(*move[:2]) < _FARTHEST * ball.radius_px)))
+        near = np.hypot(*move[:2]) < _FARTHEST * ball.radius_px
+        result.append(_moved(press, move, ball) if near else press)
     return result
-
-
-def _zipped(fits: list[_Fit], moves: Array, near: NDArray[np.bool_]) -> "zip[tuple[_Fit, Array, bool]]":
-    return zip(fits, moves, near.tolist(), strict=True)
 
 
 def _extent(reference: NDArray[np.number]) -> tuple[float, float]:
@@ -166,8 +165,7 @@ def _sum(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
 
 
 def _solve(square: Array, right: Array) -> Array:
-    solution: Array = np.asarray(np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), right), np.float64)
-    return solution
+    return np.asarray(np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), right), np.float64)
 
 
 def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, float]) -> _Fit:
@@ -184,21 +182,15 @@ def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, 
 def _move(fit: _Fit) -> Array:
     """(3,) fitted minus labelled x, y and radius, px"""
     shape, press = fit.shape, fit.press
-    return np.array(
-        [
-            shape.center_x - press.center_x_px,
-            shape.center_y - press.center_y_px,
-            shape.contact_radius - press.contact_radius_px,
-        ]
-    )
+    fitted_circle = np.array([shape.center_x, shape.center_y, shape.contact_radius])
+    return fitted_circle - (press.center_x_px, press.center_y_px, press.contact_radius_px)
 
 
-def _moved(press: Press, move: Array, ball: Ball, near: bool) -> Press:
-    if not near:
-        return press
+def _moved(press: Press, move: Array, ball: Ball) -> Press:
+    x, y, radius = move.tolist()
     return replace(
         press,
-        center_x_px=press.center_x_px + float(move[0]),
-        center_y_px=press.center_y_px + float(move[1]),
-        contact_radius_px=min(press.contact_radius_px + float(move[2]), STEEPEST * ball.radius_px),
+        center_x_px=press.center_x_px + x,
+        center_y_px=press.center_y_px + y,
+        contact_radius_px=min(press.contact_radius_px + radius, STEEPEST * ball.radius_px),
     )
