@@ -14,8 +14,8 @@ import typer
 from gellight.base.errors import InputError
 
 if TYPE_CHECKING:
-    from gellight.design.studies import Subject
-    from gellight.design.sweep import Way
+    from gellight.design.studies import Setup
+    from gellight.design.sweep import SweepOptions
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
@@ -55,30 +55,35 @@ class Study:
     scheduler: Scheduler = None
     store: Keep = None
 
-    def subject(self) -> "Subject":
+    def setup(self) -> "Setup":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
-        from gellight.design.answers import subject_of, writable
         from gellight.design.geometry import read_geometry
+        from gellight.design.output import check_writable
+        from gellight.design.studies import setup_of
 
         if self.out is not None:
-            writable(self.out)
-        return subject_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
+            check_writable(self.out)
+        return setup_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
 
     @contextmanager
-    def way(self, title: str) -> "Iterator[Way]":
-        """Yield how to compute, with a progress bar while a person is looking.
+    def sweep(self, title: str) -> "Iterator[SweepOptions]":
+        """Yield how to compute, with a progress bar on a terminal.
 
-        Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C.
+        Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C. Ends the command, with
+        a line, where results of other shards are missing.
         """
         from gellight.design.store import ResultStore, default_folder
-        from gellight.design.sweep import Way, available_cores, parse_shard
+        from gellight.design.sweep import SweepIncomplete, SweepOptions, available_cores, parse_shard
         from sim_reference.deformation import NotConverged
 
         store, shard = ResultStore(self.store or default_folder()), parse_shard(self.shard)
         workers = self.workers or available_cores()
         with _progress(title) as show:
             try:
-                yield Way(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
+                yield SweepOptions(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
+            except SweepIncomplete:
+                self.tell_part()
+                raise typer.Exit from None
             except (ValueError, NotConverged) as error:
                 raise InputError(f"this sensor cannot be simulated: {error}") from error
             except KeyboardInterrupt:
@@ -90,7 +95,7 @@ class Study:
 
     def tell(self, answer: dict[str, Any], name: str, text: str, files: dict[str, bytes | str]) -> None:
         """Write the answer and `files` where they are wanted, and print it as JSON or as text."""
-        from gellight.design.answers import write_all
+        from gellight.design.output import write_all
 
         if self.out is not None:
             write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
@@ -124,16 +129,14 @@ def study(verb: Callable[..., None]) -> Callable[..., None]:
 @study
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
-    from gellight.design import answers, studies
+    from gellight.design import output, studies
+    from gellight.design.sweep import run_study
     from sim_reference.optimizer.exposing import LightGroups
 
-    subject = study.subject()
-    with study.way("light groups") as way:
-        result = studies.coarse_study(subject, subject.seen_by(LightGroups()), way)
-    if result is None:
-        study.tell_part()
-        return
-    study.tell(answers.coarse_answer(result), "coarse", answers.coarse_text(result), answers.coarse_drawings(result))
+    setup = study.setup()
+    with study.sweep("light groups") as options:
+        result = run_study(studies.coarse_study(setup, setup.with_noise(LightGroups())), options)
+    study.tell(output.coarse_json(result), "coarse", output.coarse_text(result), output.coarse_charts(result))
 
 
 @study
@@ -142,18 +145,16 @@ def fine(
     step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0,
 ) -> None:
     """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
-    from gellight.design import answers, studies
+    from gellight.design import output, studies
+    from gellight.design.sweep import run_study
 
-    subject = study.subject()
+    setup = study.setup()
     # 0 to 36 mm as in the paper, or less where the gel is nearer to the camera.
-    highest = min(36.0, 0.9 * subject.geometry.camera_height_mm)
+    highest = min(36.0, 0.9 * setup.geometry.camera_height_mm)
     heights = tuple(step * at for at in range(int(highest / step) + 1))
-    with study.way("heights") as way:
-        result = studies.fine_study(subject, heights, way)
-    if result is None:
-        study.tell_part()
-        return
-    study.tell(answers.fine_answer(result), "fine", answers.fine_text(result), answers.fine_drawings(result))
+    with study.sweep("heights") as options:
+        result = run_study(studies.fine_study(setup, heights), options)
+    study.tell(output.fine_json(result), "fine", output.fine_text(result), output.fine_charts(result))
 
 
 @study
@@ -168,20 +169,16 @@ def design(
     ] = 1.0,
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
-    from gellight.design import designs, studies
+    from gellight.design import designs
+    from gellight.design.sweep import run_study
 
-    subject = study.subject()
-    sensor, numbers = subject.geometry, tuple(lights or (12,))
+    setup = study.setup()
+    sensor, numbers = setup.geometry, tuple(lights or (12,))
     wishes = designs.wishes(numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit)
-    with study.way("designs") as way:
-        candidates = studies.design_study(subject, wishes, way)
-        given, beyond = studies.given_study(subject, wishes, way), studies.beyond_study(subject, way)
-    if candidates is None or given is None or beyond is None:
-        study.tell_part()
-        return
-    answer = designs.design_answer(candidates, given, beyond, sensor)
-    text = designs.design_text(candidates, given, beyond)
-    study.tell(answer, "design", text, designs.design_parts(candidates, sensor))
+    with study.sweep("designs") as options:
+        result = run_study(designs.full_design_study(setup, wishes), options)
+    answer, files = designs.design_json(result, sensor), designs.design_parts(result, sensor)
+    study.tell(answer, "design", designs.design_text(result), files)
 
 
 @study
@@ -193,20 +190,17 @@ def report(
 
     It is written to --out, by default to the folder gellight-optimize.
     """
+    from gellight.design import all_studies
     from gellight.design import report as reporting
-    from gellight.design.answers import writable
-    from gellight.design.findings import find
+    from gellight.design.output import check_writable
 
     folder = study.out or Path("gellight-optimize")
-    writable(folder)
-    subject = study.subject()
-    with study.way("studies") as way:
-        found = find(subject, way, timed=timed)
-        path = None if found is None else reporting.write_report(found, folder)
-    if found is None or path is None:
-        study.tell_part()
-        return
-    study.tell(reporting.report_answer(found, path), "report", reporting.report_text(found, path), {})
+    check_writable(folder)
+    setup = study.setup()
+    with study.sweep("studies") as options:
+        results = all_studies.run_all_studies(setup, options, timed=timed)
+        path = reporting.write_report(results, folder)
+    study.tell(reporting.report_json(results, path), "report", reporting.report_text(results, path), {})
 
 
 @app.command()
@@ -220,12 +214,12 @@ def ball(
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""
-    from gellight.design import answers
+    from gellight.design import output
     from gellight.design.geometry import read_geometry
 
-    choice, table = answers.ball_choice(read_geometry(geometry), press, radius)
-    answer, drawings = answers.ball_answer(choice, table), {"ball.svg": answers.ball_chart(table)}
-    Study(out=out, as_json=as_json).tell(answer, "ball", answers.ball_text(choice), {**drawings})
+    result = output.ball_study(read_geometry(geometry), press, radius)
+    files: dict[str, bytes | str] = {"ball.svg": output.ball_chart(result)}
+    Study(out=out, as_json=as_json).tell(output.ball_json(result), "ball", output.ball_text(result.choice), files)
 
 
 @app.command()
@@ -235,8 +229,8 @@ def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> N
     from sim_reference.optimizer.exposing import LightGroups
 
     study = Study(size=size, workers=workers)
-    with study.way("timing") as way:
-        times = time_sweep(study.subject(), way, LightGroups())
+    with study.sweep("timing") as options:
+        times = time_sweep(study.setup(), options, LightGroups())
     typer.echo(json.dumps({**times.__dict__, "ratio": times.ratio}) if as_json else times.in_words())
 
 
@@ -247,7 +241,7 @@ def benchmark(
     size: Annotated[int, typer.Option("--size", min=32, max=1024, help="Points a side of the height maps.")] = 512,
 ) -> None:
     """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
-    from gellight.design.solids import write_benchmark
+    from gellight.design.benchmark_files import write_benchmark
 
     for path in write_benchmark(out, relief, size):
         typer.echo(path)
