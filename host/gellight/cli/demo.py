@@ -32,7 +32,7 @@ def command(
     """Press objects into a simulated sensor and see what it feels."""
     from gellight.base.settings import load_settings
     from gellight.daemon.assembly import open_session
-    from gellight.daemon.desk import Desk
+    from gellight.daemon.calibration_service import CalibrationService
     from gellight.dashboard.server import DashboardServer
 
     # A bounded run is for programs, several of which may run at once: it takes any free port unless told.
@@ -41,8 +41,8 @@ def command(
     settings = load_settings({**flags, "dashboard.port": 0} if frames and port is None else flags)
     with (
         open_session(settings) as daemon,
-        Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
-        DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
+        CalibrationService(daemon, led_colours=settings.geometry.led_colours) as service,
+        DashboardServer(daemon, port=settings.dashboard.port, calibration=service) as server,
     ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         warn_of_foreign_bundle(settings)

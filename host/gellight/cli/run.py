@@ -87,12 +87,12 @@ def served(daemon: "Daemon", settings: "Settings", wanted: bool) -> "Iterator[No
     if not wanted:
         yield
         return
-    from gellight.daemon.desk import Desk
+    from gellight.daemon.calibration_service import CalibrationService
     from gellight.dashboard.server import DashboardServer
 
     with (
-        Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
-        DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
+        CalibrationService(daemon, led_colours=settings.geometry.led_colours) as service,
+        DashboardServer(daemon, port=settings.dashboard.port, calibration=service) as server,
     ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         yield

@@ -21,9 +21,10 @@ from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
 from gellight.base.errors import GellightError
+from gellight.daemon.calibration_service import CalibrationService
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
-from gellight.dashboard.wizard import CalibrationDesk, Wizard
+from gellight.dashboard.wizard import Wizard
 from gellight.frames.camera import PressStage
 from gellight.frames.frames import TactileFrame
 
@@ -80,10 +81,10 @@ class Client:
 class Dashboard:
     """The application: one frame pump for all clients, and one sender for each."""
 
-    def __init__(self, source: TactileSource, desk: CalibrationDesk | None = None) -> None:
-        """Serve `source`, and the wizard where there is a `desk`; nothing runs before the application starts."""
+    def __init__(self, source: TactileSource, calibration: CalibrationService | None = None) -> None:
+        """Serve `source`, and the wizard where there is a `calibration`; nothing runs before the application starts."""
         self._source = source
-        self._wizard = Wizard(desk)
+        self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
         self._message = b""
         self._number = -1

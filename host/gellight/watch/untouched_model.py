@@ -48,7 +48,7 @@ class Rest:
         return float(self.outliers.mean())
 
 
-class Baseline:
+class UntouchedModel:
     """The untouched sensor as it was calibrated."""
 
     def __init__(self, bundle: Bundle) -> None:
