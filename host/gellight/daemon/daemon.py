@@ -111,11 +111,6 @@ class Daemon:
         """What watches for changes since the calibration; another one after the calibration was replaced."""
         return self._in_use.watch
 
-    @property
-    def selfcheck_result(self) -> SelfCheckResult | None:
-        """The newest comparison with the reference simulator; None before the first, or without truth."""
-        return self._selfcheck_result
-
     # ---- another bundle, another zero, another light ----
 
     def replace_bundle(self, bundle: Bundle) -> Callable[[], object]:
@@ -226,7 +221,13 @@ class Daemon:
         return self._selfcheck_result
 
     def status(self) -> dict[str, object]:
-        """Counters, rates and the self-check, ready for JSON."""
+        """Return what is known of the sensor, ready for JSON.
+
+        Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
+        mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
+        same names), calibration {sensor, identity}, watch (None, or see `SensorWatch.status`), error (text or None) and
+        camera (what the camera says).
+        """
         result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {
             "sensor": self._camera.url,

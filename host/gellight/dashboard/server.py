@@ -11,7 +11,8 @@ from aiohttp import web
 
 from gellight.base.errors import ServerError
 from gellight.daemon.calibration_service import CalibrationService
-from gellight.dashboard.application import Dashboard, TactileSource
+from gellight.daemon.daemon import Daemon
+from gellight.dashboard.application import Dashboard
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +24,7 @@ class DashboardServer:
     """Runs the dashboard in a thread of its own; a context manager."""
 
     def __init__(
-        self, source: TactileSource, *, port: int = DEFAULT_PORT, calibration: CalibrationService | None = None
+        self, source: Daemon, *, port: int = DEFAULT_PORT, calibration: CalibrationService | None = None
     ) -> None:
         """Serve `source` on 127.0.0.1, with the wizard where there is a `calibration`; port 0 takes any free one."""
         self._calibration = calibration

@@ -42,11 +42,6 @@ class Rest:
     outliers: Mask
     """(h, w) cells that show something else"""
 
-    @property
-    def touched_share(self) -> float:
-        """Share of the view that light and place do not explain."""
-        return float(self.outliers.mean())
-
 
 class UntouchedModel:
     """The untouched sensor as it was calibrated."""
