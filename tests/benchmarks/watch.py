@@ -16,7 +16,7 @@ from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press, Scene
 from gellight.watch.cells import spread
-from gellight.watch.monitor import PERIOD_S, Watch
+from gellight.watch.monitor import PERIOD_S, SensorWatch
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor, dusty, torn
@@ -38,7 +38,7 @@ def main() -> None:
 def cost(scene: Scene) -> None:
     """CPU time of the looks as a share of the CPU time of the frames, in one run."""
     bundle = load_bundle("synthetic")
-    sensor, reconstructor = WatchedSensor(scene, Watch(bundle), 2999), Reconstructor(bundle)
+    sensor, reconstructor = WatchedSensor(scene, SensorWatch(bundle), 2999), Reconstructor(bundle)
     looks, frames = [], []
     for press in [None, Press("BALL", 1.0, 3.0, 2.0)] * 20:
         frame = sensor.frame(press)
@@ -91,7 +91,7 @@ def counts(scene: Scene, runs: int) -> None:
 
 def sound(scene: Scene, seed: int) -> WatchedSensor:
     """A sensor as it was calibrated."""
-    return WatchedSensor(scene, Watch(load_bundle("synthetic")), seed)
+    return WatchedSensor(scene, SensorWatch(load_bundle("synthetic")), seed)
 
 
 def break_it(sensor: WatchedSensor, kind: str, random: np.random.Generator) -> int:

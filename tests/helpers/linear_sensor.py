@@ -7,7 +7,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frames.frames import CameraFrame
 
 GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
@@ -117,8 +117,13 @@ def verified_bundle(
     sensor: str = "GL-7",
     shape: tuple[int, int] = BUNDLE_SHAPE,
     metrics: dict[str, object] | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    **controls: float,
 ) -> Bundle:
-    """Write the bundle of a linear sensor that passed its verification, unless `metrics` say otherwise."""
+    """Write the bundle of a linear sensor that passed its verification, unless `metrics` say otherwise.
+
+    rgb: brightness of its red, green and blue LEDs, four each.
+    """
     return write_bundle(
         folder,
         sensor=sensor,
@@ -129,4 +134,11 @@ def verified_bundle(
         network=linear_network(),
         metrics={"verification": VERIFIED} if metrics is None else metrics,
         extra_files={"mark": folder.name.encode()},
+        led=_leds(rgb) if rgb else (),
+        camera=controls,
     )
+
+
+def _leds(rgb: tuple[int, int, int]) -> tuple[LedSetting, ...]:
+    ring = [("R", (rgb[0], 0, 0)), ("G", (0, rgb[1], 0)), ("B", (0, 0, rgb[2]))]
+    return tuple(LedSetting.model_validate({"colour": name, "rgb": light}) for name, light in ring for _ in range(4))

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.simulator.scene import Press, Scene
-from gellight.watch.monitor import PERIOD_S, Watch
+from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 NOISE_GREY = 1.0
 _FIELDS = 8
@@ -26,7 +26,7 @@ class WatchedSensor:
     """Takes frames of the simulated gel, one each time the watch looks, and shows them to it."""
 
     scene: Scene
-    watch: Watch
+    watch: SensorWatch
     seed: int
     leds: dict[int, float] = field(default_factory=dict)
     """light of single LEDs as a share of what it should be"""

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, sync_playwright
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.dashboard.server import DashboardServer
 from gellight.simulator.scene import Scene
-from gellight.watch.monitor import Watch
+from gellight.watch.monitor import SensorWatch
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.browsing import FLAGS, NO_GL, SOFTWARE_GL, Open, opening
@@ -56,7 +56,7 @@ def synthetic() -> Bundle:
 @pytest.fixture
 def new_sensor(watched_scene: Scene, synthetic: Bundle) -> Callable[[int], WatchedSensor]:
     """Make a sound sensor that is watched, with noise of this seed."""
-    return lambda seed: WatchedSensor(watched_scene, Watch(synthetic), seed)
+    return lambda seed: WatchedSensor(watched_scene, SensorWatch(synthetic), seed)
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ def _heavy_modules(guest: Guest) -> None:
         "gellight.daemon.assembly",
         "gellight.simulator.simulated_camera",
         "gellight.simulator.usb.device",
-        "gellight.daemon.desk",
+        "gellight.daemon.calibration_service",
         "gellight.dashboard.server",
         "tests.vm.inside.serving",
     )

@@ -7,53 +7,66 @@ Both are flushed to the disk and written whole or not at all (`base/writing.py`)
 leaves the old bundle or the new one in service.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import Self
 from urllib.parse import quote, unquote
 
 import platformdirs
+from pydantic import BaseModel, ConfigDict
 
 from gellight.base.errors import BundleError
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import REPORT, Bundle, load_bundle, save_bundle
 
 _HISTORY = "in_service"
+_Stamp = tuple[tuple[str, int, int, int], ...]
+"""name, size, time of change (ns) and inode of each file: another stamp means that a file changed"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredBundle:
-    """One bundle of the store."""
+    """The place of one bundle in the store; the bundle itself was not read for it."""
 
     sensor: str
     identity: str
     path: Path
-    created: datetime | None
-    """None where the bundle cannot be read any more"""
-    in_service: bool
-    problem: str = ""
-    """why it cannot be read"""
 
     def load(self) -> Bundle:
         """Load and check it; BundleError where it was damaged."""
         return load_bundle(self.path)
 
-    @property
-    def has_report(self) -> bool:
-        """Whether its calibration left a page that shows all that was measured."""
-        return (self.path / REPORT).is_file()
-
     def report(self) -> bytes:
-        """Return that page, HTML, as it was written; BundleError where there is none or it was changed."""
+        """Return the page that its calibration wrote, HTML; BundleError where there is none or it was changed."""
         files = self.load().files
         if REPORT not in files:
             raise BundleError(f"bundle {self.identity} has no report: only `gellight calibrate` writes one")
         return files[REPORT]
 
-    def as_json(self) -> dict[str, object]:
-        """Return it ready for JSON."""
-        created = self.created.isoformat() if self.created else None
-        return {**vars(self), "path": str(self.path), "created": created, "report": self.has_report}
+
+class ListedBundle(BaseModel):
+    """What a list shows of one bundle of the store."""
+
+    model_config = ConfigDict(frozen=True)
+
+    sensor: str
+    identity: str
+    path: Path
+    created: datetime | None = None
+    """None where the bundle cannot be read any more"""
+    in_service: bool = False
+    problem: str = ""
+    """why it cannot be read"""
+    report: bool
+    """whether its calibration left a page that shows all that was measured"""
+
+    @classmethod
+    def of(cls, stored: StoredBundle, bundle: Bundle, *, in_service: bool) -> Self:
+        """Return what is shown of a stored bundle that was loaded."""
+        created, report = bundle.manifest.created, REPORT in bundle.files
+        return cls(**vars(stored), created=created, report=report, in_service=in_service)
 
 
 class BundleStore:
@@ -62,32 +75,46 @@ class BundleStore:
     def __init__(self, folder: Path | None = None) -> None:
         """Use `folder`, or the user's; nothing is made before something is added."""
         self.folder = folder or platformdirs.user_data_path("gellight") / "bundles"
+        self._known: dict[Path, tuple[_Stamp, ListedBundle]] = {}
+        """what was found the last time"""
 
     def add(self, bundle: Bundle) -> StoredBundle:
-        """Keep a bundle, not yet in service; one that is there already is kept as it is. Raises BundleError."""
+        """Keep a bundle, not yet in service, unless it is there and undamaged; raises BundleError."""
         place = self._folder(bundle.manifest.sensor) / bundle.identity
-        if not place.exists():
-            save_bundle(bundle, place)
-        return self._entry(bundle.manifest.sensor, place)
+        stored = StoredBundle(sensor=bundle.manifest.sensor, identity=bundle.identity, path=place)
+        if not place.exists() or self._listed(stored).problem:
+            saved = save_bundle(bundle, place, overwrite=True)
+            self._known[place] = _stamp(place), ListedBundle.of(stored, saved, in_service=False)
+        return stored
 
-    def put_in_service(self, sensor: str, identity: str) -> StoredBundle:
-        """Make a stored bundle the one of its sensor from now on; BundleError where it is not there or damaged."""
-        chosen = self._named(sensor, identity)
-        chosen.load()
-        history = [known for known in self._history(sensor) if known != chosen.identity]
-        text = "\n".join([*history, chosen.identity]) + "\n"
+    def put_in_service(self, chosen: StoredBundle) -> None:
+        """Make a stored bundle, which the caller has loaded, the one of its sensor from now on. Raises BundleError."""
+        history = [known for known in self.history(chosen.sensor) if known != chosen.identity]
+        self.write_history(chosen.sensor, [*history, chosen.identity])
+
+    def history(self, sensor: str) -> list[str]:
+        """Return the identities of the bundles that were in service, each once, the one that is last."""
+        place = self._folder(sensor) / _HISTORY
+        return place.read_text(encoding="utf-8").split() if place.is_file() else []
+
+    def write_history(self, sensor: str, identities: Sequence[str]) -> None:
+        """Replace the history of a sensor by another one; BundleError where the disk refuses it."""
+        if self.history(sensor) == list(identities):
+            return
         try:
-            write_file(self._folder(sensor) / _HISTORY, text.encode())
+            write_file(self._folder(sensor) / _HISTORY, "".join(f"{identity}\n" for identity in identities).encode())
         except OSError as error:
             raise BundleError(
-                f"{self._folder(sensor)} cannot be written ({error.strerror or error}): the old bundle stays in service"
+                f"{self._folder(sensor)} cannot be written ({error.strerror or error}): free some space or check its "
+                "permissions, and try again"
             ) from error
-        return self._named(sensor, chosen.identity)
 
-    def bundles(self, sensor: str | None = None) -> list[StoredBundle]:
-        """Return what is kept, of one sensor or of all, the oldest first; damaged bundles say so."""
-        sensors = [sensor] if sensor is not None else self.sensors()
-        found = [self._entry(name, place) for name in sensors for place in self._places(name)]
+    def bundles(self, sensor: str | None = None) -> list[ListedBundle]:
+        """Return what is kept, of one sensor or of all, the oldest first; damaged bundles say so.
+
+        A bundle is read again only after one of its files has changed.
+        """
+        found = [self._listed(stored) for stored in self._stored(sensor)]
         return sorted(found, key=lambda entry: (entry.sensor, entry.created is None, str(entry.created)))
 
     def sensors(self) -> list[str]:
@@ -98,21 +125,21 @@ class BundleStore:
 
     def current(self, sensor: str) -> StoredBundle:
         """Return the bundle in service; BundleError where the sensor has none."""
-        history = self._history(sensor)
+        history = self.history(sensor)
         if not history:
             raise BundleError(f"sensor {sensor!r} has no calibration bundle on this computer: run `gellight calibrate`")
         return self._named(sensor, history[-1])
 
     def previous(self, sensor: str) -> StoredBundle:
         """Return the bundle that was in service before; BundleError where there is none."""
-        history = self._history(sensor)
+        history = self.history(sensor)
         if len(history) < 2:
             raise BundleError(f"sensor {sensor!r} had no other bundle before: `gellight calibrate list` shows all")
         return self._named(sensor, history[-2])
 
     def find(self, identity: str) -> StoredBundle:
         """Return the bundle with an identity, or its beginning, of any sensor; BundleError unless there is one."""
-        found = [entry for entry in self.bundles() if identity and entry.identity.startswith(identity.lower())]
+        found = [stored for stored in self._stored() if identity and stored.identity.startswith(identity.lower())]
         if len(found) != 1:
             what = "no bundle" if not found else f"{len(found)} bundles"
             raise BundleError(f"{what} of identity {identity!r} in {self.folder}: see `gellight calibrate list`")
@@ -124,27 +151,35 @@ class BundleStore:
             raise BundleError(
                 f"bundle {identity} of sensor {sensor!r} is not in {self.folder}: see `gellight calibrate list`"
             )
-        return self._entry(sensor, place)
+        return StoredBundle(sensor=sensor, identity=identity, path=place)
 
-    def _entry(self, sensor: str, place: Path) -> StoredBundle:
-        history = self._history(sensor)
-        in_service = bool(history) and history[-1] == place.name
-        try:
-            created, problem = load_bundle(place).manifest.created, ""
-        except BundleError as error:
-            created, problem = None, str(error)
-        return StoredBundle(
-            sensor=sensor, identity=place.name, path=place, created=created, in_service=in_service, problem=problem
-        )
+    def _stored(self, sensor: str | None = None) -> list[StoredBundle]:
+        return [
+            StoredBundle(sensor=name, identity=place.name, path=place)
+            for name in ([sensor] if sensor is not None else self.sensors())
+            for folder in [self._folder(name)]
+            for place in (sorted(folder.iterdir()) if folder.is_dir() else [])
+            if place.is_dir() and place.name[0] != "."
+        ]
 
-    def _places(self, sensor: str) -> list[Path]:
-        folder = self._folder(sensor)
-        return sorted(p for p in folder.iterdir() if p.is_dir() and p.name[0] != ".") if folder.is_dir() else []
-
-    def _history(self, sensor: str) -> list[str]:
-        place = self._folder(sensor) / _HISTORY
-        return place.read_text(encoding="utf-8").split() if place.is_file() else []
+    def _listed(self, stored: StoredBundle) -> ListedBundle:
+        stamp, known = _stamp(stored.path), self._known.get(stored.path)
+        if known is None or known[0] != stamp:
+            self._known[stored.path] = known = stamp, _read(stored)
+        return known[1].model_copy(update={"in_service": self.history(stored.sensor)[-1:] == [stored.identity]})
 
     def _folder(self, sensor: str) -> Path:
         # A name of dots would be another folder.
         return self.folder / quote(sensor, safe="").replace(".", "%2E")
+
+
+def _read(stored: StoredBundle) -> ListedBundle:
+    try:
+        return ListedBundle.of(stored, stored.load(), in_service=False)
+    except BundleError as error:
+        return ListedBundle(**vars(stored), problem=str(error), report=(stored.path / REPORT).is_file())
+
+
+def _stamp(place: Path) -> _Stamp:
+    found = ((path.name, path.stat()) for path in place.iterdir())
+    return tuple(sorted((name, facts.st_size, facts.st_mtime_ns, facts.st_ino) for name, facts in found))

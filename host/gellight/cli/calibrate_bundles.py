@@ -31,7 +31,9 @@ def list_bundles(
     entries = store.bundles(name)
     if as_json:
         typer.echo(
-            json.dumps({"folder": str(store.folder), "bundles": [entry.as_json() for entry in entries]}, indent=2)
+            json.dumps(
+                {"folder": str(store.folder), "bundles": [entry.model_dump(mode="json") for entry in entries]}, indent=2
+            )
         )
         return
     for entry in entries:
@@ -82,7 +84,7 @@ def _opened(sensor: str | None) -> "Camera":
 def _tell(installed: "Installed", as_json: bool) -> None:
     entry = installed.bundle
     if as_json:
-        typer.echo(json.dumps({**entry.as_json(), "remembered": installed.remembered}, indent=2))
+        typer.echo(json.dumps({**entry.model_dump(mode="json"), "remembered": installed.remembered}, indent=2))
         return
     known = "its board knows it" if installed.remembered else "it has no board that could remember it"
     typer.echo(f"bundle {entry.identity} is in service for sensor {entry.sensor}; {known}")

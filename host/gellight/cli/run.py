@@ -18,8 +18,8 @@ from gellight.base.settings import Settings, load_settings, read_layers
 from gellight.bundle.bundle import SYNTHETIC
 from gellight.cli.options import with_options
 from gellight.daemon.assembly import open_session
+from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
-from gellight.daemon.desk import Desk
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 
@@ -109,8 +109,8 @@ def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[
         yield ""
         return
     with (
-        Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
-        DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
+        CalibrationService(daemon, led_colours=settings.geometry.led_colours) as service,
+        DashboardServer(daemon, port=settings.dashboard.port, calibration=service) as server,
     ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
         yield server.url

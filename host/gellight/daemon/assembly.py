@@ -8,7 +8,7 @@ from gellight.daemon.installing import bundle_of
 from gellight.daemon.modes import Mode, frame_path, tactile_camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
-from gellight.watch.monitor import Watch
+from gellight.watch.monitor import SensorWatch
 
 AUTO = "auto"
 """Setting of the calibration that stands for whichever bundle belongs to the sensor."""
@@ -32,7 +32,7 @@ def open_session(settings: Settings) -> Daemon:
             path_for(bundle, settings),
             selfcheck=judge,
             rebuild=lambda replacement: path_for(replacement, settings),
-            watch=Watch(bundle, rezero=settings.watch.rezero) if watched else None,
+            watch=SensorWatch(bundle, rezero=settings.watch.rezero) if watched else None,
         )
     except BaseException:
         camera.close()

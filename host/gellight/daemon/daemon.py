@@ -1,36 +1,38 @@
-"""The running sensor: a capture thread, a reconstruction thread, and between them a mailbox that keeps the latest.
+"""The running sensor: a stream of depth, whose bundle, zero and light can be changed while it goes on."""
 
-The camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
-as dropped, so what comes out is as fresh as the machine allows. What ends either thread (the last image of a folder, a
-camera that fails) is raised where frames are waited for. A sensor that was unplugged ends nothing: while it is away the
-status says so, and nobody gets a frame from before.
-"""
-
-import logging
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
-from gellight.base.errors import CameraError, InputError
-from gellight.base.mailbox import Mailbox
+from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
+from gellight.daemon.setting import Setting
 from gellight.daemon.shared_camera import SharedCamera
-from gellight.daemon.statistics import Statistics
-from gellight.frames.camera import Camera, EndOfStream, PressStage, ReconnectingError
-from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.daemon.stream import Stream
+from gellight.frames.camera import Camera, PressStage
+from gellight.frames.frames import TactileFrame
 from gellight.frames.judging import FrameJudge, SelfCheckResult
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
-from gellight.watch.monitor import PERIOD_S, Watch
+from gellight.watch.monitor import PERIOD_S, SensorWatch
 
-logger = logging.getLogger(__name__)
-
-POLL_S = 0.5
-"""how often a waiting thread looks whether it should stop"""
 SELFCHECK_PERIOD_S = 1.0
-PAUSED_S = 0.3
-"""between two frames while somebody else rules the light"""
+CALIBRATING_PAUSE_S = 0.3
+"""between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
+nothing"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _InUse:
+    """What belongs to the running bundle."""
+
+    bundle: Bundle
+    """as it was installed: a zero that followed the light is not in it"""
+    reconstructor: FramePath
+    watch: SensorWatch | None
+    selfcheck: FrameJudge | None
 
 
 class Daemon:
@@ -43,7 +45,7 @@ class Daemon:
         *,
         selfcheck: FrameJudge | None = None,
         rebuild: Callable[[Bundle], FramePath] = Reconstructor,
-        watch: Watch | None = None,
+        watch: SensorWatch | None = None,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
 
@@ -51,45 +53,33 @@ class Daemon:
         says what has changed since the calibration.
         """
         self._camera = camera
-        self._reconstructor = reconstructor
         self._rebuild = rebuild
-        self._bundle = reconstructor.bundle
-        self._watch = watch
-        self._paused = False
-        self._replacing = threading.RLock()
-        """held while the reconstructor is replaced"""
-        self._selfcheck = selfcheck
+        self._in_use = _InUse(
+            bundle=reconstructor.bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck
+        )
+        self._lent: Setting | None = None
+        """how the sensor was set before a calibration; None while none goes on"""
+        self._changing = threading.RLock()
+        """held while bundle, zero or light are changed"""
         self._selfcheck_result: SelfCheckResult | None = None
-        self._statistics = Statistics()
-        self._captured: Mailbox[CameraFrame] = Mailbox()
-        self._delivered: Mailbox[TactileFrame] = Mailbox()
-        self._stopping = threading.Event()
-        self._error: str | None = None
-        self._away: str | None = None
-        self._newest = self._void = -1
-        """camera sequence numbers: the last that came, and the last from before the sensor was away"""
-        self._presence = threading.Lock()
-        """held while a frame is handed on or the sensor is found to be away"""
-        jobs = [self._capture, self._reconstruct]
-        jobs += [self._check_now_and_then] if selfcheck else []
-        jobs += [self._watch_now_and_then] if watch else []
-        self._threads = [threading.Thread(target=job, name=job.__name__.strip("_"), daemon=True) for job in jobs]
+        self._stream = Stream(camera, lambda frame: self._in_use.reconstructor.reconstruct(frame))
+        if selfcheck:
+            self._stream.also(self.check, SELFCHECK_PERIOD_S)
+        if watch:
+            self._stream.also(self._watch_now_and_then, PERIOD_S)
 
     def __enter__(self) -> Self:
         """Start the threads."""
-        for thread in self._threads:
-            thread.start()
+        self._stream.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop the threads and close the camera."""
-        self._stopping.set()
-        self._delivered.close(CameraError("the daemon was stopped"))
-        for thread in self._threads:
-            thread.join()
-        self._camera.close()
+        """Stop the threads and close the camera, which makes the LEDs dark."""
+        self._stream.stop()
+        with self._changing:  # nobody lights the LEDs after that
+            self._camera.close()
 
     @property
     def stage(self) -> PressStage | None:
@@ -99,53 +89,99 @@ class Daemon:
     @property
     def pixel_size_mm(self) -> tuple[float, float]:
         """(x, y) size of a camera pixel on the gel."""
-        return self._reconstructor.bundle.pixel_size_mm
+        return self._in_use.reconstructor.bundle.pixel_size_mm
 
     @property
     def mode(self) -> str:
         """How slopes are found: network, photometric or hybrid."""
-        return str(self._reconstructor.status()["mode"])
+        return str(self._in_use.reconstructor.status()["mode"])
 
     @property
     def bundle(self) -> Bundle:
         """The bundle in use, as it was installed: a zero that followed the light is not in it."""
-        return self._bundle
+        return self._in_use.bundle
 
     @property
     def camera(self) -> Camera:
         """The camera as another reader sees it: its newest frames, controls and ring; closing it does nothing."""
-        return SharedCamera(self._camera, self._captured)
+        return SharedCamera(self._camera, self._stream.captured)
 
     @property
-    def watch(self) -> Watch | None:
+    def watch(self) -> SensorWatch | None:
         """What watches for changes since the calibration; another one after the calibration was replaced."""
-        return self._watch
+        return self._in_use.watch
 
-    def replace_bundle(self, bundle: Bundle) -> None:
+    # ---- another bundle, another zero, another light ----
+
+    def replace_bundle(self, bundle: Bundle) -> Callable[[], object]:
         """Reconstruct with another bundle from the next frame on; the stream goes on.
 
-        Raises BundleError for a bundle of another image size or with a network that cannot be run, and what the
-        camera raises that cannot be set as the bundle says; then the old one stays in use.
+        Returns what takes this back: bundle, zero, camera and LEDs are then as before. Raises BundleError for a bundle
+        of another image size or with a network that cannot be run, and what the camera raises that cannot be set as
+        the bundle says; then nothing has changed.
         """
         bundle.check_fits(self._camera.url, self._camera.image_shape)
-        replacement = self._rebuild(bundle)
-        watch = Watch(bundle, rezero=self._watch.rezero) if self._watch else None
-        judge = self._camera.selfcheck(bundle.pixel_size_mm) if self._selfcheck else None
-        with self._replacing:
-            self._camera.adopt(bundle.controls, bundle.colours)
-            if watch and self._watch:
-                watch.paused = self._watch.paused
-            self._reconstructor, self._bundle, self._watch, self._selfcheck = replacement, bundle, watch, judge
+        watch, judge = self._in_use.watch, self._in_use.selfcheck
+        replacement = _InUse(
+            bundle=bundle,
+            reconstructor=self._rebuild(bundle),
+            watch=SensorWatch(bundle, rezero=watch.rezero) if watch else None,
+            selfcheck=self._camera.selfcheck(bundle.pixel_size_mm) if judge else None,
+        )
+        with self._changing:
+            before = self._in_use
+            setting = self._use(replacement, Setting.said_by(bundle))
+        return lambda: self._use(before, setting)
 
-    def pause(self, paused: bool) -> None:
-        """Let somebody else rule the light: the watch rests, and no more than some frames a second are reconstructed.
+    def _use(self, replacement: _InUse, setting: Setting) -> Setting:
+        """Go on with another bundle and light; return how the sensor was set before."""
+        with self._changing:
+            before = self._set(setting)
+            if replacement.watch is not None:
+                replacement.watch.paused = self._lent is not None
+            self._in_use = replacement
+        return before
 
-        What is felt under another light means nothing, and whoever calibrates needs the processor.
+    def _set(self, setting: Setting) -> Setting:
+        """Set and light the sensor, and deliver no frame from before; return how it was set before.
+
+        Raises CameraError once the daemon is stopped, else as `Setting.apply`.
         """
-        with self._replacing:
-            self._paused = paused
-            if self._watch is not None:
-                self._watch.paused = paused
+        if self._stream.ended:
+            raise CameraError(f"{self._camera.url} was stopped: its LEDs stay dark")
+        before = setting.apply(self._camera)
+        self._stream.note("setting", None)
+        self._stream.throw_away()
+        return before
+
+    def lend(self) -> None:
+        """Let a calibration set camera and LEDs: the watch rests, and few frames are reconstructed.
+
+        Raises what the camera raises that does not say how it is set.
+        """
+        with self._changing:
+            self._lent = Setting.of(self._camera)
+            self._stream.pause_s = CALIBRATING_PAUSE_S
+            if self.watch is not None:
+                self.watch.paused = True
+
+    def take_back(self) -> bool:
+        """Set and light the sensor as the running bundle says, and go on as before `lend`; whether that is done.
+
+        What goes wrong stands in the status until it has been done. After the daemon was stopped nothing is lit.
+        """
+        with self._changing:
+            if self._lent is None or self._stream.ended:
+                return True
+            try:
+                self._set(Setting.said_by(self._in_use.bundle).over(self._lent))
+            except GellightError as error:
+                self._stream.note("setting", f"the sensor is not set as its bundle says: {error}")
+                return False
+            self._lent, self._stream.pause_s = None, 0.0
+            if self.watch is not None:
+                self.watch.paused = False
+            return True
 
     def rezero(self, *, asked: bool = True) -> None:
         """Set the zero of the depth to the gel as it is now; the stream goes on.
@@ -153,18 +189,16 @@ class Daemon:
         asked: a person says that nothing touches; else it is the watch, for slow drift. Raises InputError, saying why,
         where the zero must not be set.
         """
-        with self._replacing:
-            if self._watch is None:
+        with self._changing:
+            bundle, watch = self._in_use.bundle, self._in_use.watch
+            if watch is None:
                 raise InputError("this sensor is not watched, so its zero cannot be set: switch watch.enabled on")
-            zero = self._watch.propose_zero(asked=asked)
-            zeroed = self._bundle.with_reference(zero.reference, frames=self._bundle.manifest.reference_frames)
-            self._reconstructor = self._rebuild(zeroed)
-            self._watch.accept_zero(zero)
+            zero = watch.propose_zero(asked=asked)
+            zeroed = bundle.with_reference(zero.reference, frames=bundle.manifest.reference_frames)
+            self._in_use = replace(self._in_use, reconstructor=self._rebuild(zeroed))
+            watch.accept_zero(zero)
 
-    @property
-    def selfcheck_result(self) -> SelfCheckResult | None:
-        """The newest comparison with the reference simulator; None before the first, or without truth."""
-        return self._selfcheck_result
+    # ---- what comes out ----
 
     def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
         """Wait for a tactile frame whose camera sequence number is greater than `after_sequence`.
@@ -174,105 +208,43 @@ class Daemon:
         deadline = time.monotonic() + timeout_s
         number = 0
         while True:
-            number, frame = self._delivered.take(number, max(deadline - time.monotonic(), 0.0))
+            number, frame = self._stream.delivered.take(number, max(deadline - time.monotonic(), 0.0))
             if frame.camera_frame.sequence > after_sequence:
                 return frame
 
     def check(self, frame: TactileFrame) -> SelfCheckResult | None:
         """Compare `frame` with the reference simulator now; None where the truth cannot be known."""
-        if self._selfcheck is None or frame.camera_frame.truth is None:
+        judge = self._in_use.selfcheck
+        if judge is None or frame.camera_frame.truth is None:
             return None
-        self._selfcheck_result = self._selfcheck.compare(frame)
+        self._selfcheck_result = judge.compare(frame)
         return self._selfcheck_result
 
     def status(self) -> dict[str, object]:
-        """Counters, rates and the self-check, ready for JSON."""
-        result, camera = self._selfcheck_result, self._camera.status()
+        """Return what is known of the sensor, ready for JSON.
+
+        Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
+        mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
+        same names), calibration {sensor, identity}, watch (None, or see `SensorWatch.status`), error (text or None) and
+        camera (what the camera says).
+        """
+        result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {
             "sensor": self._camera.url,
-            **self._reconstructor.status(),
-            **self._statistics.as_json(time.monotonic()),
+            **used.reconstructor.status(),
+            **self._stream.statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
-            "calibration": {"sensor": self._bundle.manifest.sensor, "identity": self._bundle.identity},
-            "watch": self._watch.status() if self._watch else None,
-            "error": self._error or self._away or camera.get("why"),
+            "calibration": {"sensor": used.bundle.manifest.sensor, "identity": used.bundle.identity},
+            "watch": used.watch.status() if used.watch else None,
+            "error": self._stream.problem or camera.get("why"),
             "camera": camera,
         }
 
-    def _capture(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                try:
-                    frame = self._camera.read()
-                except ReconnectingError as error:
-                    self._leave(str(error))
-                    continue
-                self._away, self._newest = None, frame.sequence
-                self._statistics.note_captured(frame)
-                self._captured.put(frame)
-        except Exception as error:
-            self._note(error)
-            self._captured.close(error)
-
-    def _reconstruct(self) -> None:
-        number = 0
-        try:
-            while not self._stopping.wait(PAUSED_S if self._paused else 0):
-                try:
-                    number, frame = self._captured.take(number, POLL_S)
-                except TimeoutError:
-                    continue
-                self._deliver(self._reconstructor.reconstruct(frame))
-        except Exception as error:
-            self._note(error)
-            self._delivered.close(error)
-            self._stopping.set()
-
-    def _leave(self, why: str) -> None:
-        """Note that the sensor is away, and throw away what was not taken yet: it is not true any more."""
-        with self._presence:
-            if self._away is None:
-                logger.warning("%s", why)
-            self._away, self._void = why, self._newest
-            self._captured.clear()
-            self._delivered.clear()
-
-    def _deliver(self, frame: TactileFrame) -> None:
-        with self._presence:
-            if frame.camera_frame.sequence > self._void:
-                self._statistics.note_delivered(frame, time.monotonic())
-                self._delivered.put(frame)
-
-    def _check_now_and_then(self) -> None:
-        number = 0
-        while not self._stopping.wait(SELFCHECK_PERIOD_S):
-            try:
-                number, frame = self._delivered.take(number, POLL_S)
-                self.check(frame)
-            except TimeoutError:
-                continue
-            except Exception as error:
-                self._note(error)
-                return
-
-    def _watch_now_and_then(self) -> None:
-        number = 0
-        while not self._stopping.wait(PERIOD_S):
-            watch = self._watch
-            assert watch is not None
-            try:
-                number, frame = self._delivered.take(number, POLL_S)
-                watch.note(frame)
-                if not watch.refusal(asked=False):
-                    self.rezero(asked=False)
-            except TimeoutError:
-                continue
-            except Exception as error:
-                self._note(error)
-                return
-
-    def _note(self, error: Exception) -> None:
-        if isinstance(error, EndOfStream) or self._stopping.is_set():
-            return
-        logger.error("%s: %s", threading.current_thread().name, error)
-        self._error = str(error)
+    def _watch_now_and_then(self, frame: TactileFrame) -> None:
+        """Let the watch look at a frame, and let the zero follow slow drift."""
+        watch = self.watch
+        assert watch is not None
+        watch.note(frame)
+        with self._changing:  # nobody replaces the bundle or sets a zero between the question and the zero
+            if self.watch is watch and not watch.refusal(asked=False):
+                self.rezero(asked=False)

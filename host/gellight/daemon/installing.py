@@ -1,18 +1,22 @@
 """Puts a bundle into service: checked, kept, taken over by the running sensor, remembered by its board.
 
-What is refused changes nothing. The order is: checks; the store keeps the bundle; the running daemon takes it over
-between two frames, if it can; the store names it as the one in service, in one atomic step; the board writes its
-identity to flash, so that the sensor finds its own bundle wherever it is plugged in.
+All of it happens, or nothing. The order is: the bundle is checked; the store keeps it on the disk, not yet in service;
+the running daemon takes it over between two frames; the board writes its identity to flash, so that the sensor finds
+its own bundle wherever it is plugged in; the store names it as the one in service. What fails takes back what was done
+before it, the last first.
 """
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.limits import Limits
-from gellight.bundle.store import BundleStore, StoredBundle
+from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
+from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing, RefusedError
@@ -25,17 +29,17 @@ SIMULATED = "simulated"
 
 
 class Running(Protocol):
-    """A stream whose calibration can be replaced; the daemon is one."""
+    """A stream whose bundle can be replaced; the daemon is one."""
 
-    def replace_bundle(self, bundle: Bundle) -> None:
-        """Use the bundle from the next frame on; BundleError where it does not fit."""
+    def replace_bundle(self, bundle: Bundle) -> Callable[[], object]:
+        """Use the bundle from the next frame on, and return what takes that back; what it raises changes nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Installed:
     """A bundle in service."""
 
-    bundle: StoredBundle
+    bundle: ListedBundle
     remembered: bool
     """whether the board of the sensor knows it; False where the sensor has no board"""
 
@@ -56,16 +60,17 @@ def install(
     camera: Camera | None = None,
     limits: Limits | None = None,
 ) -> Installed:
-    """Put a bundle that passed its verification into service for `sensor`.
+    """Put a bundle into service for the sensor whose serial number or name is `sensor`.
 
-    The `camera` of the sensor is set and lit as the bundle was calibrated, and its board is told. Raises
-    BundleError for a bundle of another sensor, one that was not verified or not well enough, or one that the
-    running sensor cannot use; then the old bundle stays in service. Raises BoardError or CameraError where board or
-    camera do not answer: the bundle is in service then, and they have to be told again.
+    running: the stream that takes the bundle over; without one, `camera` is set and lit as the bundle says. camera: of
+    the sensor, whose board remembers the bundle. Raises BundleError for a bundle of another sensor, one that was not
+    verified or not well enough, or one that the running sensor cannot use, and where the disk refuses it; BoardError or
+    CameraError where board or camera do not answer. After any error the running bundle, the one in service, the setting
+    of the camera and the memory of the board are as before; where that could not be done, the error says what is where.
     """
     check_sensor(bundle, sensor)
     (limits or Limits()).check(bundle)
-    return _serve(store.add(bundle), store, running, camera)
+    return _serve(store.add(bundle), bundle, store, running, camera)
 
 
 def restore(
@@ -76,23 +81,60 @@ def restore(
     running: Running | None = None,
     camera: Camera | None = None,
 ) -> Installed:
-    """Put a bundle of the store into service again: by its identity or its beginning, or the one before if empty."""
+    """Put a bundle of the store into service again: by its identity or its beginning, or the one before if empty.
+
+    Raises as `install`.
+    """
     chosen = store.find(identity) if identity else store.previous(sensor)
-    check_sensor(chosen.load(), sensor)
-    return _serve(chosen, store, running, camera)
-
-
-def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, camera: Camera | None) -> Installed:
     bundle = chosen.load()
-    if running is not None:
-        running.replace_bundle(bundle)
-    served = store.put_in_service(chosen.sensor, chosen.identity)
+    check_sensor(bundle, sensor)
+    return _serve(chosen, bundle, store, running, camera)
+
+
+def _serve(
+    chosen: StoredBundle, bundle: Bundle, store: BundleStore, running: Running | None, camera: Camera | None
+) -> Installed:
     ring = camera.ring if camera else None
-    if ring is not None:
-        remember(ring, bundle)
-    if camera is not None:
-        camera.adopt(bundle.controls, bundle.colours)
+    history = store.history(chosen.sensor)
+    made: list[tuple[str, Callable[[], object]]] = []
+    """what was changed, and what takes it back"""
+    try:
+        if running is not None:
+            made.append((f"the sensor streams with bundle {bundle.identity}", running.replace_bundle(bundle)))
+        elif camera is not None:
+            before = Setting.said_by(bundle).apply(camera)
+            made.append((f"camera and LEDs are set as bundle {bundle.identity} says", partial(before.apply, camera)))
+        if ring is not None:
+            known = ring.configuration().bundle
+            made.append((f"the board may remember bundle {bundle.identity}", partial(remember, ring, known)))
+            remember(ring, bytes.fromhex(bundle.identity))
+        made.append(
+            (
+                f"bundle {bundle.identity} may be in service in {store.folder}",
+                partial(store.write_history, chosen.sensor, history),
+            )
+        )
+        store.put_in_service(chosen)
+    except BaseException as error:
+        _take_back(made, error, history)
+        raise
+    served = ListedBundle.of(chosen, bundle, in_service=True)
     return Installed(bundle=served, remembered=ring is not None)
+
+
+def _take_back(made: list[tuple[str, Callable[[], object]]], cause: BaseException, history: Sequence[str]) -> None:
+    """Take back what was changed, the last first; BundleError, saying what is where, if something remains."""
+    remaining = []
+    for words, take_back in reversed(made):
+        try:
+            take_back()
+        except Exception as error:
+            remaining.append(f"{words} ({error})")
+    if remaining:
+        remedy = f"run `gellight calibrate restore {history[-1]}`" if history else "start with the old bundle"
+        raise BundleError(
+            f"{cause}; not all could be taken back: {'; '.join(remaining)}. Stop the sensor and {remedy}"
+        ) from cause
 
 
 def check_sensor(bundle: Bundle, sensor: str) -> None:
@@ -104,21 +146,20 @@ def check_sensor(bundle: Bundle, sensor: str) -> None:
         )
 
 
-def remember(ring: LightRing, bundle: Bundle) -> None:
+def remember(ring: LightRing, identity: bytes) -> None:
     """Write the identity of a bundle to the flash of the board, unless it is there.
 
-    The board writes its flash only in the dark, so the gel is dark for some milliseconds, and then lit as calibrated.
+    The board writes its flash only in the dark, so the gel is dark for some milliseconds, and then lit as before.
     Raises BoardError.
     """
-    configuration = ring.configuration()
-    identity = bytes.fromhex(bundle.identity)
+    configuration, still = ring.configuration(), ring.still
     if configuration.bundle == identity:
         return
     ring.blank()
     try:
         _configure(ring, replace(configuration, bundle=identity))
     finally:
-        ring.light(bundle.colours)
+        ring.light(still)
 
 
 def _configure(ring: LightRing, configuration: Configuration) -> None:

@@ -14,18 +14,17 @@ import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Protocol
 from urllib.parse import urlsplit
 
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
 from gellight.base.errors import GellightError
+from gellight.daemon.calibration_service import CalibrationService
+from gellight.daemon.daemon import Daemon
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
-from gellight.dashboard.wizard import CalibrationDesk, Wizard
-from gellight.frames.camera import PressStage
-from gellight.frames.frames import TactileFrame
+from gellight.dashboard.wizard import Wizard
 
 logger = logging.getLogger(__name__)
 
@@ -37,29 +36,6 @@ STATUS_PERIOD_S = 0.25
 MAX_CREDITS = 8
 MAX_COMMAND_BYTES = 4096
 LOOPBACK_NAMES = {"127.0.0.1", "localhost", "::1"}
-
-
-class TactileSource(Protocol):
-    """Where the dashboard gets its frames; the daemon is one."""
-
-    def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
-        """Return the newest frame with a camera sequence number above `after_sequence`; TimeoutError if none comes."""
-
-    def status(self) -> dict[str, object]:
-        """Return what is known of the sensor, ready for JSON.
-
-        Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, stage_ms {stage: ms}, error (text or
-        None), selfcheck (None, or its figures by name, `passed`, and `bounds` by the same names) and watch (None, or
-        state, findings [{kind, severity, text}] and expected errors).
-        """
-
-    @property
-    def stage(self) -> PressStage | None:
-        """What presses objects into the gel, on a simulated sensor; None on a real one."""
-
-    @property
-    def pixel_size_mm(self) -> tuple[float, float]:
-        """(x, y) size of a camera pixel on the gel."""
 
 
 class Client:
@@ -80,10 +56,10 @@ class Client:
 class Dashboard:
     """The application: one frame pump for all clients, and one sender for each."""
 
-    def __init__(self, source: TactileSource, desk: CalibrationDesk | None = None) -> None:
-        """Serve `source`, and the wizard where there is a `desk`; nothing runs before the application starts."""
+    def __init__(self, source: Daemon, calibration: CalibrationService | None = None) -> None:
+        """Serve `source`, and the wizard where there is a `calibration`; nothing runs before the application starts."""
         self._source = source
-        self._wizard = Wizard(desk)
+        self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
         self._message = b""
         self._number = -1

@@ -10,8 +10,9 @@ from typing import Self
 from aiohttp import web
 
 from gellight.base.errors import ServerError
-from gellight.dashboard.application import Dashboard, TactileSource
-from gellight.dashboard.wizard import CalibrationDesk
+from gellight.daemon.calibration_service import CalibrationService
+from gellight.daemon.daemon import Daemon
+from gellight.dashboard.application import Dashboard
 
 logger = logging.getLogger(__name__)
 
@@ -22,9 +23,11 @@ DEFAULT_PORT = 8420
 class DashboardServer:
     """Runs the dashboard in a thread of its own; a context manager."""
 
-    def __init__(self, source: TactileSource, *, port: int = DEFAULT_PORT, desk: CalibrationDesk | None = None) -> None:
-        """Serve `source` on 127.0.0.1, with the wizard of `desk` where there is one; port 0 takes any free one."""
-        self._desk = desk
+    def __init__(
+        self, source: Daemon, *, port: int = DEFAULT_PORT, calibration: CalibrationService | None = None
+    ) -> None:
+        """Serve `source` on 127.0.0.1, with the wizard where there is a `calibration`; port 0 takes any free one."""
+        self._calibration = calibration
         self._source = source
         self._port = port
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -75,7 +78,9 @@ class DashboardServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        runner = web.AppRunner(Dashboard(self._source, self._desk).application(), access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(
+            Dashboard(self._source, self._calibration).application(), access_log=None, shutdown_timeout=1.0
+        )
         await runner.setup()
         try:
             self._port = await _listen(runner, self._port)

@@ -1,6 +1,6 @@
 """The wizard's part of the dashboard: what `calibrate.html` asks for and what it may do.
 
-GET  /calibration                  the state of the desk, JSON
+GET  /calibration                  what is to be shown, JSON (see `CalibrationState`)
 GET  /calibration/report/IDENTITY  the report of a stored bundle
 GET  /calibration/picture/NAME     a picture as JPEG: live, press, uniformity, coverage, verify
 POST /calibration                  a command: begin, act, restore, zero; answers {} or {"message": why not}
@@ -8,17 +8,16 @@ POST /calibration                  a command: begin, act, restore, zero; answers
 
 import asyncio
 import logging
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal
 
-import numpy as np
 from aiohttp import web
-from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
 from gellight.base.errors import GellightError
-from gellight.daemon.desk import Wishes
+from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
 from gellight.dashboard.commands import Command, explain
 from gellight.dashboard.messages import jpeg, without_nan
 
@@ -26,14 +25,14 @@ logger = logging.getLogger(__name__)
 
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox allow-popups"
 """a report holds its style and pictures, and no script; a bundle may come from anywhere"""
-NO_DESK = "this dashboard has no calibration: start it with `gellight run` or `gellight demo`"
+NO_CALIBRATION = "this dashboard has no calibration: start it with `gellight run` or `gellight demo`"
 
 
 class Begin(Command):
     """Begin a calibration."""
 
     type: Literal["begin"]
-    wishes: Wishes
+    request: CalibrationRequest
 
 
 class Act(Command):
@@ -67,37 +66,12 @@ WizardCommand = Begin | Act | Restore | SetZero
 COMMANDS: TypeAdapter[WizardCommand] = TypeAdapter(Annotated[WizardCommand, Field(discriminator="type")])
 
 
-class CalibrationDesk(Protocol):
-    """What the wizard works with; `gellight.daemon.desk.Desk` is one."""
-
-    def state(self) -> dict[str, Any]:
-        """Return what is to be shown."""
-
-    def begin(self, wishes: Wishes) -> None:
-        """Begin a calibration."""
-
-    def act(self, action: str, **arguments: float) -> None:
-        """Do what the routine offers."""
-
-    def restore(self, identity: str) -> None:
-        """Put a stored bundle into service."""
-
-    def rezero(self) -> None:
-        """Set the zero of the depth."""
-
-    def report(self, identity: str) -> bytes:
-        """Return the report of a stored bundle, HTML."""
-
-    def picture(self, name: str) -> NDArray[np.uint8]:
-        """Return a picture, (H, W, 3) RGB."""
-
-
 class Wizard:
     """The routes of the wizard."""
 
-    def __init__(self, desk: CalibrationDesk | None) -> None:
-        """Serve `desk`; without one every answer says so."""
-        self._desk = desk
+    def __init__(self, calibration: CalibrationService | None) -> None:
+        """Let the page use `calibration`; without one every answer says so."""
+        self._calibration = calibration
         self._worker = ThreadPoolExecutor(2, thread_name_prefix="dashboard-wizard")
 
     def add_routes(self, app: web.Application) -> None:
@@ -112,62 +86,62 @@ class Wizard:
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     async def _show(self, request: web.Request) -> web.Response:
-        if self._desk is None:
-            return web.json_response({"message": NO_DESK}, status=404)
-        state = await asyncio.get_running_loop().run_in_executor(self._worker, self._desk.state)
-        return web.json_response(without_nan(state))
+        return await self._answer(_state, 500)
 
     async def _picture(self, request: web.Request) -> web.Response:
-        if self._desk is None:
-            return web.json_response({"message": NO_DESK}, status=404)
-        try:
-            find = partial(self._encoded, self._desk, request.match_info["name"])
-            content = await asyncio.get_running_loop().run_in_executor(self._worker, find)
-        except (GellightError, TimeoutError) as error:
-            return web.json_response({"message": str(error)}, status=404)
-        return web.Response(body=content, content_type="image/jpeg")
+        return await self._answer(partial(_picture, request.match_info["name"]), 404)
 
     async def _report(self, request: web.Request) -> web.Response:
-        if self._desk is None:
-            return web.json_response({"message": NO_DESK}, status=404)
-        try:
-            find = partial(self._desk.report, request.match_info["identity"])
-            content = await asyncio.get_running_loop().run_in_executor(self._worker, find)
-        except GellightError as error:
-            return web.json_response({"message": str(error)}, status=404)
-        return web.Response(
-            body=content, content_type="text/html", charset="utf-8", headers={"Content-Security-Policy": REPORT_POLICY}
-        )
-
-    @staticmethod
-    def _encoded(desk: CalibrationDesk, name: str) -> bytes:
-        return jpeg(desk.picture(name))
+        return await self._answer(partial(_report, request.match_info["identity"]), 404)
 
     async def _obey(self, request: web.Request) -> web.Response:
         # JSON only: a form of another site could be sent without asking.
-        if self._desk is None or request.content_type != "application/json":
-            message = NO_DESK if self._desk is None else "commands are application/json"
-            return web.json_response({"message": message}, status=404 if self._desk is None else 415)
+        if self._calibration is not None and request.content_type != "application/json":
+            return _refused("commands are application/json", 415)
         try:
             command = COMMANDS.validate_json(await request.read())
-            await asyncio.get_running_loop().run_in_executor(self._worker, self._carry_out, self._desk, command)
         except ValidationError as error:
-            return web.json_response({"message": explain(error)}, status=400)
-        except (GellightError, ValueError) as error:
-            return web.json_response({"message": str(error)}, status=409)
-        except Exception:
-            logger.exception("a command of the wizard failed")
-            return web.json_response({"message": "that failed; the log says why"}, status=500)
-        return web.json_response({})
+            return _refused(explain(error), 400)
+        return await self._answer(partial(_carry_out, command), 409)
 
-    @staticmethod
-    def _carry_out(desk: CalibrationDesk, command: WizardCommand) -> None:
-        match command:
-            case Begin():
-                desk.begin(command.wishes)
-            case Act():
-                desk.act(command.action, **command.arguments())
-            case Restore():
-                desk.restore(command.identity)
-            case SetZero():
-                desk.rezero()
+    async def _answer(self, make: Callable[[CalibrationService], web.Response], refused: int) -> web.Response:
+        """Let a thread make the answer; what cannot be done is answered with the reason and the status `refused`."""
+        if self._calibration is None:
+            return _refused(NO_CALIBRATION, 404)
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._worker, make, self._calibration)
+        except (GellightError, TimeoutError, ValueError) as error:
+            return _refused(str(error), refused)
+        except Exception:
+            logger.exception("an answer of the wizard failed")
+            return _refused("that failed; the log says why", 500)
+
+
+def _refused(message: str, status: int) -> web.Response:
+    return web.json_response({"message": message}, status=status)
+
+
+def _state(calibration: CalibrationService) -> web.Response:
+    return web.json_response(without_nan(calibration.state().model_dump(mode="json")))
+
+
+def _picture(name: str, calibration: CalibrationService) -> web.Response:
+    return web.Response(body=jpeg(calibration.picture(name)), content_type="image/jpeg")
+
+
+def _report(identity: str, calibration: CalibrationService) -> web.Response:
+    headers = {"Content-Security-Policy": REPORT_POLICY}
+    return web.Response(body=calibration.report(identity), content_type="text/html", charset="utf-8", headers=headers)
+
+
+def _carry_out(command: WizardCommand, calibration: CalibrationService) -> web.Response:
+    match command:
+        case Begin():
+            calibration.begin(command.request)
+        case Act():
+            calibration.act(command.action, **command.arguments())
+        case Restore():
+            calibration.restore(command.identity)
+        case SetZero():
+            calibration.rezero()
+    return web.json_response({})

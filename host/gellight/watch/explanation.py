@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.watch.baseline import Baseline, Mask
 from gellight.watch.cells import Cells
+from gellight.watch.untouched_model import Mask, UntouchedModel
 
 Array = NDArray[np.float64]
 
@@ -42,12 +42,12 @@ class Explanation:
     """by which the gel came nearer to the ring, at most over the view; only where that is the cause"""
 
 
-def explain(baseline: Baseline, change: Cells, kept: Mask, *, noise_grey: float) -> Explanation:
+def explain(model: UntouchedModel, change: Cells, kept: Mask, *, noise_grey: float) -> Explanation:
     """Explain the mean (h, w, 3) change of the cells in `kept`, (h, w); at least a few must be kept.
 
     noise_grey: standard deviation of that mean of a cell.
     """
-    fit = _Fit(baseline, change, kept, noise_grey)
+    fit = _Fit(model, change, kept, noise_grey)
     gain_left = fit.left(fit.gains)[1]
     if gain_left <= SEEN * noise_grey:
         return fit.explanation(gain_left)
@@ -68,10 +68,10 @@ def explain(baseline: Baseline, change: Cells, kept: Mask, *, noise_grey: float)
 class _Fit:
     """Least squares of the change by any choice of columns; their products are computed once for all choices."""
 
-    def __init__(self, baseline: Baseline, change: Cells, kept: Mask, noise_grey: float) -> None:
+    def __init__(self, model: UntouchedModel, change: Cells, kept: Mask, noise_grey: float) -> None:
         self._noise = noise_grey
-        fields = list(baseline.ring.fields) if baseline.ring else []
-        parts = [[baseline.reference], baseline.gains, baseline.shifts, baseline.pressed, fields]
+        fields = list(model.ring.fields) if model.ring else []
+        parts = [[model.reference], model.gains, model.shifts, model.pressed, fields]
         at = np.cumsum([0, *map(len, parts)])
         self._all, self.gains, self.shifts, self.pressed, self._leds = (
             list(range(start, end)) for start, end in itertools.pairwise(at.tolist())
@@ -80,7 +80,7 @@ class _Fit:
         values = change[kept].astype(np.float64).ravel()
         self._products, self._moments = columns @ columns.T, columns @ values
         self._square, self._count = float(values @ values), len(values)
-        self._means = 1 + change[kept].mean(axis=0) / baseline.reference[kept].mean(axis=0)
+        self._means = 1 + change[kept].mean(axis=0) / model.reference[kept].mean(axis=0)
 
     def left(self, chosen: list[int]) -> tuple[Array, float]:
         """Weights of the chosen columns, and the rms of what they leave beyond the noise."""

@@ -28,7 +28,7 @@ class Severity(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
@@ -48,7 +48,7 @@ class Finding:
         return {"kind": self.kind, "severity": str(self.severity), "text": self.text, "figures": self.figures}
 
 
-def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Iterator[Finding]:
+def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Iterator[WatchFinding]:
     """Tell of LEDs, drift, a moved camera, or a change that none of them explains."""
     for led, light in sorted(explanation.leds.items()):
         if light < DIMMED:
@@ -59,7 +59,7 @@ def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float])
     if max(map(abs, explanation.shift_px)) >= MOVED_PX:
         yield _moved(explanation, pixel_size_mm)
     if explanation.left_grey >= UNEVEN_GREY:
-        yield Finding(
+        yield WatchFinding(
             kind="uneven",
             severity=Severity.WARNING,
             text=f"the untouched gel differs by {explanation.left_grey:.1f} grey levels that neither single LEDs "
@@ -69,10 +69,10 @@ def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float])
         )
 
 
-def _led(led: int, light: float) -> Finding:
+def _led(led: int, light: float) -> WatchFinding:
     place = f"LED {led} (azimuth {30 * led} degrees)"
     dead = light < DEAD
-    return Finding(
+    return WatchFinding(
         kind="led_dead" if dead else "led_dimmed",
         severity=Severity.FAULT if dead else Severity.WARNING,
         text=f"{place} is dark: it is broken or its supply is; replace it and calibrate again"
@@ -82,11 +82,11 @@ def _led(led: int, light: float) -> Finding:
     )
 
 
-def _drift(explanation: Explanation, worst: float) -> Finding:
+def _drift(explanation: Explanation, worst: float) -> WatchFinding:
     gains = [round(gain, 4) for gain in explanation.gains]
     strong = abs(worst - 1) >= STRONG_DRIFT
     cause = "an LED supply that sags, an exposure that is not locked, or aged LEDs" if strong else "LEDs that warm up"
-    return Finding(
+    return WatchFinding(
         kind="drift",
         severity=Severity.WARNING if strong else Severity.NOTICE,
         text=f"the light is {worst:.1%} of what it was when the sensor was calibrated: {cause}",
@@ -94,10 +94,10 @@ def _drift(explanation: Explanation, worst: float) -> Finding:
     )
 
 
-def _moved(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Finding:
+def _moved(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> WatchFinding:
     x, y = explanation.shift_px
     x_mm, y_mm = x * pixel_size_mm[0], y * pixel_size_mm[1]
-    return Finding(
+    return WatchFinding(
         kind="camera_moved",
         severity=Severity.WARNING,
         text=f"the picture has moved by {x:+.1f}, {y:+.1f} px: the camera or the gel is loose; positions are off by "
@@ -113,13 +113,13 @@ _SPOT_TEXTS = {
 }
 
 
-def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Finding:
+def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> WatchFinding:
     """Tell of a spot that never comes to rest."""
     x_px, y_px = ((cell + 0.5) * CELL_PX - 0.5 for cell in (spot.column, spot.row))
     x_mm = (x_px - (image_shape[1] - 1) / 2) * pixel_size_mm[0]
     y_mm = (y_px - (image_shape[0] - 1) / 2) * pixel_size_mm[1]
     area = spot.cells * CELL_PX**2 * pixel_size_mm[0] * pixel_size_mm[1]
-    return Finding(
+    return WatchFinding(
         kind=str(spot.kind),
         severity=Severity.FAULT if spot.kind is SpotKind.TEAR else Severity.WARNING,
         text=f"a spot of {area:.1f} mm2 at ({x_mm:.1f}, {y_mm:.1f}) mm stays while touches come and go: "
@@ -133,9 +133,9 @@ def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[
     )
 
 
-def never_at_rest(seconds: float) -> Finding:
+def never_at_rest(seconds: float) -> WatchFinding:
     """Tell that nothing can be told: every look since the start saw something that light cannot do."""
-    return Finding(
+    return WatchFinding(
         kind="never_at_rest",
         severity=Severity.WARNING,
         text=f"for {seconds:.0f} s, ever since the start, the gel has not been seen as it was calibrated: something "
@@ -145,11 +145,11 @@ def never_at_rest(seconds: float) -> Finding:
     )
 
 
-def advice(expected: ExpectedError) -> Iterator[Finding]:
+def advice(expected: ExpectedError) -> Iterator[WatchFinding]:
     """Advise a new calibration where the change costs more than a zero can mend."""
     if expected.gain_deg < ADVISED_DEG and expected.gain_mm < ADVISED_MM:
         return
-    yield Finding(
+    yield WatchFinding(
         kind="recalibrate",
         severity=Severity.WARNING,
         text=f"calibrate again: contacts are felt about {expected.gain_deg:.1f} degrees and {expected.gain_mm:.2f} mm "

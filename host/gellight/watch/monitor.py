@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.watch.baseline import Baseline, Mask
 from gellight.watch.cells import Cells, cell_means, spread
 from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
-from gellight.watch.findings import Finding, advice, light_findings, never_at_rest, spot_finding
+from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, spot_finding
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
+from gellight.watch.untouched_model import Mask, UntouchedModel
 
 PERIOD_S = 0.25
 """between two looks; short enough for pauses of half a second between touches"""
@@ -62,7 +62,7 @@ class Zero:
     time_s: float
 
 
-class Watch:
+class SensorWatch:
     """Compares frames with the bundle they are reconstructed by; one thread feeds it, any may read `status`."""
 
     def __init__(self, bundle: Bundle, *, rezero: bool = True) -> None:
@@ -71,22 +71,22 @@ class Watch:
         self.rezero = rezero
         self.paused = False
         """set while somebody else rules the light, as a calibration does"""
-        self._baseline = Baseline(bundle)
-        self._spots = SpotTracker(self._baseline.reference.shape[:2])
+        self._model = UntouchedModel(bundle)
+        self._spots = SpotTracker(self._model.reference.shape[:2])
         self._estimate: ErrorEstimate | None = None
         self._estimated: tuple[Cells, Cells] | None = None
         self._expected: ExpectedError | None = None
         self._rest: deque[tuple[float, Cells]] = deque(maxlen=REST_LOOKS)
-        self._noises: deque[float] = deque([self._baseline.noise_grey], maxlen=NOISE_LOOKS)
+        self._noises: deque[float] = deque([self._model.noise_grey], maxlen=NOISE_LOOKS)
         self._last: Cells | None = None
         self._begun_s = 0.0
         self._judgement: _Judgement | None = None
         self._touched = False
         self._state = "starting"
-        self._findings: list[Finding] = []
+        self._findings: list[WatchFinding] = []
         self._suspected: set[tuple[str, object]] = set()
         self._lock = threading.Lock()
-        self._zero = np.zeros_like(self._baseline.reference)
+        self._zero = np.zeros_like(self._model.reference)
         self._zero_s: float | None = None
         self._zeros = 0
         self._sudden_grey = 0.0
@@ -102,7 +102,7 @@ class Watch:
             self._rest.clear()
             return
         with self._lock:
-            self._look(cell_means(camera_frame.image) - self._baseline.reference, camera_frame.time_s)
+            self._look(cell_means(camera_frame.image) - self._model.reference, camera_frame.time_s)
         self._looks += 1
         self._costs_s.append(time.perf_counter() - begun_s)
 
@@ -120,7 +120,7 @@ class Watch:
             # The median over the cells sees noise and flicker, and no touch that covers less than half of the view.
             self._noises.append(1.05 * float(np.median(np.abs(change - self._last))))
         self._last = change
-        found = self._baseline.judge(change, noise_grey=self._noise_grey)
+        found = self._model.judge(change, noise_grey=self._noise_grey)
         known = self._spots.around
         self._spots.note(found.outliers, time_s)
         if (self._spots.around & ~known).any():
@@ -141,7 +141,7 @@ class Watch:
     @property
     def _noise_grey(self) -> float:
         # The quietest of the recent pairs: whatever moves all over the view must not pass for noise.
-        least, most = self._baseline.noise_grey, MOST_NOISE * self._baseline.noise_grey
+        least, most = self._model.noise_grey, MOST_NOISE * self._model.noise_grey
         return min(max(least, min(self._noises)), most)
 
     def _judge(self, time_s: float, kept: Mask) -> None:
@@ -150,8 +150,8 @@ class Watch:
         judgement = _Judgement(
             time_s=time_s,
             change=change,
-            fitted=self._baseline.judge(change, noise_grey=self._noise_grey).fitted,
-            explanation=explain(self._baseline, change, kept, noise_grey=float(noise)),
+            fitted=self._model.judge(change, noise_grey=self._noise_grey).fitted,
+            explanation=explain(self._model, change, kept, noise_grey=float(noise)),
         )
         before = self._judgement.change if self._judgement else np.zeros_like(change)
         self._sudden_grey = max(self._sudden_grey, _rms(change - before, kept))
@@ -161,7 +161,7 @@ class Watch:
     def _tell(self, judgement: _Judgement) -> None:
         """Tell what two judgements in a row have found."""
         found = list(light_findings(judgement.explanation, self.bundle.pixel_size_mm))
-        for spot in self._spots.spots(judgement.change - judgement.fitted, self._baseline.reference):
+        for spot in self._spots.spots(judgement.change - judgement.fitted, self._model.reference):
             found.append(spot_finding(spot, self.bundle.image_shape, self.bundle.pixel_size_mm))
         if found:
             found += advice(self._cost(judgement.fitted))
@@ -177,7 +177,7 @@ class Watch:
         if self._expected and known and known[1] is self._zero and _rms(fitted - known[0], everywhere) < ESTIMATE_GREY:
             return self._expected
         self._estimate = self._estimate or ErrorEstimate(self.bundle)
-        self._expected = self._estimate.of(fitted, self._baseline.reference, self._zero)
+        self._expected = self._estimate.of(fitted, self._model.reference, self._zero)
         self._estimated = fitted, self._zero
         return self._expected
 
@@ -219,7 +219,7 @@ class Watch:
             self._zeros += 1
             self._sudden_grey = 0.0
 
-    def findings(self) -> list[Finding]:
+    def findings(self) -> list[WatchFinding]:
         """Return what two judgements in a row have found; empty while the sensor is as it was calibrated."""
         return self._findings
 

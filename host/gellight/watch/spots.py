@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.watch.baseline import Mask
 from gellight.watch.cells import Cells
+from gellight.watch.untouched_model import Mask
 
 PATIENCE_S = 8.0
 RELEASES = 3

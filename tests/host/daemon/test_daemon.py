@@ -2,16 +2,20 @@
 
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
-from tests.helpers.linear_sensor import linear_bundle
+from gellight.watch.monitor import Zero
+from tests.helpers.linear_sensor import linear_bundle, reference_image
 from tests.helpers.scripted_camera import CountingReconstructor, FlatCamera, ScriptedCamera
 
 
@@ -105,3 +109,122 @@ def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path:
             daemon.replace_bundle(broken)
         assert daemon.bundle.identity == second.identity
         assert daemon.status()["error"] is None
+
+
+class ScriptedWatch:
+    """A watch that does as a test says."""
+
+    def __init__(self) -> None:
+        self.paused, self.rezero = False, True
+        self.looks = self.zeros = 0
+        self.failing = False
+        self.worth = threading.Event()
+        """whether a zero is worth setting"""
+        self.asking = threading.Event()
+        self.answer = threading.Event()
+
+    def note(self, frame: TactileFrame) -> None:
+        self.looks += 1
+        if self.failing:
+            raise BundleError("the network answered with NaN")
+
+    def refusal(self, *, asked: bool) -> str:
+        if not self.worth.is_set():
+            return "the zero is right"
+        if not asked:
+            self.asking.set()
+            self.answer.wait(10)
+        return ""
+
+    def propose_zero(self, *, asked: bool) -> Zero:
+        if not self.worth.is_set():
+            raise InputError("the zero was not set: the zero is right")
+        return Zero(cells=np.zeros((3, 4, 3), np.float32), reference=reference_image((24, 32)), time_s=0.0)
+
+    def accept_zero(self, zero: Zero) -> None:
+        self.zeros += 1
+        self.worth.clear()
+
+    def status(self) -> dict[str, object]:
+        return {}
+
+    def wait_looks(self, more: int) -> None:
+        wanted, deadline_s = self.looks + more, time.monotonic() + 10
+        while self.looks < wanted:
+            assert time.monotonic() < deadline_s, "the watch's thread looks no more"
+            time.sleep(0.005)
+
+
+@pytest.fixture
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Daemon, ScriptedWatch]]:
+    monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
+    camera, watch = FlatCamera(10**9, CameraError("never"), period_s=0.002), ScriptedWatch()
+    parts: Any = camera, Reconstructor(linear_bundle(tmp_path / "running", (24, 32)))
+    scripted: Any = watch
+    with Daemon(*parts, watch=scripted) as daemon:
+        watch.wait_looks(1)
+        yield daemon, watch
+
+
+def test_a_zero_that_is_set_between_two_questions_of_the_watch_is_no_error(
+    watched: tuple[Daemon, ScriptedWatch],
+) -> None:
+    daemon, watch = watched
+    watch.worth.set()
+    assert watch.asking.wait(10)
+    refusals: list[InputError] = []
+
+    def set_zero() -> None:
+        try:
+            daemon.rezero()
+        except InputError as error:
+            refusals.append(error)
+
+    person = threading.Thread(target=set_zero)
+    person.start()
+    person.join(0.2)
+    watch.answer.set()
+    person.join(10)
+    watch.wait_looks(3)
+    assert daemon.status()["error"] is None
+    assert (watch.zeros, len(refusals)) == (1, 1), "one of the two set the zero"
+
+
+def test_a_bundle_that_is_replaced_between_two_questions_of_the_watch_is_no_error(
+    watched: tuple[Daemon, ScriptedWatch], tmp_path: Path
+) -> None:
+    daemon, watch = watched
+    watch.worth.set()
+    assert watch.asking.wait(10)
+    second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
+    replacing = threading.Thread(target=daemon.replace_bundle, args=(second,))
+    replacing.start()
+    replacing.join(0.5)
+    watch.answer.set()
+    replacing.join(10)
+    deadline_s = time.monotonic() + 10
+    while (status := daemon.status()["watch"]) == {} or status["looks"] < 3:  # type: ignore[index]
+        assert time.monotonic() < deadline_s, "the new bundle's watch is not fed"
+        time.sleep(0.01)
+    assert daemon.bundle.identity == second.identity
+    assert daemon.status()["error"] is None
+
+
+def test_an_error_of_the_watch_that_passed_leaves_the_status(watched: tuple[Daemon, ScriptedWatch]) -> None:
+    daemon, watch = watched
+    watch.failing = True
+    watch.wait_looks(3)
+    assert daemon.status()["error"] == "the network answered with NaN"
+    watch.failing = False
+    watch.wait_looks(2)
+    assert daemon.status()["error"] is None
+
+
+def test_a_second_reader_is_told_at_once_that_the_daemon_was_stopped() -> None:
+    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001)) as daemon:
+        shared = daemon.camera
+        shared.read()
+    started_s = time.monotonic()
+    with pytest.raises(CameraError, match="stopped"):
+        _ = [shared.read() for _ in range(3)]
+    assert time.monotonic() - started_s < 5

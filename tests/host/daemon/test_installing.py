@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +31,11 @@ class Stream:
         self.taken: list[str] = []
         self.refuses = False
 
-    def replace_bundle(self, bundle: Bundle) -> None:
+    def replace_bundle(self, bundle: Bundle) -> Callable[[], object]:
         if self.refuses:
             raise BundleError("it does not fit")
         self.taken.append(bundle.identity)
+        return self.taken.pop
 
 
 def test_a_verified_bundle_is_kept_taken_over_and_in_service(store: BundleStore, tmp_path: Path) -> None:
@@ -106,7 +108,7 @@ def test_a_damaged_bundle_is_listed_as_such_and_never_put_in_service(store: Bund
     (store.folder / "GL-7" / first.identity / "network.onnx").write_bytes(b"rust")
     damaged = next(entry for entry in store.bundles() if entry.identity == first.identity)
     assert "changed after calibration" in damaged.problem
-    assert json.dumps(damaged.as_json())
+    assert json.dumps(damaged.model_dump(mode="json"))
     with pytest.raises(BundleError, match="has no report"):
         store.find(second.identity).report()
     with pytest.raises(BundleError, match="changed after calibration"):
@@ -144,7 +146,7 @@ def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleSto
         install(second, sensor=name, store=store)
         assert bundle_of(camera, store).identity == first.identity, "the board knows better than this computer"
         foreign = verified_bundle(tmp_path / "foreign", sensor="GL-8")
-        remember(ring, foreign)
+        remember(ring, bytes.fromhex(foreign.identity))
         with pytest.raises(BundleError, match=r"cannot be had here .* bring it with `gellight calibrate install"):
             bundle_of(camera, store)
         store.add(foreign)
@@ -154,13 +156,15 @@ def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleSto
 
 def test_remembering_lights_the_ring_again_and_writes_only_what_is_new(tmp_path: Path) -> None:
     synthetic = load_bundle("synthetic")
+    identity = bytes.fromhex(synthetic.identity)
     with connect("sim://") as ring:
-        remember(ring, synthetic)
+        ring.light(synthetic.colours)
+        remember(ring, identity)
         saves = ring.status().config_saves
         deadline_s = time.monotonic() + 10
-        while ring.status().current_ma < 100:  # the LEDs are lit as they were when the sensor was calibrated
+        while ring.status().current_ma < 100:  # the LEDs are lit as before
             assert time.monotonic() < deadline_s
-        remember(ring, synthetic)
+        remember(ring, identity)
         assert ring.status().config_saves == saves
         assert ring.configuration().name.rstrip(b"\0") == b"GelLight", "the rest of the configuration is kept"
 
@@ -173,6 +177,6 @@ def test_auto_takes_the_bundle_of_this_sensor(tmp_path: Path, monkeypatch: pytes
     mine = load_bundle("synthetic")
     mine = mine.with_reference(np.clip(mine.reference + 0.5, 0, 255), frames=90)
     store = BundleStore()
-    store.put_in_service("simulated", store.add(mine).identity)
+    store.put_in_service(store.add(mine))
     with open_session(settings) as daemon:
         assert daemon.bundle.identity == mine.identity

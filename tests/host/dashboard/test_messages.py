@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gellight.dashboard.messages import DEPTH_UNIT_MM, NORMAL_UNIT, PREFIX, decode, encode, view_shape, without_nan
+from gellight.dashboard.messages import DEPTH_UNIT_MM, NORMAL_UNIT, PREFIX, encode, view_shape, without_nan
 from gellight.frames.frames import Contact, TactileFrame
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
+from tests.helpers.view_messages import decode
 
 PIXEL = (PIXEL_MM, PIXEL_MM)
 FRAME = bump(1.2, 3.0, -2.0)

@@ -12,9 +12,9 @@ import aiohttp
 import pytest
 
 from gellight.base.errors import CameraError, InputError, ServerError
-from gellight.dashboard.messages import decode
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import HEIGHT, PIXEL_MM, WIDTH, FormulaSource, RecordingStage, bump
+from tests.helpers.view_messages import decode
 
 FRAME_S = 5.0
 """more than any frame needs, even on a loaded machine"""

@@ -12,20 +12,20 @@ from playwright.sync_api import Browser, Page, expect
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import PATIENCE_MS, Open, opening
 from tests.helpers.dashboard_source import FormulaSource
-from tests.helpers.scripted_desk import WIDTH, ScriptedDesk, pressing, snapshot
+from tests.helpers.scripted_calibration import WIDTH, Scripted, pressing, snapshot, stored
 
 PHONE = {"width": 390, "height": 800}
 SIZES = ({"width": 1280, "height": 800}, PHONE)
 
 
 @pytest.fixture
-def desk() -> ScriptedDesk:
-    return ScriptedDesk()
+def calibration() -> Scripted:
+    return Scripted()
 
 
 @pytest.fixture
-def server(source: FormulaSource, desk: ScriptedDesk) -> Iterator[DashboardServer]:
-    with DashboardServer(source, port=0, desk=desk) as server:
+def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardServer]:
+    with DashboardServer(source, port=0, calibration=calibration) as server:
         yield server
 
 
@@ -35,12 +35,12 @@ def opened(browser: Browser, server: DashboardServer) -> Iterator[Open]:
         yield open_page
 
 
-def wait_for(desk: ScriptedDesk, page: Page, count: int) -> list[Any]:
+def wait_for(calibration: Scripted, page: Page, count: int) -> list[Any]:
     waited = 0
-    while len(desk.asked) < count and waited < PATIENCE_MS:
+    while len(calibration.asked) < count and waited < PATIENCE_MS:
         page.wait_for_timeout(50)
         waited += 50
-    return desk.asked
+    return calibration.asked
 
 
 def post(server: DashboardServer, body: object, **headers: str) -> tuple[int, dict[str, Any]]:
@@ -56,30 +56,30 @@ def post(server: DashboardServer, body: object, **headers: str) -> tuple[int, di
         return error.code, json.loads(text) if text.startswith("{") else {"message": text}
 
 
-def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, desk: ScriptedDesk) -> None:
+def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibration: Scripted) -> None:
     for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
-                 {"type": "begin", "wishes": {"ball_radius_mm": -4}}, {"type": "begin", "wishes": {"presses": 3}},
+                 {"type": "begin", "request": {"ball_radius_mm": -4}}, {"type": "begin", "request": {"presses": 3}},
                  {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
         status, answer = post(server, body)
         assert status == 400
         assert answer["message"]
-    assert desk.asked == []
+    assert calibration.asked == []
 
 
-def test_what_the_desk_refuses_is_said_in_its_words(server: DashboardServer, desk: ScriptedDesk) -> None:
-    desk.refusal = "next is not possible now: choose nothing, but wait"
-    assert post(server, {"type": "act", "action": "next"}) == (409, {"message": desk.refusal})
+def test_what_the_calibration_refuses_is_said_in_its_words(server: DashboardServer, calibration: Scripted) -> None:
+    calibration.refusal = "next is not possible now: choose nothing, but wait"
+    assert post(server, {"type": "act", "action": "next"}) == (409, {"message": calibration.refusal})
 
 
-def test_another_site_can_send_nothing(server: DashboardServer, desk: ScriptedDesk) -> None:
+def test_another_site_can_send_nothing(server: DashboardServer, calibration: Scripted) -> None:
     assert post(server, {"type": "zero"}, Origin="http://evil.example")[0] == 403
     assert post(server, {"type": "zero"}, **{"Content-Type": "text/plain"})[0] == 415
-    assert desk.asked == []
+    assert calibration.asked == []
     assert post(server, {"type": "zero"}) == (200, {})
-    assert desk.asked == [("zero",)]
+    assert calibration.asked == [("zero",)]
 
 
-def test_without_a_desk_everything_says_so(source: FormulaSource) -> None:
+def test_without_a_calibration_service_everything_says_so(source: FormulaSource) -> None:
     with DashboardServer(source, port=0) as server:
         assert "no calibration" in post(server, {"type": "zero"})[1]["message"]
         with pytest.raises(urllib.error.HTTPError, match="404"):
@@ -103,45 +103,45 @@ def test_a_picture_that_is_not_there_is_told(server: DashboardServer) -> None:
 
 
 @pytest.mark.browser
-def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, desk: ScriptedDesk) -> None:
+def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, calibration: Scripted) -> None:
     page = opened()
     expect(page.get_by_test_id("sensor")).to_have_text("E6605838833A5D2F")
     expect(page.get_by_test_id("hand")).to_be_hidden()
     page.get_by_test_id("ball").fill("2.5")
     page.get_by_test_id("presses").fill("24")
     page.get_by_test_id("action-begin").click()
-    (begin, wishes), *_ = wait_for(desk, page, 1)
+    (begin, request), *_ = wait_for(calibration, page, 1)
     assert begin == "begin"
-    assert wishes.pin_pitch_mm is None
+    assert request.pin_pitch_mm is None
     page.get_by_test_id("pins").fill("2")
     page.get_by_test_id("action-begin").click()
-    assert wait_for(desk, page, 2)[1][1].pin_pitch_mm == 2
-    assert (wishes.ball_radius_mm, wishes.cylinder_diameter_mm, wishes.presses) == (2.5, 8.0, 24)
-    assert (wishes.hand, wishes.anew) == (False, False)
+    assert wait_for(calibration, page, 2)[1][1].pin_pitch_mm == 2
+    assert (request.ball_radius_mm, request.cylinder_diameter_mm, request.presses) == (2.5, 8.0, 24)
+    assert (request.hand, request.anew) == (False, False)
 
 
 @pytest.mark.browser
-def test_a_radius_that_is_none_is_not_sent(opened: Open, desk: ScriptedDesk) -> None:
+def test_a_radius_that_is_none_is_not_sent(opened: Open, calibration: Scripted) -> None:
     page = opened()
     page.get_by_test_id("ball").fill("-4")
     page.get_by_test_id("action-begin").click()
     page.wait_for_timeout(300)
-    assert desk.asked == []
+    assert calibration.asked == []
 
 
 @pytest.mark.browser
-def test_an_interrupted_calibration_is_offered_to_go_on(opened: Open, desk: ScriptedDesk) -> None:
-    desk.interrupted = True
+def test_an_interrupted_calibration_is_offered_to_go_on(opened: Open, calibration: Scripted) -> None:
+    calibration.interrupted = True
     page = opened()
     expect(page.get_by_test_id("action-begin")).to_have_text("Go on")
     page.get_by_test_id("anew").check()
     page.get_by_test_id("action-begin").click()
-    assert wait_for(desk, page, 1)[0][1].anew
+    assert wait_for(calibration, page, 1)[0][1].anew
 
 
 @pytest.mark.browser
-def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, desk: ScriptedDesk) -> None:
-    desk.routine = pressing()
+def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, calibration: Scripted) -> None:
+    calibration.routine = pressing()
     page = opened()
     expect(page.get_by_test_id("instruction")).to_contain_text("Press the ball of 4 mm radius")
     expect(page.get_by_test_id("advice")).to_have_text("12 more presses on the left edge")
@@ -152,15 +152,15 @@ def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, de
     expect(page.get_by_test_id("slopes").locator("path")).to_have_count(40)
     expect(page.get_by_test_id("held-out-now")).to_have_text("1.45°")
     expect(page.get_by_test_id("figures")).to_contain_text("58.80 µm")
-    expect(page.get_by_test_id("wishes")).to_be_hidden()
-    desk.routine = pressing(problem="the press is too shallow: press deeper", advice="enough")
+    expect(page.get_by_test_id("request")).to_be_hidden()
+    calibration.routine = pressing(problem="the press is too shallow: press deeper", advice="enough")
     expect(page.get_by_test_id("problem")).to_have_text("the press is too shallow: press deeper")
     expect(page.get_by_test_id("advice")).to_have_text("Enough: go on when you like.")
 
 
 @pytest.mark.browser
-def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, desk: ScriptedDesk) -> None:
-    desk.routine = pressing()
+def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, calibration: Scripted) -> None:
+    calibration.routine = pressing()
     page = opened()
     page.wait_for_function("() => wizard.picture === 'press' && wizard.shown > 1")
     box = page.get_by_test_id("picture").bounding_box()
@@ -171,49 +171,49 @@ def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, des
     page.mouse.down()
     page.mouse.move(*at(340, 170))
     page.mouse.up()
-    action, circle = wait_for(desk, page, 1)[0]
+    action, circle = wait_for(calibration, page, 1)[0]
     assert action == "correct"
     assert circle == pytest.approx({"center_x_px": 340, "center_y_px": 170, "contact_radius_px": 60}, abs=2)
     taken = {"number": 18, "state": "corrected", **circle}
-    desk.routine = pressing(press=taken)
+    calibration.routine = pressing(press=taken)
     shown = page.evaluate("wizard.shown")
     page.wait_for_function("shown => wizard.shown > shown + 1", arg=shown)
     page.mouse.move(*at(340 + 60, 170))
     page.mouse.down()
     page.mouse.move(*at(340 + 75, 170))
     page.mouse.up()
-    action, circle = wait_for(desk, page, 2)[1]
+    action, circle = wait_for(calibration, page, 2)[1]
     assert circle == pytest.approx({"center_x_px": 340, "center_y_px": 170, "contact_radius_px": 75}, abs=2)
     page.get_by_test_id("action-drop").click()
-    assert wait_for(desk, page, 3)[2] == ("drop", {})
+    assert wait_for(calibration, page, 3)[2] == ("drop", {})
 
 
 @pytest.mark.browser
-def test_training_draws_its_loss_and_the_verdict_is_told(opened: Open, desk: ScriptedDesk) -> None:
+def test_training_draws_its_loss_and_the_verdict_is_told(opened: Open, calibration: Scripted) -> None:
     page = opened()
     for epoch, loss in ((1, 0.11), (2, 0.05), (3, 0.031)):
-        desk.routine = snapshot("fit", progress={"done": epoch, "wanted": 16, "unit": "epochs", "loss": loss})
+        calibration.routine = snapshot("fit", progress={"done": epoch, "wanted": 16, "unit": "epochs", "loss": loss})
         expect(page.get_by_test_id("done")).to_have_text(f"{epoch} of 16 epochs")
     expect(page.get_by_test_id("loss-now")).to_have_text("0.0310")
     expect(page.get_by_test_id("loss")).to_be_visible()
     verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. 6 fresh presses."}
-    desk.routine = snapshot("finished", verdict=verdict, figures={"verify": {"depth_mm": 0.0105}}, actions=[])
+    calibration.routine = snapshot("finished", verdict=verdict, figures={"verify": {"depth_mm": 0.0105}}, actions=[])
     expect(page.get_by_test_id("verdict")).to_have_text("Passed. 6 fresh presses.")
     expect(page.get_by_test_id("verdict")).to_have_class("verdict-text passed")
     expect(page.get_by_test_id("bundle")).to_have_text("in service: 0123456789abcdef")
     expect(page.get_by_test_id("figures")).to_contain_text("10.5 µm")
-    desk.routine = snapshot("failed", verdict={**verdict, "passed": False, "text": "Not passed."}, actions=[])
+    calibration.routine = snapshot("failed", verdict={**verdict, "passed": False, "text": "Not passed."}, actions=[])
     expect(page.get_by_test_id("verdict")).to_have_class("verdict-text failed")
     expect(page.get_by_test_id("bundle")).to_be_empty()
 
 
 @pytest.mark.browser
-def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open, desk: ScriptedDesk) -> None:
+def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open, calibration: Scripted) -> None:
     made = "2026-11-01T10:00:00+00:00"
-    desk.bundles = [
-        {"identity": "aaaaaaaaaaaaaaaa", "created": made, "in_service": False, "problem": "", "report": True},
-        {"identity": "bbbbbbbbbbbbbbbb", "created": None, "in_service": False, "problem": "<b>changed</b>"},
-        {"identity": "0123456789abcdef", "created": made, "in_service": True, "problem": ""},
+    calibration.bundles = [
+        stored("aaaaaaaaaaaaaaaa", created=made, report=True),
+        stored("bbbbbbbbbbbbbbbb", problem="<b>changed</b>"),
+        stored("0123456789abcdef", created=made, in_service=True),
     ]
     page = opened()
     expect(page.get_by_test_id("bundles").locator("button")).to_have_count(1)
@@ -224,14 +224,14 @@ def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open
     shown.value.close()
     expect(page.get_by_test_id("bundles")).to_contain_text("<b>changed</b>")
     page.get_by_test_id("restore-aaaaaaaaaaaaaaaa").click()
-    assert wait_for(desk, page, 1) == [("restore", "aaaaaaaaaaaaaaaa")]
-    desk.routine = pressing()
+    assert wait_for(calibration, page, 1) == [("restore", "aaaaaaaaaaaaaaaa")]
+    calibration.routine = pressing()
     expect(page.get_by_test_id("restore-aaaaaaaaaaaaaaaa")).to_be_disabled()
 
 
 @pytest.mark.browser
 def test_the_zero_is_set_and_the_wizard_opened_from_the_live_page(
-    browser: Browser, server: DashboardServer, source: FormulaSource, desk: ScriptedDesk
+    browser: Browser, server: DashboardServer, source: FormulaSource, calibration: Scripted
 ) -> None:
     drift = {"kind": "drift", "severity": "notice", "text": "the light is 96 %", "figures": {}}
     source.figures["watch"] = {"state": "at rest", "findings": [drift]}
@@ -239,7 +239,7 @@ def test_the_zero_is_set_and_the_wizard_opened_from_the_live_page(
         page = open_page()
         page.get_by_test_id("zero").click()
         expect(page.get_by_test_id("watch-answer")).to_have_text("the zero is set")
-        assert desk.asked == [("zero",)]
+        assert calibration.asked == [("zero",)]
         page.get_by_test_id("calibrate").click()
         expect(page.get_by_test_id("action-begin")).to_be_visible()
         page.get_by_test_id("back").click()
@@ -248,11 +248,13 @@ def test_the_zero_is_set_and_the_wizard_opened_from_the_live_page(
 
 @pytest.mark.browser
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
-def test_nothing_is_cut_or_overlaps(opened: Open, desk: ScriptedDesk, size: dict[str, int]) -> None:
+def test_nothing_is_cut_or_overlaps(opened: Open, calibration: Scripted, size: dict[str, int]) -> None:
     verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. " + "6 fresh presses. " * 5}
     made = "2026-11-01T10:00:00+00:00"
-    desk.bundles = [{"identity": "a" * 16, "created": made, "in_service": False, "problem": ""}]
-    desk.routine = pressing(verdict=verdict, problem="the contact at (12, 40) px leaves the picture: press elsewhere")
+    calibration.bundles = [stored("a" * 16, created=made)]
+    calibration.routine = pressing(
+        verdict=verdict, problem="the contact at (12, 40) px leaves the picture: press elsewhere"
+    )
     page = opened()
     page.set_viewport_size(size)  # type: ignore[arg-type]
     page.wait_for_function("() => wizard.shown > 1")

@@ -9,7 +9,7 @@ import pytest
 from gellight.bundle.bundle import write_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.watch.monitor import PERIOD_S, Watch
+from gellight.watch.monitor import PERIOD_S, SensorWatch
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.places import REAL_IMAGES
 
@@ -30,7 +30,7 @@ def test_real_presses_are_touches_and_no_faults(tmp_path: Path) -> None:
         network=linear_network(),
         metrics={},
     )
-    watch, random, states = Watch(bundle), np.random.default_rng(6000), []
+    watch, random, states = SensorWatch(bundle), np.random.default_rng(6000), []
     presses = [path for path in sorted(REAL.glob("*.png")) if path.name != "background.png"]
     looks = 0
     for path in presses:

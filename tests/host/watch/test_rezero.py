@@ -16,7 +16,7 @@ from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press
 from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
-from gellight.watch.monitor import Watch
+from gellight.watch.monitor import SensorWatch
 from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
 from sim_reference.objects import PROBES, ObjectParameters
@@ -119,7 +119,7 @@ def test_the_zero_does_not_follow_beyond_its_bound_nor_what_is_not_understood(ne
 
 def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic: Bundle) -> None:
     sensor = new_sensor(2350)
-    sensor.watch = Watch(synthetic, rezero=False)
+    sensor.watch = SensorWatch(synthetic, rezero=False)
     sensor.run(3)
     fade(sensor, 0.97, 20)
     assert "only when asked" in sensor.watch.refusal(asked=False)
@@ -193,7 +193,7 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
 ) -> None:
     monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
     camera = FadingCamera(new_sensor(2500), 0.97, 160)
-    with Daemon(camera, Reconstructor(synthetic), watch=Watch(synthetic)) as daemon:
+    with Daemon(camera, Reconstructor(synthetic), watch=SensorWatch(synthetic)) as daemon:
         frame = daemon.wait_frame(0, 10)
         while frame.camera_frame.sequence < 200 or np.abs(frame.depth_mm).mean() > 0.01:
             frame = daemon.wait_frame(frame.camera_frame.sequence, 10)

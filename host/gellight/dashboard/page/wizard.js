@@ -17,7 +17,7 @@ const stats = { state: null, picture: null, shown: 0, losses: [] };
 window.wizard = stats;
 
 const picture = new CirclePicture(element("picture"), (circle) => command({ type: "act", action: "correct", ...circle }));
-let filled = false; // whether the wishes hold the defaults
+let filled = false; // whether the form holds the defaults
 let chosen = "auto"; // which picture the visitor wants
 
 async function poll() {
@@ -60,7 +60,7 @@ function takeIn(state) {
   document.body.dataset.step = routine?.step ?? "";
   showSteps(routine);
   showGuide(state, routine, running);
-  showWishes(state, running);
+  showRequest(state, running);
   showActions(routine, running, state);
   showCoverage(routine?.coverage);
   showLoss(routine);
@@ -99,8 +99,8 @@ function advice(text) {
   return text === "enough" ? "Enough: go on when you like." : text;
 }
 
-function showWishes(state, running) {
-  element("wishes").hidden = running;
+function showRequest(state, running) {
+  element("request").hidden = running;
   element("hand-row").hidden = !state.simulated;
   element("anew-row").hidden = !state.interrupted;
   if (filled) return;
@@ -113,7 +113,7 @@ function showWishes(state, running) {
   element("hand").checked = defaults.hand;
 }
 
-function wishes() {
+function request() {
   return {
     ball_radius_mm: element("ball").valueAsNumber,
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
@@ -125,9 +125,9 @@ function wishes() {
 }
 
 function begin() {
-  if (!element("wishes").reportValidity()) return;
+  if (!element("request").reportValidity()) return;
   stats.losses = [];
-  command({ type: "begin", wishes: wishes() });
+  command({ type: "begin", request: request() });
 }
 
 let offered = "";
@@ -254,7 +254,7 @@ async function showPicture() {
 }
 
 element("which").addEventListener("change", (event) => { chosen = event.target.value; });
-element("wishes").addEventListener("submit", (event) => { event.preventDefault(); begin(); });
+element("request").addEventListener("submit", (event) => { event.preventDefault(); begin(); });
 
 function row(...cells) {
   const line = document.createElement("tr");

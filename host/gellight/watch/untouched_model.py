@@ -42,13 +42,8 @@ class Rest:
     outliers: Mask
     """(h, w) cells that show something else"""
 
-    @property
-    def touched_share(self) -> float:
-        """Share of the view that light and place do not explain."""
-        return float(self.outliers.mean())
 
-
-class Baseline:
+class UntouchedModel:
     """The untouched sensor as it was calibrated."""
 
     def __init__(self, bundle: Bundle) -> None:

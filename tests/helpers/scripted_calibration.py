@@ -1,12 +1,14 @@
-"""A calibration desk that says what a test lets it say, and remembers what it was asked for."""
+"""A calibration service that says what a test lets it say, and remembers what it was asked for."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
-from gellight.daemon.desk import Wishes
+from gellight.bundle.store import ListedBundle
+from gellight.daemon.calibration_service import CalibrationRequest, CalibrationState
 
 STEPS = ("prepare", "reference", "pixel_size", "presses", "fit", "verify")
 WIDTH, HEIGHT = 640, 480
@@ -72,35 +74,42 @@ def pressing(**news: Any) -> dict[str, Any]:
     )
 
 
-class ScriptedDesk:
+def stored(identity: str, **news: Any) -> ListedBundle:
+    """A bundle of the store, as a list shows it."""
+    return ListedBundle(
+        sensor="E6605838833A5D2F", identity=identity, path=Path("bundles") / identity, **{"report": False, **news}
+    )
+
+
+class Scripted:
     """Says `routine`; refuses with `refusal` where there is one."""
 
     def __init__(self) -> None:
         self.routine: dict[str, Any] | None = None
-        self.bundles: list[dict[str, Any]] = []
+        self.bundles: list[ListedBundle] = []
         self.interrupted = False
         self.simulated = False
         self.refusal = ""
         self.asked: list[Any] = []
 
-    def state(self) -> dict[str, Any]:
-        return {
-            "sensor": "E6605838833A5D2F",
-            "simulated": self.simulated,
-            "defaults": Wishes().model_dump(),
-            "interrupted": self.interrupted,
-            "in_service": "0123456789abcdef",
-            "bundles": self.bundles,
-            "routine": self.routine,
-        }
+    def state(self) -> CalibrationState:
+        return CalibrationState(
+            sensor="E6605838833A5D2F",
+            simulated=self.simulated,
+            defaults=CalibrationRequest(),
+            interrupted=self.interrupted,
+            in_service="0123456789abcdef",
+            bundles=tuple(self.bundles),
+            routine=self.routine,
+        )
 
     def _ask(self, *what: Any) -> None:
         self.asked.append(what)
         if self.refusal:
             raise InputError(self.refusal)
 
-    def begin(self, wishes: Wishes) -> None:
-        self._ask("begin", wishes)
+    def begin(self, request: CalibrationRequest) -> None:
+        self._ask("begin", request)
 
     def act(self, action: str, **arguments: float) -> None:
         self._ask(action, arguments)

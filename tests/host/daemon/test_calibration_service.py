@@ -1,4 +1,4 @@
-"""The desk beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
+"""The calibration beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
 
 import json
 import threading
@@ -14,25 +14,26 @@ from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
+from gellight.daemon.calibration_service import CalibrationRequest as Request
+from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.daemon import Daemon
-from gellight.daemon.desk import Desk, Wishes
 from gellight.daemon.shared_camera import SharedCamera
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.watch.monitor import Watch
+from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
+from tests.helpers.scripted_calibration import snapshot
 from tests.helpers.scripted_camera import FlatCamera
-from tests.helpers.scripted_desk import snapshot
 
 SHAPE = FlatCamera.image_shape
 
 
-class Guide:
+class ScriptedRoutine:
     """A routine that ends when the test says so."""
 
-    def __init__(self, wishes: Wishes, install: Callable[[Bundle], object]) -> None:
-        self.wishes, self.install = wishes, install
+    def __init__(self, request: Request, install: Callable[[Bundle], object]) -> None:
+        self.request, self.install = request, install
         self.over = threading.Event()
         self.acts: list[Any] = []
 
@@ -62,111 +63,119 @@ class Guide:
 def daemon(tmp_path: Path) -> Iterator[Daemon]:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
     camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.005)
-    with Daemon(camera, Reconstructor(bundle), watch=Watch(bundle)) as daemon:
+    with Daemon(camera, Reconstructor(bundle), watch=SensorWatch(bundle)) as daemon:
         yield daemon
 
 
 @pytest.fixture
-def guides() -> list[Guide]:
+def routines() -> list[ScriptedRoutine]:
     return []
 
 
 @pytest.fixture
-def desk(daemon: Daemon, tmp_path: Path, guides: list[Guide]) -> Iterator[Desk]:
-    def begin(wishes: Wishes, install: Callable[[Bundle], object]) -> Guide:
-        guides.append(Guide(wishes, install))
-        return guides[-1]
+def service(daemon: Daemon, tmp_path: Path, routines: list[ScriptedRoutine]) -> Iterator[Service]:
+    def make_routine(request: Request, install: Callable[[Bundle], object]) -> ScriptedRoutine:
+        routines.append(ScriptedRoutine(request, install))
+        return routines[-1]
 
-    with Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state", begin=begin) as desk:
-        yield desk
+    with Service(
+        daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state", make_routine=make_routine
+    ) as service:
+        yield service
 
 
-def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(desk: Desk, tmp_path: Path) -> None:
-    assert not desk.state()["interrupted"]
+def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(
+    service: Service, tmp_path: Path
+) -> None:
+    assert not service.state().interrupted
     begun = {"ball_radius_mm": 2.5, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": 2.0}
     (tmp_path / "state").mkdir()
     for finished in (False, True):
         state = {"finished": finished, "identity": {"sensor": "A17", **begun}}
         (tmp_path / "state" / "state.json").write_text(json.dumps(state))
-        assert desk.state()["interrupted"] is not finished
-        assert (desk.state()["defaults"]["ball_radius_mm"] == 2.5) is not finished
+        assert service.state().interrupted is not finished
+        assert (service.state().defaults.ball_radius_mm == 2.5) is not finished
     (tmp_path / "state" / "state.json").write_text("{")
-    assert desk.state()["defaults"]["ball_radius_mm"] == 4.0
+    assert service.state().defaults.ball_radius_mm == 4.0
 
 
 def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
-    desk: Desk, daemon: Daemon, guides: list[Guide], tmp_path: Path
+    service: Service, daemon: Daemon, routines: list[ScriptedRoutine], tmp_path: Path
 ) -> None:
-    desk.begin(Wishes(presses=12))
-    assert guides[0].wishes.presses == 12
-    assert guides[0].acts == [("start", {})]
+    service.begin(Request(presses=12))
+    assert routines[0].request.presses == 12
+    assert routines[0].acts == [("start", {})]
     before = daemon.wait_frame(0, 10).camera_frame.sequence
-    first, second = (verified_bundle(tmp_path / name, sensor=desk.sensor) for name in ("first", "second"))
+    first, second = (verified_bundle(tmp_path / name, sensor=service.sensor) for name in ("first", "second"))
     for one in (first, second):
-        guides[0].install(one)
-        assert daemon.bundle.identity == desk.state()["in_service"] == one.identity
+        routines[0].install(one)
+        assert daemon.bundle.identity == service.state().in_service == one.identity
     assert daemon.wait_frame(before + 1, 10).camera_frame.sequence > before
     assert daemon.watch is not None
     assert daemon.watch.paused, "the new bundle's watch rests too as long as the calibration goes on"
-    guides[0].over.set()
-    desk.restore(first.identity)
+    routines[0].over.set()
+    service.restore(first.identity)
     assert daemon.bundle.identity == first.identity
-    assert [entry["in_service"] for entry in desk.state()["bundles"]].count(True) == 1
+    assert [entry.in_service for entry in service.state().bundles].count(True) == 1
 
 
 def test_what_does_not_pass_leaves_the_stream_as_it_was(
-    desk: Desk, daemon: Daemon, guides: list[Guide], tmp_path: Path
+    service: Service, daemon: Daemon, routines: list[ScriptedRoutine], tmp_path: Path
 ) -> None:
     before = daemon.bundle.identity
-    desk.begin(Wishes())
+    service.begin(Request())
     for wrong in (
         verified_bundle(tmp_path / "foreign", sensor="GL-9"),
-        verified_bundle(tmp_path / "bad", sensor=desk.sensor, metrics={}),
-        verified_bundle(tmp_path / "large", sensor=desk.sensor, shape=(48, 64)),
+        verified_bundle(tmp_path / "bad", sensor=service.sensor, metrics={}),
+        verified_bundle(tmp_path / "large", sensor=service.sensor, shape=(48, 64)),
     ):
         with pytest.raises(BundleError):
-            guides[0].install(wrong)
+            routines[0].install(wrong)
     assert daemon.bundle.identity == before
 
 
-def test_the_watch_rests_while_a_calibration_goes_on(desk: Desk, daemon: Daemon, guides: list[Guide]) -> None:
+def test_the_watch_rests_while_a_calibration_goes_on(
+    service: Service, daemon: Daemon, routines: list[ScriptedRoutine]
+) -> None:
     assert daemon.watch is not None
-    desk.begin(Wishes())
+    service.begin(Request())
     assert daemon.watch.paused
-    for refused in (lambda: desk.begin(Wishes()), lambda: desk.restore("")):
+    for refused in (lambda: service.begin(Request()), lambda: service.restore("")):
         with pytest.raises(InputError, match="a calibration is going on: stop it"):
             refused()
-    desk.act("abort")
-    assert desk._waiter is not None
-    desk._waiter.join(10)
+    service.act("abort")
+    assert service._end is not None
+    service._end.join(10)
     assert not daemon.watch.paused
-    assert desk.state()["routine"] == {"step": "finished"}
+    assert service.state().routine == {"step": "finished"}
 
 
-def test_leaving_the_desk_stops_what_goes_on(daemon: Daemon, tmp_path: Path) -> None:
-    guide = Guide(Wishes(), lambda _: None)
-    with Desk(daemon, store=BundleStore(tmp_path), folder=tmp_path / "x", begin=lambda *_: guide) as desk:
-        desk.begin(Wishes())
-    assert guide.acts[-1] == ("abort", {})
+def test_leaving_the_service_stops_what_goes_on(daemon: Daemon, tmp_path: Path) -> None:
+    routine = ScriptedRoutine(Request(), lambda _: None)
+    with Service(
+        daemon, store=BundleStore(tmp_path), folder=tmp_path / "x", make_routine=lambda *_: routine
+    ) as service:
+        service.begin(Request())
+    assert routine.acts[-1] == ("abort", {})
 
 
-def test_pictures_and_actions_that_are_not_there_are_told(desk: Desk) -> None:
-    assert desk.picture("live").shape == (*SHAPE, 3)
+def test_pictures_and_actions_that_are_not_there_are_told(service: Service) -> None:
+    assert service.picture("live").shape == (*SHAPE, 3)
     with pytest.raises(InputError, match="no picture 'press' yet"):
-        desk.picture("press")
+        service.picture("press")
     with pytest.raises(InputError, match="no calibration is going on: begin one"):
-        desk.act("next")
+        service.act("next")
 
 
-def test_an_interrupted_calibration_is_offered_and_forgotten_only_when_asked(desk: Desk, tmp_path: Path) -> None:
+def test_an_interrupted_calibration_is_offered_and_forgotten_only_when_asked(service: Service, tmp_path: Path) -> None:
     (tmp_path / "state").mkdir()
     (tmp_path / "state/state.json").write_text("{}")
-    assert desk.state()["interrupted"]
-    desk.begin(Wishes())
-    assert desk.state()["interrupted"]
-    desk.act("abort")
-    desk.begin(Wishes(anew=True))
-    assert not desk.state()["interrupted"]
+    assert service.state().interrupted
+    service.begin(Request())
+    assert service.state().interrupted
+    service.act("abort")
+    service.begin(Request(anew=True))
+    assert not service.state().interrupted
 
 
 def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> None:
@@ -191,21 +200,21 @@ def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path
     camera = open_camera("sim://?board=0&fps=100", geometry=small)
     running = linear_bundle(tmp_path / "running", (120, 160))
     with (
-        Daemon(camera, Reconstructor(running), watch=Watch(running)) as daemon,
-        Desk(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as desk,
+        Daemon(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon,
+        Service(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as service,
     ):
         sequence = daemon.wait_frame(0, 20).camera_frame.sequence
-        desk.begin(Wishes(hand=True, presses=8))
+        service.begin(Request(hand=True, presses=8))
         deadline_s = time.monotonic() + 120
-        while "prepare" not in (routine := desk.state()["routine"])["figures"]:
+        while "prepare" not in (routine := service.state().routine)["figures"]:
             assert routine["step"] in ("idle", "prepare", "reference"), routine["problem"]
             assert time.monotonic() < deadline_s
             time.sleep(0.05)
         assert set(snapshot("presses")) <= set(routine), "the page's tests know what the routine says"
         assert daemon.wait_frame(sequence, 20).camera_frame.sequence > sequence
-        desk.act("abort")
-        while desk.state()["routine"]["step"] != "aborted":
+        service.act("abort")
+        while service.state().routine["step"] != "aborted":
             assert time.monotonic() < deadline_s
             time.sleep(0.05)
-        assert desk.state()["interrupted"]
+        assert service.state().interrupted
         assert daemon.bundle.identity == running.identity

@@ -1,0 +1,237 @@
+"""What the wizard of the dashboard works with: begins a calibration beside the stream, installs what passes, restores.
+
+The routine reads along the camera of the daemon, so the stream goes on, under whatever light the routine sets. The
+watch rests meanwhile. However the routine ends, the sensor is then set and lit as the running bundle says.
+"""
+
+import shutil
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gellight.base.errors import CameraError, InputError
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.store import BundleStore, ListedBundle
+from gellight.calibration.choices import RING_COLOURS, RoutineOptions
+from gellight.calibration.folder import begun_with, has_state
+from gellight.calibration.routine import Install, Routine
+from gellight.daemon.daemon import Daemon
+from gellight.daemon.installing import install, restore, sensor_name
+from gellight.frames.camera import Camera
+from gellight.simulator.virtual_hand import hand_of
+
+Picture = NDArray[np.uint8]
+TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm")
+"""what of a request an interrupted calibration was begun with"""
+RETRY_S = 1.0
+"""between two attempts to set the sensor as its bundle says"""
+SETTLE_S = 5.0
+"""as long the next request waits until the sensor is set after a calibration"""
+
+
+class CalibrationRequest(BaseModel):
+    """What a user chooses before a calibration begins."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    ball_radius_mm: float = Field(default=4.0, gt=0, le=50)
+    cylinder_diameter_mm: float = Field(default=8.0, gt=0, le=50)
+    pin_pitch_mm: float | None = Field(default=None, gt=0, le=20)
+    """distance of two pins of the grid that measures the lens; None without one"""
+    presses: int = Field(default=40, ge=8, le=400)
+    hand: bool = False
+    """a virtual hand presses, on a simulated sensor"""
+    anew: bool = False
+    """forget an interrupted calibration instead of going on with it"""
+
+
+class CalibrationState(BaseModel):
+    """All that the wizard shows."""
+
+    model_config = ConfigDict(frozen=True)
+
+    sensor: str
+    simulated: bool
+    defaults: CalibrationRequest
+    interrupted: bool
+    """whether there is a calibration to go on with"""
+    in_service: str
+    """identity of the running bundle"""
+    bundles: tuple[ListedBundle, ...]
+    """of this sensor"""
+    routine: Mapping[str, object] | None
+    """see `Routine.snapshot`; None before the first"""
+
+
+MakeRoutine = Callable[[CalibrationRequest, Install], Routine]
+"""Makes the routine that is asked for; `Install` installs the bundle that passes."""
+
+
+class CalibrationService:
+    """Calibrates a running sensor and changes its bundle; safe to use from any thread."""
+
+    def __init__(
+        self,
+        daemon: Daemon,
+        *,
+        store: BundleStore | None = None,
+        folder: Path | None = None,
+        led_colours: str | None = None,
+        make_routine: MakeRoutine | None = None,
+    ) -> None:
+        """Calibrate the sensor of `daemon`; an interrupted calibration is kept in `folder`, by default the user's.
+
+        led_colours: of the ring, anticlockwise from the right; by default those of the paper's. `make_routine` makes
+        another routine than the usual one, for tests.
+        """
+        self._daemon = daemon
+        self._store = store or BundleStore()
+        self.sensor = sensor_name(daemon.camera)
+        self._folder = folder or platformdirs.user_state_path("gellight") / "calibration" / _plain(self.sensor)
+        self._led_colours = led_colours or RING_COLOURS
+        self._make_routine = make_routine or self._usual_routine
+        self._routine: Routine | None = None
+        self._end: threading.Thread | None = None
+        """waits for the end of the routine, then sets the sensor as its bundle says"""
+        self._closing = threading.Event()
+        self._lock = threading.Lock()
+        """held while a calibration begins or a bundle is restored"""
+
+    def __enter__(self) -> Self:
+        """Return the service."""
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        """Stop a calibration that still runs, keep what it has measured, and set the sensor as its bundle says."""
+        self._closing.set()
+        if self._routine is not None and not self._routine.ended:
+            self._routine.stop()
+        if self._end is not None:
+            self._end.join()
+
+    def state(self) -> CalibrationState:
+        """Return all that the wizard shows."""
+        return CalibrationState(
+            sensor=self.sensor,
+            simulated=self._daemon.stage is not None,
+            defaults=self._defaults(),
+            interrupted=has_state(self._folder),
+            in_service=self._daemon.bundle.identity,
+            bundles=tuple(self._store.bundles(self.sensor)),
+            routine=self._routine.snapshot() if self._routine else None,
+        )
+
+    def _defaults(self) -> CalibrationRequest:
+        """The tools of an interrupted calibration, which goes on with no others."""
+        begun = begun_with(self._folder)
+        tools = {name: begun[name] for name in TOOLS if name in begun}
+        try:
+            return CalibrationRequest(hand=self._daemon.stage is not None, **tools)
+        except ValidationError:  # `begin` says what is wrong with the folder
+            return CalibrationRequest(hand=self._daemon.stage is not None)
+
+    def begin(self, request: CalibrationRequest) -> None:
+        """Begin a calibration; InputError while another one runs or for a request that cannot be met."""
+        if self._daemon.mode != "network":
+            raise InputError(
+                f"the sensor streams in mode {self._daemon.mode}, which changes the light all the time: start it with "
+                "--mode network to calibrate it"
+            )
+        with self._lock:
+            self._check_idle("begin another")
+            if request.anew:
+                shutil.rmtree(self._folder, ignore_errors=True)
+            self._routine = routine = self._make_routine(request, self._install)
+            self._daemon.lend()
+            try:
+                routine.act("start")
+            except BaseException:
+                self._routine = None
+                self._daemon.take_back()
+                raise
+            self._end = threading.Thread(target=self._follow, args=(routine,), name="calibration end", daemon=True)
+            self._end.start()
+
+    def _follow(self, routine: Routine) -> None:
+        """Wait for the end of the routine, then set the sensor as its bundle says, as often as it takes."""
+        routine.join()
+        while not self._daemon.take_back() and not self._closing.wait(RETRY_S):
+            pass
+
+    def _check_idle(self, intention: str) -> None:
+        """Raise InputError while a calibration goes on, or while the sensor cannot be set as its bundle says."""
+        if self._routine is not None and not self._routine.ended:
+            raise InputError(f"a calibration is going on: stop it before you {intention}")
+        if self._end is not None:
+            self._end.join(SETTLE_S)
+            if self._end.is_alive():
+                raise InputError("the sensor cannot be set as its bundle says, its status says why: put that right")
+
+    def act(self, action: str, **arguments: float) -> None:
+        """Do what the user chose; InputError where it is not possible now."""
+        if self._routine is None:
+            raise InputError("no calibration is going on: begin one")
+        self._routine.act(action, **arguments)
+
+    def restore(self, identity: str) -> None:
+        """Put a stored bundle into service again; InputError while a calibration goes on. Raises as `install`."""
+        with self._lock:
+            self._check_idle("restore a bundle")
+            restore(identity, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._present())
+
+    def report(self, identity: str) -> bytes:
+        """Return the report of a stored bundle, HTML; BundleError where there is none."""
+        return self._store.find(identity).report()
+
+    def rezero(self) -> None:
+        """Set the zero of the depth; InputError, saying why, where it must not be set."""
+        self._daemon.rezero(asked=True)
+
+    def picture(self, name: str) -> Picture:
+        """Return a picture, (H, W, 3) RGB: "live" is the newest frame; InputError where there is none of that name."""
+        if name == "live":
+            return self._daemon.wait_frame(-1, 2.0).camera_frame.image
+        pictures = self._routine.pictures() if self._routine else {}
+        if name not in pictures:
+            raise InputError(f"there is no picture {name!r} yet")
+        return pictures[name]
+
+    def _present(self) -> Camera:
+        """Return the camera; CameraError while the sensor is away, when its board cannot remember a bundle."""
+        camera = self._daemon.camera
+        if sensor_name(camera) != self.sensor:
+            raise CameraError(f"sensor {self.sensor} is away, and its board has to remember the bundle: plug it in")
+        return camera
+
+    def _install(self, bundle: Bundle) -> None:
+        install(bundle, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._present())
+        # It lies in the store now, and an ended calibration is not to be gone on with.
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _usual_routine(self, request: CalibrationRequest, install: Install) -> Routine:
+        camera = self._daemon.camera
+        if request.hand and camera.stage is None:
+            raise InputError("nobody presses by itself on a real sensor: take the virtual hand off")
+        options = RoutineOptions(
+            out=self._folder.with_name(self._folder.name + ".bundle"),
+            sensor=self.sensor,
+            ball_radius_mm=request.ball_radius_mm,
+            cylinder_diameter_mm=request.cylinder_diameter_mm,
+            pin_pitch_mm=request.pin_pitch_mm,
+            presses=request.presses,
+            overwrite=True,
+            led_colours=self._led_colours,
+        )
+        hand = hand_of(camera) if request.hand else None
+        return Routine(camera, options, self._folder, hand=hand, install=install)
+
+
+def _plain(name: str) -> str:
+    """A sensor's name as the name of a folder."""
+    return "".join(letter if letter.isalnum() else "_" for letter in name)

@@ -1,0 +1,158 @@
+"""Frames in, depth out: a capture thread, a reconstruction thread, and between them a mailbox that keeps the latest.
+
+The camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
+as dropped, so what comes out is as fresh as the machine allows. What ends either thread (the last image of a folder, a
+camera that fails) is raised where frames are waited for. A sensor that was unplugged ends nothing: while it is away the
+status says so, and nobody gets a frame from before.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from gellight.base.errors import CameraError
+from gellight.base.mailbox import Mailbox
+from gellight.daemon.statistics import Statistics
+from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
+from gellight.frames.frames import CameraFrame, TactileFrame
+
+logger = logging.getLogger(__name__)
+
+POLL_S = 0.5
+"""how often a waiting thread looks whether it should stop"""
+
+
+class Stream:
+    """The threads of a running sensor, and what they hand on."""
+
+    def __init__(self, camera: Camera, reconstruct: Callable[[CameraFrame], TactileFrame]) -> None:
+        """Stream from `camera`, which the caller closes after `stop`."""
+        self._camera, self._reconstruct_frame = camera, reconstruct
+        self.pause_s = 0.0
+        """between two reconstructions"""
+        self.captured: Mailbox[CameraFrame] = Mailbox()
+        self.delivered: Mailbox[TactileFrame] = Mailbox()
+        self.statistics = Statistics()
+        self._ended = threading.Event()
+        self._problems: dict[str, str] = {}
+        """by the name of what has it"""
+        self._away: str | None = None
+        self._newest = self._void = -1
+        """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
+        self._handing_on = threading.Lock()
+        """held while a frame is delivered or the old ones are thrown away"""
+        self._threads = [self._thread(self._capture), self._thread(self._reconstruct)]
+
+    @staticmethod
+    def _thread(job: Callable[..., None], *arguments: object) -> threading.Thread:
+        return threading.Thread(target=job, args=arguments, name=job.__name__.strip("_"), daemon=True)
+
+    def start(self) -> None:
+        """Start the threads."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Stop the threads; who waits for a frame gets a CameraError."""
+        self._ended.set()
+        for mailbox in (self.captured, self.delivered):
+            mailbox.close(CameraError("the daemon was stopped"))
+        for thread in self._threads:
+            thread.join()
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame comes any more."""
+        return self._ended.is_set()
+
+    @property
+    def problem(self) -> str | None:
+        """What is wrong now, or what ended the stream; None while all is well."""
+        return next(iter([*self._problems.values()]), None) or self._away
+
+    def also(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
+        """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
+
+        What `look` raises is a problem until a later look succeeds.
+        """
+        thread = self._thread(self._look_now_and_then, look, period_s)
+        thread.name = look.__name__.strip("_")
+        self._threads.append(thread)
+
+    def throw_away(self) -> None:
+        """Deliver none of the frames that came until now: they show what is not true any more."""
+        with self._handing_on:
+            self._void = self._newest
+            self.captured.clear()
+            self.delivered.clear()
+
+    def note(self, name: str, problem: str | None) -> None:
+        """Show what is wrong with something, and log it once; None: nothing any more."""
+        if problem is None:
+            self._problems.pop(name, None)
+            return
+        if self._problems.get(name) != problem:
+            logger.error("%s: %s", name, problem)
+        self._problems[name] = problem
+
+    def _capture(self) -> None:
+        try:
+            while not self.ended:
+                try:
+                    frame = self._camera.read()
+                except ReconnectingError as error:
+                    self._leave(str(error))
+                    continue
+                self._away, self._newest = None, frame.sequence
+                self.statistics.note_captured(frame)
+                self.captured.put(frame)
+        except Exception as error:
+            self._end(error, self.captured)
+
+    def _leave(self, why: str) -> None:
+        if self._away is None:
+            logger.warning("%s", why)
+        self._away = why
+        self.throw_away()
+
+    def _reconstruct(self) -> None:
+        number = 0
+        try:
+            while not self._ended.wait(self.pause_s):
+                try:
+                    number, frame = self.captured.take(number, POLL_S)
+                except TimeoutError:
+                    continue
+                self._deliver(self._reconstruct_frame(frame))
+        except Exception as error:
+            self._end(error, self.delivered)
+            self._ended.set()
+
+    def _deliver(self, frame: TactileFrame) -> None:
+        with self._handing_on:
+            if frame.camera_frame.sequence > self._void:
+                self.statistics.note_delivered(frame, time.monotonic())
+                self.delivered.put(frame)
+
+    def _end(self, error: Exception, mailbox: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
+        """Tell those who wait why no more comes."""
+        if not (isinstance(error, EndOfStream) or self.ended):
+            self.note(threading.current_thread().name, str(error))
+        mailbox.close(error)
+
+    def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
+        name, number = threading.current_thread().name, 0
+        while not self._ended.wait(period_s):
+            try:
+                number, frame = self.delivered.take(number, POLL_S)
+            except TimeoutError:
+                continue
+            except Exception:
+                return  # the stream has ended; the thread that ended it has noted why
+            try:
+                look(frame)
+            except Exception as error:
+                self.note(name, str(error))
+            else:
+                self.note(name, None)

@@ -1,0 +1,84 @@
+"""The store reads a bundle once: a list knows it from then on, an installation checks what it has written."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gellight.bundle import bundle as bundle_module
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.store import BundleStore
+from gellight.daemon.installing import install, restore
+from tests.helpers.linear_sensor import verified_bundle
+
+
+@pytest.fixture
+def loads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Where each bundle was loaded from, one entry a load."""
+    found: list[str] = []
+    load = bundle_module._load
+
+    def counting(source: str, read: object) -> Bundle:
+        found.append(Path(source).name)
+        return load(source, read)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bundle_module, "_load", counting)
+    return found
+
+
+def filled(folder: Path, count: int) -> list[Bundle]:
+    made = [verified_bundle(folder / f"made {number}") for number in range(count)]
+    for bundle in made:
+        install(bundle, sensor="GL-7", store=BundleStore(folder / "store"))
+    return made
+
+
+def test_a_list_loads_each_bundle_once_and_again_only_after_a_change(tmp_path: Path, loads: list[str]) -> None:
+    filled(tmp_path, 5)
+    loads.clear()
+    store = BundleStore(tmp_path / "store")
+    first = store.bundles("GL-7")
+    assert len(loads) == len(first) == 5
+    for _ in range(10):
+        assert store.bundles("GL-7") == first
+    assert len(loads) == 5
+    network = first[2].path / "network.onnx"
+    content = network.read_bytes()
+    network.write_bytes(content[:-1] + b"x")
+    assert "changed after calibration" in store.bundles("GL-7")[-1].problem, "one that cannot be read is the last"
+    assert loads[5:] == [first[2].identity]
+    network.write_bytes(content)
+    os.utime(network, ns=(1, 1))
+    assert store.bundles("GL-7") == first
+
+
+def test_what_is_in_service_is_listed_without_loading(tmp_path: Path, loads: list[str]) -> None:
+    made = filled(tmp_path, 2)
+    store = BundleStore(tmp_path / "store")
+    assert [entry.in_service for entry in store.bundles("GL-7")].count(True) == 1
+    loads.clear()
+    store.put_in_service(store.find(made[0].identity))
+    assert {entry.identity for entry in store.bundles() if entry.in_service} == {made[0].identity}
+    assert loads == []
+
+
+def test_an_installation_loads_what_it_has_written_and_nothing_else(tmp_path: Path, loads: list[str]) -> None:
+    first, _ = filled(tmp_path, 2)
+    third = verified_bundle(tmp_path / "third")
+    store = BundleStore(tmp_path / "store")
+    loads.clear()
+    install(third, sensor="GL-7", store=store)
+    assert loads == [third.identity]
+    restore(first.identity, sensor="GL-7", store=store)
+    assert loads[1:] == [first.identity]
+    restore("", sensor="GL-7", store=store)
+    assert loads[2:] == [third.identity]
+
+
+def test_a_damaged_bundle_is_replaced_when_it_is_installed_again(tmp_path: Path) -> None:
+    (bundle,) = filled(tmp_path, 1)
+    store = BundleStore(tmp_path / "store")
+    (store.find(bundle.identity).path / "network.onnx").write_bytes(b"rust")
+    install(bundle, sensor="GL-7", store=store)
+    assert load_bundle(store.current("GL-7").path).files == bundle.files
+    assert store.bundles()[0].problem == ""

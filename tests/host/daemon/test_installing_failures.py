@@ -1,0 +1,151 @@
+"""An installation happens whole or not at all, wherever it fails."""
+
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gellight.base.errors import BundleError, GellightError
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.store import BundleStore
+from gellight.daemon.daemon import Daemon
+from gellight.daemon.installing import Running, install, restore
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.watch.monitor import SensorWatch
+from tests.helpers.linear_sensor import verified_bundle
+from tests.helpers.lit_camera import LitCamera
+
+SENSOR = "E660C06213842F2A"
+
+
+class Service:
+    """A sensor with a bundle in service: camera, board, store, stream."""
+
+    def __init__(self, folder: Path, streams: bool) -> None:
+        self.camera, self.store = LitCamera(), BundleStore(folder / "store")
+        self.old = verified_bundle(folder / "old", sensor=SENSOR, rgb=(255, 200, 90), exposure_us=9000)
+        self.new = verified_bundle(folder / "new", sensor=SENSOR, rgb=(80, 81, 82), exposure_us=12000)
+        self.camera.adopt(self.old.controls, self.old.colours)
+        self.daemon = Daemon(self.camera, Reconstructor(self.old), watch=SensorWatch(self.old)) if streams else None
+        self.running: Running | None = None
+        install(self.old, sensor=SENSOR, store=self.store, camera=self.camera)
+        self.running = self.daemon
+        self.camera.failures.reset()
+
+    def install(self, bundle: Bundle) -> None:
+        install(bundle, sensor=SENSOR, store=self.store, running=self.running, camera=self.camera)
+
+    def state(self) -> dict[str, Any]:
+        """What must not change."""
+        return {
+            "bundle": self.daemon.bundle.identity if self.daemon else None,
+            "watch": self.daemon.watch if self.daemon else None,
+            "in service": self.store.current(SENSOR).identity,
+            "history": self.store.history(SENSOR),
+            "setting": self.camera.setting(),
+            "board": self.camera.ring.memory,
+        }
+
+
+@pytest.fixture(params=[True, False], ids=["streaming", "camera alone"])
+def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Service]:
+    service = Service(tmp_path, request.param)
+    if service.daemon is None:
+        yield service
+        return
+    with service.daemon:
+        yield service
+
+
+def refuse(*arguments: Any) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+STEPS = ["exposure_us", "light 1", "configuration 1", "configuration 2", "blank 1", "configure 1", "configured 1",
+         "light 2"]  # fmt: skip
+"""what an installation asks of camera and board, in this order"""
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_what_fails_at_camera_or_board_changes_nothing(service: Service, step: str) -> None:
+    before = service.state()
+    failing = f"{step} 1" if " " not in step else step
+    service.camera.failures.reset(failing)
+    with pytest.raises(GellightError, match=f"^{step.split()[0]} failed$"):
+        service.install(service.new)
+    assert service.state() == before
+    service.camera.failures.reset()
+    service.install(service.new)
+    assert service.store.current(SENSOR).identity == service.new.identity
+    assert service.camera.setting()[0]["exposure_us"] == 12000
+    assert service.camera.ring.lit[0, 0] == 80
+    assert service.camera.ring.memory.bundle.hex() == service.new.identity
+
+
+@pytest.mark.parametrize("place", ["gellight.bundle.bundle.write_folder", "gellight.bundle.store.write_file"])
+def test_what_fails_at_the_disk_changes_nothing(service: Service, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = service.state()
+    monkeypatch.setattr(place, refuse)
+    with pytest.raises(BundleError, match="No space left on device"):
+        service.install(service.new)
+    assert service.state() == before
+
+
+def test_a_history_that_was_renamed_but_not_flushed_is_put_back(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gellight.base.writing import write_file
+
+    before, calls = service.state(), []
+
+    def write_then_fail(path: Path, content: bytes) -> None:
+        write_file(path, content)
+        calls.append(content)
+        if len(calls) == 1:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr("gellight.bundle.store.write_file", write_then_fail)
+    with pytest.raises(BundleError, match="Input/output error"):
+        service.install(service.new)
+    assert len(calls) == 2
+    assert service.state() == before
+
+
+def test_a_network_that_cannot_be_run_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    service = Service(tmp_path, streams=True)
+    before = service.state()
+
+    def broken(bundle: Bundle) -> Any:
+        raise BundleError("the network cannot be loaded")
+
+    monkeypatch.setattr(service.daemon, "_rebuild", broken)
+    with pytest.raises(BundleError, match="cannot be loaded"):
+        service.install(service.new)
+    assert service.state() == before
+
+
+def test_restoring_fails_the_same_way(service: Service) -> None:
+    service.install(service.new)
+    before = service.state()
+    service.camera.failures.reset("configure 1")
+    with pytest.raises(GellightError, match=r"^configure failed$"):
+        restore("", sensor=SENSOR, store=service.store, running=service.running, camera=service.camera)
+    assert service.state() == before
+
+
+def test_what_cannot_be_taken_back_is_named(service: Service) -> None:
+    """The board is pulled while it writes its flash: it cannot be asked any more, and cannot be lit."""
+    service.camera.failures.reset("configured", "configuration 3", "light 2", "light 3", "light 4")
+    with pytest.raises(BundleError) as caught:
+        service.install(service.new)
+    said = str(caught.value)
+    streams = "the sensor streams with" if service.daemon else "camera and LEDs are set as"
+    assert f"the board may remember bundle {service.new.identity} (configuration failed)" in said
+    assert f"{streams} bundle {service.new.identity}" in said
+    assert f"gellight calibrate restore {service.old.identity}" in said
+    assert service.store.current(SENSOR).identity == service.old.identity
+    if service.daemon:
+        assert service.daemon.bundle.identity == service.new.identity, "it says so"

@@ -1,0 +1,196 @@
+"""However a calibration ends, camera and LEDs are set as the running bundle says; dark once the daemon is stopped."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CameraError, InputError
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.store import BundleStore
+from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import Camera
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.watch.monitor import SensorWatch
+from tests.helpers.linear_sensor import verified_bundle
+from tests.helpers.lit_camera import LitCamera
+
+WHITE = np.full((12, 3), 200, np.uint8)
+SENSOR = "E660C06213842F2A"
+
+
+class LightingRoutine:
+    """Sets exposure, gain and LEDs as a calibration does, and ends as `ending` says when it is asked to."""
+
+    def __init__(self, camera: Camera, install: Callable[[Bundle], object], ending: Callable[[Any], object]) -> None:
+        self.camera, self.install, self.ending = camera, install, ending
+        self.asked, self.set = threading.Event(), threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.ended = False
+
+    def _run(self) -> None:
+        assert self.camera.controls is not None
+        assert self.camera.ring is not None
+        self.camera.controls.set("exposure_us", 20000)
+        self.camera.controls.set("gain", 3)
+        self.camera.ring.light(WHITE)
+        self.set.set()
+        self.asked.wait(10)
+        try:
+            self.ending(self)
+        except Exception:  # as the routine itself does: it is noted and shown
+            pass
+        finally:
+            self.ended = True
+
+    def snapshot(self) -> dict[str, Any]:
+        return {}
+
+    def act(self, action: str, **arguments: float) -> None:
+        if action == "start":
+            self.thread.start()
+            assert self.set.wait(10)
+        else:
+            self.asked.set()
+
+    def stop(self) -> None:
+        self.asked.set()
+
+    def join(self, timeout_s: float | None = None) -> None:
+        self.thread.join(timeout_s)
+
+
+def fail(routine: LightingRoutine) -> None:
+    raise ValueError("a mistake in the routine")
+
+
+def lose_the_camera(routine: LightingRoutine) -> None:
+    raise CameraError("unplugged")
+
+
+ENDINGS: dict[str, Callable[[LightingRoutine], object]] = {
+    "stopped or without a bundle": lambda routine: None,
+    "failed": fail,
+    "camera lost": lose_the_camera,
+}
+
+
+@pytest.fixture
+def camera() -> LitCamera:
+    return LitCamera()
+
+
+@pytest.fixture
+def running(camera: LitCamera, tmp_path: Path) -> Bundle:
+    bundle = verified_bundle(tmp_path / "running", sensor=SENSOR, rgb=(255, 200, 90), exposure_us=9000)
+    camera.adopt(bundle.controls, bundle.colours)
+    return bundle
+
+
+@pytest.fixture
+def daemon(camera: LitCamera, running: Bundle) -> Iterator[Daemon]:
+    with Daemon(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
+        yield daemon
+
+
+def served(daemon: Daemon, folder: Path, ending: Callable[[LightingRoutine], object]) -> CalibrationService:
+    def make(request: CalibrationRequest, install: Callable[[Bundle], object]) -> Any:
+        return LightingRoutine(daemon.camera, install, ending)
+
+    return CalibrationService(daemon, store=BundleStore(folder / "store"), folder=folder / "state", make_routine=make)
+
+
+def finish(service: CalibrationService) -> None:
+    service.act("abort")
+    assert service._end is not None
+    service._end.join(10)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_running_bundle_is_lit_again(daemon: Daemon, camera: LitCamera, tmp_path: Path, ending: str) -> None:
+    before = camera.setting()
+    with served(daemon, tmp_path, ENDINGS[ending]) as service:
+        service.begin(CalibrationRequest())
+        assert camera.setting() != before
+        assert daemon.watch is not None
+        assert daemon.watch.paused
+        finish(service)
+        assert camera.setting() == before, "the gain too, of which the bundle says nothing"
+        assert not daemon.watch.paused
+        assert daemon.status()["error"] is None
+
+
+def test_an_installed_bundle_is_lit_after_the_calibration_that_made_it(
+    daemon: Daemon, camera: LitCamera, tmp_path: Path
+) -> None:
+    bundle = verified_bundle(tmp_path / "new", sensor=SENSOR, rgb=(80, 80, 80), exposure_us=20000)
+    with served(daemon, tmp_path, lambda routine: routine.install(bundle)) as service:
+        service.begin(CalibrationRequest())
+        finish(service)
+    assert daemon.bundle.identity == bundle.identity
+    assert camera.controls.read("exposure_us") == 20000
+    assert np.array_equal(camera.ring.lit, bundle.colours)
+
+
+def test_leaving_the_page_lights_the_running_bundle_again(daemon: Daemon, camera: LitCamera, tmp_path: Path) -> None:
+    before = camera.setting()
+    with served(daemon, tmp_path, fail) as service:
+        service.begin(CalibrationRequest())
+    assert camera.setting() == before
+
+
+def test_a_routine_that_cannot_start_leaves_nothing_changed(
+    daemon: Daemon, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = camera.setting()
+
+    def refuse(routine: LightingRoutine, action: str) -> None:
+        camera.ring.light(WHITE)
+        raise InputError("not now")
+
+    monkeypatch.setattr(LightingRoutine, "act", refuse)
+    with served(daemon, tmp_path, fail) as service:
+        with pytest.raises(InputError, match="not now"):
+            service.begin(CalibrationRequest())
+        assert camera.setting() == before
+        monkeypatch.undo()
+        service.begin(CalibrationRequest())
+
+
+def test_a_stopped_daemon_stays_dark(camera: LitCamera, running: Bundle, tmp_path: Path) -> None:
+    with Daemon(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
+        service = served(daemon, tmp_path, lambda routine: None)
+        service.begin(CalibrationRequest())
+    finish(service)
+    assert camera.closed
+    assert not camera.ring.lit.any()
+    with pytest.raises(CameraError, match="was stopped: its LEDs stay dark"):
+        daemon.replace_bundle(running)
+
+
+def test_lighting_that_fails_is_shown_and_tried_again(
+    daemon: Daemon, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gellight.daemon.calibration_service.RETRY_S", 0.05)
+    monkeypatch.setattr("gellight.daemon.calibration_service.SETTLE_S", 0.05)
+    before = camera.setting()
+    with served(daemon, tmp_path, lambda routine: None) as service:
+        service.begin(CalibrationRequest())
+        camera.failures.reset("light")
+        service.act("abort")
+        deadline_s = time.monotonic() + 10
+        while not (error := daemon.status()["error"]):
+            assert time.monotonic() < deadline_s
+        assert str(error).startswith("the sensor is not set as its bundle says: light failed")
+        with pytest.raises(InputError, match="its status says why"):
+            service.begin(CalibrationRequest())
+        camera.failures.reset()
+        assert service._end is not None
+        service._end.join(10)
+        assert camera.setting() == before
+        assert daemon.status()["error"] is None
