@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.calibration.bulletin import Picture
+from gellight.calibration.display import Picture
+from gellight.calibration.records import CoverageFigures
 from gellight.training.presses import Ball, Press, contact_circle
 
 ROWS, COLUMNS = 6, 8
@@ -32,14 +32,14 @@ class Coverage:
     steepest_deg: float
     cells_per_press: float
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the counts as lists."""
-        return {
-            "places": self.places.tolist(),
-            "slopes": self.slopes.tolist(),
-            "steepness_deg": list(STEEPNESS_DEG),
-            "steepest_deg": round(self.steepest_deg, 1),
-        }
+    def figures(self) -> CoverageFigures:
+        """Return the counts as they are kept."""
+        return CoverageFigures(
+            places=self.places.tolist(),
+            slopes=self.slopes.tolist(),
+            steepness_deg=STEEPNESS_DEG,
+            steepest_deg=round(self.steepest_deg, 1),
+        )
 
 
 def coverage(presses: list[Press], ball: Ball, image_shape: tuple[int, int]) -> Coverage:

@@ -6,61 +6,58 @@ lens is fitted to the depth that the trained network feels, where they are right
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.calibration.bulletin import Picture
-from gellight.calibration.fitting import draft_path
+from gellight.calibration.display import Picture, Progress
 from gellight.calibration.lens.lattice import Lattice
 from gellight.calibration.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures
 from gellight.calibration.lens.pins import dimples, imprints, marked
-from gellight.calibration.sensing import Capture, Watcher, check_light, wait_free, wait_press
+from gellight.calibration.records import MeasuredLens, PinGrid, PixelSize
+from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
 from gellight.calibration.session import Session
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.lens.lens_file import has_lens
 from gellight.reconstruction.pipeline import Reconstructor
 
 Floats = NDArray[np.float32]
-_NO_GRID: dict[str, Any] = {"pictures": 0}
 _SOURCE = "the pin grid"
 
 
 def collect_grid(session: Session) -> None:
     """Take pictures of the grid until pins were seen in every part of the view, or the user goes on without it."""
-    reference = session.folder.reference()
-    watcher = Watcher(reference, session.folder.steps["reference"]["noise_grey"])
+    reference, detector = session.folder.reference(), detector_of(session)
     seen = [_pins(session, read_image(path), reference) for path in _pictures(session)]
     wanted = _missing(seen, session.camera.image_shape)
     with session.offering("next"):
         while wanted:
             _announce(session, len(seen), wanted)
-            wait_free(session, watcher)
+            wait_free(session, detector)
             if session.hand:
                 session.hand.grid()
-            capture = wait_press(session, watcher, lambda: _skipped(session))
+            capture = wait_press(session, detector, lambda: _skipped(session))
             if capture is None:
                 session.folder.forget_grid()
-                session.folder.finish("lens", _NO_GRID)
+                session.folder.finish(PinGrid(pictures=0))
                 return
             seen += _taken(session, capture, reference)
             wanted = _missing(seen, session.camera.image_shape)
             if session.hand:
                 session.hand.lift()
-        wait_free(session, watcher)
-    session.folder.finish("lens", {"pictures": len(seen), "pitch_mm": session.options.pin_pitch_mm})
+        wait_free(session, detector)
+    session.folder.finish(PinGrid(pictures=len(seen), pitch_mm=session.options.pin_pitch_mm))
 
 
 def _announce(session: Session, done: int, wanted: str) -> None:
-    session.bulletin.post(
+    session.display.update(
         instruction=f"Press the pin grid ({session.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
         "whole view, some tenths of a millimetre deep. Hold still, then lift. Without one, go on.",
-        progress={"done": done, "wanted": done + 1, "unit": "pictures"},
-        problem=wanted if done else session.bulletin.problem,
+        progress=Progress(done=done, wanted=done + 1, unit="pictures"),
+        problem=wanted if done else session.display.problem,
     )
 
 
@@ -70,18 +67,18 @@ def _skipped(session: Session) -> bool:
 
 
 def _taken(session: Session, capture: Capture, reference: Floats) -> list[Lattice]:
-    """Keep the picture and return its pins; empty where it is refused, with the reason on the bulletin."""
+    """Keep the picture and return its pins; empty where it is refused, and then the reason is shown."""
     try:
         check_light(capture.image, _SOURCE)
         lattice = _pins(session, capture.image, reference)
     except InputError as error:
         if session.hand:
             raise
-        session.bulletin.post(problem=str(error))
+        session.display.update(problem=str(error))
         return []
-    session.folder.add("grids", capture.image, {})
-    session.bulletin.post(problem="")
-    session.bulletin.show(pins=marked(capture.image, lattice.points, np.empty((0, 2))))
+    session.folder.add_grid(capture.image)
+    session.display.update(problem="")
+    session.display.show(pins=marked(capture.image, lattice.points, np.empty((0, 2))))
     return [lattice]
 
 
@@ -107,9 +104,8 @@ def straighten(session: Session) -> None:
 
     Raises BundleError where the pins tell no lens; then the grid is asked for again, and nothing else.
     """
-    taken = session.folder.steps.get("lens", _NO_GRID)
-    draft = load_bundle(draft_path(session))
-    if not taken["pictures"] or (has_lens(draft) and "rms_after_px" in taken):
+    grid, draft = session.folder.state.steps.lens, load_bundle(session.folder.draft)
+    if grid is None or not grid.pictures or (has_lens(draft) and isinstance(grid, MeasuredLens)):
         return
     paths = _pictures(session)
     try:
@@ -117,11 +113,11 @@ def straighten(session: Session) -> None:
     except InputError as error:
         session.folder.forget_grid()
         raise BundleError(f"{error}. The presses are kept: go on, and press the grid again") from error
-    add_lens(draft, fit, paths, draft_path(session), overwrite=True)
-    found = {**taken, **figures(fit, draft)}
-    session.folder.finish("lens", found)
-    session.bulletin.note("lens", found)
-    session.bulletin.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
+    add_lens(draft, fit, paths, session.folder.draft, overwrite=True)
+    found = MeasuredLens(pitch_mm=grid.pitch_mm, **dict(figures(fit, draft)))
+    session.folder.finish(found)
+    session.display.add_figures("lens", found)
+    session.display.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
 
 
 def _felt(session: Session, draft: Bundle, paths: list[Path]) -> LensFit:
@@ -137,11 +133,11 @@ def _felt(session: Session, draft: Bundle, paths: list[Path]) -> LensFit:
 
 
 def _pictures(session: Session) -> list[Path]:
-    return [session.folder.path / record["file"] for record in session.folder.grids]
+    return [session.folder.path / record.file for record in session.folder.state.grids]
 
 
 def _sizes(session: Session) -> tuple[tuple[float, float], float]:
     """Size of a pixel (x, y) and pitch of the grid, mm."""
-    size, pitch = session.folder.steps["pixel_size"]["pixel_size_mm"], session.options.pin_pitch_mm
+    size, pitch = session.folder.figures(PixelSize).pixel_size_mm, session.options.pin_pitch_mm
     assert pitch is not None
     return (size, size), pitch

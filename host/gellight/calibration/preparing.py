@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import CameraError, InputError
 from gellight.bundle.bundle import Bundle, LedSetting
 from gellight.calibration import led_check
+from gellight.calibration.records import Preparation, Uniformities
 from gellight.calibration.sensing import check_light, mean_image
 from gellight.calibration.session import Session
 from gellight.calibration.uniformity import contour_picture, of_image
@@ -35,28 +36,29 @@ def prepare(session: Session) -> None:
     """Do the whole step and keep its figures."""
     camera, options = session.camera, session.options
     session.confirmed("Clean the gel, put nothing on it, and keep other light away. Then go on.")
-    session.bulletin.post(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
-    figures: dict[str, Any] = {"camera": _locked(camera), "led": None}
+    session.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
+    _lock(camera)
+    lights, led = None, None
     if camera.ring is not None:
-        colours = full_colours(options.led_colours)
-        figures["lights"] = led_check.check_lights(session, camera.ring, colours)
-        levels = _balanced(session, camera.ring)
-        figures["led"] = levels.tolist()
+        lights = led_check.check_lights(session, camera.ring, full_colours(options.led_colours))
+        led = _balanced(session, camera.ring).tolist()
     elif camera.controls is not None:
-        _expose(session, camera.controls, lambda: _brightest(_picture(session)))
-    figures["camera"] = settings_of(camera)
+        _expose(session, camera.controls)
     image = mean_image([session.frame() for _ in range(options.reference_frames // 2)])
     check_light(image, "the untouched gel")
-    figures["uniformity"] = of_image(image.astype(np.float32))
-    figures["advice"] = _advice(figures["uniformity"])
-    session.bulletin.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
-    session.folder.finish("prepare", figures)
+    uniformity = of_image(image.astype(np.float32))
+    session.display.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
+    session.folder.finish(
+        Preparation(
+            camera=settings_of(camera), led=led, lights=lights, uniformity=uniformity, advice=_advice(uniformity)
+        )
+    )
 
 
 def prepare_again(session: Session) -> None:
     """Set camera and LEDs as an interrupted calibration had set them."""
-    figures = session.folder.steps["prepare"]
-    apply_settings(session.camera, figures["camera"], figures["led"])
+    prepared = session.folder.figures(Preparation)
+    apply_settings(session.camera, prepared.camera, prepared.led)
 
 
 def apply_settings(camera: Camera, controls: dict[str, Any], led: list[list[int]] | None) -> None:
@@ -97,26 +99,21 @@ def full_colours(ring: str, levels: tuple[float, float, float] = (1.0, 1.0, 1.0)
     return np.asarray(np.rint(255 * lit * np.array(levels)).astype(np.uint8))
 
 
-def _locked(camera: Camera) -> dict[str, float]:
-    """Fix every control where it is: automatic ones would follow the press."""
+def _lock(camera: Camera) -> None:
+    """Fix every control where it is, the gain at its lowest: automatic ones would follow the press."""
     controls = camera.controls
     if controls is None:
-        return {}
-    if "gain" in controls.names():
-        controls.set("gain", controls.range("gain")[0])
-    return {name: controls.set(name, controls.read(name)) for name in controls.names()}
+        return
+    for name in controls.names():
+        controls.set(name, controls.range(name)[0] if name == "gain" else controls.read(name))
 
 
-def _picture(session: Session) -> NDArray[np.float32]:
-    """Return a picture, thinned out, in which the controls act that were set before."""
+def _brightest(session: Session) -> float:
+    """Grey level of the brightest hundredth of the brightest colour, when the controls act that were set before."""
     for _ in range(_CONTROL_FRAMES):
         frame = session.frame()
-    session.bulletin.show(live=frame.image)
-    return frame.image[::4, ::4].astype(np.float32)
-
-
-def _brightest(image: NDArray[np.float32]) -> float:
-    return float(np.percentile(image.reshape(-1, 3), 99, axis=0).max())
+    session.display.show(live=frame.image)
+    return float(np.percentile(frame.image[::4, ::4].reshape(-1, 3), 99, axis=0).max())
 
 
 def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
@@ -129,7 +126,7 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
         level = (float(share[0]), float(share[1]), float(share[2]))
         image = led_check.light(session, ring, full_colours(colours, level))
         if session.camera.controls is not None:
-            _expose(session, session.camera.controls, lambda: _brightest(_picture(session)))
+            _expose(session, session.camera.controls)
             image = led_check.light(session, ring, full_colours(colours, level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
@@ -143,13 +140,13 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
     return full_colours(colours, level)
 
 
-def _expose(session: Session, controls: CameraControls, brightest: Any) -> None:
+def _expose(session: Session, controls: CameraControls) -> None:
     """Set the exposure, then if need be the gain, so that the brightest hundredth is as wanted."""
     names = controls.names()
     if "exposure_us" not in names:
         return
     for _ in range(_ROUNDS):
-        seen = brightest()
+        seen = _brightest(session)
         if LOWEST_GREY < seen < HIGHEST_GREY and abs(seen - WANTED_GREY) < 15:
             return
         low, high, _step = controls.range("exposure_us")
@@ -170,8 +167,8 @@ def _amplify(controls: CameraControls, factor: float) -> None:
         controls.set("gain", float(np.clip(controls.read("gain") * factor, low, high)))
 
 
-def _advice(figures: dict[str, Any]) -> str:
-    brightest = max(figures[name]["brightest_grey"] for name in ("red", "green", "blue"))
+def _advice(found: Uniformities) -> str:
+    brightest = max(colour.brightest_grey for colour in (found.red, found.green, found.blue))
     if brightest < LOWEST_GREY:
         return f"the gel is dim: its brightest colour reaches {brightest:.0f}; give more light for less noise"
     if brightest > HIGHEST_GREY:

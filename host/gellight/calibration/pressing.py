@@ -1,30 +1,26 @@
 """Step 4: ball presses. Each is noticed when it holds still, its circle found, shown, and taken unless dropped."""
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-
 from gellight.base.errors import BundleError, InputError
 from gellight.calibration import ball_radius
 from gellight.calibration.choices import LEAST_PRESSES
-from gellight.calibration.circle import Circle, circle_of, drawn
+from gellight.calibration.circle import circle_of, corrected_circle, drawn
 from gellight.calibration.coverage import advice, coverage, coverage_picture
+from gellight.calibration.display import Picture, Progress
 from gellight.calibration.live_error import LiveError
-from gellight.calibration.sensing import Capture, Watcher, check_light, wait_free, wait_press
+from gellight.calibration.records import BallPresses, HeldOut, LiveCoverage, PixelSize, PressRecord
+from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
 from gellight.calibration.session import Session
 from gellight.frames.image_files import read_image
 from gellight.training.presses import Ball
 
-Floats = NDArray[np.float32]
 _PATIENCE = 0.5
 """an automatic routine gives up when more than this share of its presses is refused"""
 
 
 def ball_of(session: Session) -> Ball:
     """Return the ball as the camera sees it, now that the size of a pixel is known."""
-    size = session.folder.steps["pixel_size"]["pixel_size_mm"]
-    return Ball(radius_mm=session.options.ball_radius_mm, pixel_size_mm=size)
+    size_mm = session.folder.figures(PixelSize).pixel_size_mm
+    return Ball(radius_mm=session.options.ball_radius_mm, pixel_size_mm=size_mm)
 
 
 def collect_presses(session: Session) -> None:
@@ -39,36 +35,36 @@ class _Collector:
         self.session = session
         self.reference = session.folder.reference()
         self.ball = ball_of(session)
-        self.watcher = Watcher(self.reference, session.folder.steps["reference"]["noise_grey"])
+        self.detector = detector_of(session)
         self.live = LiveError(self.reference, self.ball)
-        for record, press in zip(session.folder.presses, session.folder.listed("presses"), strict=True):
-            self.live.add(record["number"], read_image(press.image), press)
+        for record in session.folder.state.presses:
+            self.learn(record)
         self.refused = 0
         self.enough = False
-        self.wanted = session.options.presses + session.folder.extra_presses
+        self.wanted = session.options.presses + session.folder.state.extra_presses
         self.radius_mm: float | None = None
 
     def run(self) -> None:
         session = self.session
-        self.tell()
-        asked = len(session.folder.presses)
+        self.show_progress()
+        asked = len(session.folder.state.presses)
         with session.offering("next", "correct", "drop"):
-            while not self.enough and len(session.folder.presses) < self.wanted:
-                wait_free(session, self.watcher)
+            while not self.enough and len(session.folder.state.presses) < self.wanted:
+                wait_free(session, self.detector)
                 if session.hand:
                     session.hand.ball(asked, self.ball.pixel_size_mm, session.camera.image_shape)
                     asked += 1
-                capture = wait_press(session, self.watcher, self.attend)
+                capture = wait_press(session, self.detector, self.attend)
                 if capture is not None:
                     self.take(capture)
                 if session.hand:
                     session.hand.lift()
-            wait_free(session, self.watcher)
+            wait_free(session, self.detector)
             self.attend()
         self.check_radius()
         if session.hand:
             self.drop_outliers()
-        session.folder.finish("presses", self.figures())
+        session.folder.finish(self.figures())
 
     def attend(self) -> bool:
         """Do what the user asked for; True when they want no more presses."""
@@ -84,11 +80,11 @@ class _Collector:
             elif action == "next":
                 self.stop()
         except InputError as error:
-            self.session.bulletin.post(problem=str(error))
+            self.session.display.update(problem=str(error))
         return self.enough
 
     def stop(self) -> None:
-        count = len(self.session.folder.presses)
+        count = len(self.session.folder.state.presses)
         if count < LEAST_PRESSES:
             raise InputError(f"{count} presses are too few: press at least {LEAST_PRESSES - count} more times")
         self.enough = True
@@ -100,51 +96,56 @@ class _Collector:
             circle = circle_of(capture.image, self.reference, self.ball)
         except InputError as error:
             self.refused += 1
-            session.bulletin.post(problem=str(error))
+            session.display.update(problem=str(error))
             if session.hand and self.refused > _PATIENCE * session.options.presses:
                 raise
             return
-        record = session.folder.add("presses", capture.image, circle.as_json())
-        session.bulletin.post(problem="", press={**record, "state": "taken"})
-        session.bulletin.show(press=drawn(capture.image, circle))
-        self.live.add(record["number"], capture.image, session.folder.listed("presses")[-1])
-        self.tell()
-        if len(session.folder.presses) == ball_radius.LEAST_PRESSES:
+        record = session.folder.add_press(capture.image, circle)
+        self.learn(record)
+        session.display.update(problem="", press=record.shown("taken"))
+        session.display.show(press=drawn(capture.image, circle))
+        self.show_progress()
+        if len(session.folder.state.presses) == ball_radius.LEAST_PRESSES:
             self.check_radius()
 
     def drop(self, arguments: dict[str, float]) -> None:
-        number = int(arguments.get("number", self.last()["number"]))
-        self.session.folder.drop("presses", number)
-        self.live.drop(number)
-        self.session.bulletin.post(press=None)
-        self.tell()
+        self.forget(int(arguments.get("number", self.last().number)))
+        self.session.display.update(press=None)
+        self.show_progress()
 
     def correct(self, arguments: dict[str, float]) -> None:
-        record = self.last()
-        circle = Circle.checked(arguments, self.ball, self.session.camera.image_shape)
-        record.update(circle.as_json())
-        self.session.folder.save()
-        press = self.session.folder.listed("presses")[-1]
-        image = read_image(press.image)
-        self.live.add(record["number"], image, press)
-        self.session.bulletin.post(press={**record, "state": "corrected"})
-        self.session.bulletin.show(press=drawn(image, circle))
-        self.tell()
+        number = self.last().number
+        circle = corrected_circle(arguments, self.ball, self.session.camera.image_shape)
+        record = self.session.folder.correct_press(number, circle)
+        image = self.learn(record)
+        self.session.display.update(press=record.shown("corrected"))
+        self.session.display.show(press=drawn(image, circle))
+        self.show_progress()
 
-    def last(self) -> dict[str, Any]:
-        if not self.session.folder.presses:
+    def last(self) -> PressRecord:
+        if not self.session.folder.state.presses:
             raise InputError("there is no press yet to change")
-        return self.session.folder.presses[-1]
+        return self.session.folder.state.presses[-1]
+
+    def learn(self, record: PressRecord) -> Picture:
+        """Let the live error learn a press, or learn it again with another circle; returns its picture."""
+        press = record.press(self.session.folder.path)
+        image = read_image(press.image)
+        self.live.add(record.number, image, press)
+        return image
+
+    def forget(self, number: int) -> None:
+        self.session.folder.drop_press(number)
+        self.live.drop(number)
 
     def drop_outliers(self) -> None:
         for number in self.live.outliers():
-            self.session.folder.drop("presses", number)
-            self.live.drop(number)
+            self.forget(number)
             self.refused += 1
 
     def check_radius(self) -> None:
         """Ask whether the ball is the one that was named, where the light tells its radius."""
-        presses = self.session.folder.listed("presses")
+        presses = self.session.folder.presses()
         images = [read_image(press.image) for press in presses]
         self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
         named = self.session.options.ball_radius_mm
@@ -158,34 +159,34 @@ class _Collector:
             raise BundleError(problem)
         self.session.questioned(problem)
 
-    def tell(self) -> None:
+    def show_progress(self) -> None:
         """Show how far it is, what is covered and what is missing."""
         session = self.session
-        presses, wanted = session.folder.listed("presses"), self.wanted
+        presses, wanted = session.folder.presses(), self.wanted
         error = self.live.update()
         found = coverage(presses, self.ball, session.camera.image_shape)
         words = advice(found, len(presses), wanted, settled=self.live.settled())
         doubtful = self.live.outliers()
-        session.bulletin.post(
+        session.display.update(
             instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, from a "
             "light touch to 2 mm deep, at ever other places, up to the edges. Hold still until it is taken, then "
             "lift. A wrong circle can be corrected or dropped.",
-            progress={"done": len(presses), "wanted": wanted, "unit": "presses"},
+            progress=Progress(done=len(presses), wanted=wanted, unit="presses"),
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
-            coverage={**found.as_json(), "held_out": [list(point) for point in self.live.history]},
+            coverage=LiveCoverage(held_out=tuple(self.live.history), **dict(found.figures())),
         )
-        session.bulletin.show(coverage=coverage_picture(found, session.camera.image_shape))
+        session.display.show(coverage=coverage_picture(found, session.camera.image_shape))
         if error is not None:
-            session.bulletin.note("held_out", {"normal_error_deg": error, "presses": len(presses)})
+            session.display.add_figures("held_out", HeldOut(normal_error_deg=error, presses=len(presses)))
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> BallPresses:
         session = self.session
-        found = coverage(session.folder.listed("presses"), self.ball, session.camera.image_shape)
-        return {
-            "presses": len(session.folder.presses),
-            "refused": self.refused,
-            "coverage": found.as_json(),
-            "held_out": [list(point) for point in self.live.history],
-            "likely_radius_mm": self.radius_mm,
-            "press_error_deg": {str(n): error for n, error in self.live.by_press.items()},
-        }
+        found = coverage(session.folder.presses(), self.ball, session.camera.image_shape)
+        return BallPresses(
+            presses=len(session.folder.state.presses),
+            refused=self.refused,
+            coverage=found.figures(),
+            held_out=tuple(self.live.history),
+            likely_radius_mm=self.radius_mm,
+            press_error_deg=self.live.by_press,
+        )

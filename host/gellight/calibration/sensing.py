@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.calibration.records import UntouchedGel
 from gellight.calibration.session import Session
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.image_noise import square_means
@@ -20,7 +21,7 @@ STILL_FRAMES = 3
 MEAN_FRAMES = 4
 """so many frames are averaged for a press"""
 PATIENCE_FRAMES = 150
-"""so long something may be wrong before the user is told"""
+"""so many frames may something be wrong before the user is told"""
 _SIGMAS = 6.0
 _LEAST_CHANGE_GREY = 1.5
 _TOUCHED_SHARE = 0.0015
@@ -34,7 +35,7 @@ def block_means(image: NDArray[np.generic]) -> Floats:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sight:
+class GelState:
     """What one frame shows."""
 
     touched: float
@@ -53,8 +54,8 @@ class Sight:
         return self.moved < _TOUCHED_SHARE
 
 
-class Watcher:
-    """Looks at every frame of a camera, given the untouched gel."""
+class TouchDetector:
+    """Compares every frame with the untouched gel and with the frame before."""
 
     def __init__(self, reference: Floats, noise_grey: float) -> None:
         """Compare with the reference, (H, W, 3) grey levels."""
@@ -62,14 +63,19 @@ class Watcher:
         self._threshold = max(_LEAST_CHANGE_GREY, _SIGMAS * noise_grey / BLOCK_PX)
         self._last: Floats | None = None
 
-    def look(self, frame: CameraFrame) -> Sight:
+    def look(self, frame: CameraFrame) -> GelState:
         """Judge the next frame; the first one counts as moving."""
         seen = block_means(frame.image)
         difference = seen - self._reference
         touched = np.abs(difference - light_drift(difference)).max(axis=2) > self._threshold
         moved = 1.0 if self._last is None else float((_largest(seen - self._last) > 1.5 * self._threshold).mean())
         self._last = seen
-        return Sight(touched=float(touched.mean()), moved=moved)
+        return GelState(touched=float(touched.mean()), moved=moved)
+
+
+def detector_of(session: Session) -> TouchDetector:
+    """Return what compares frames with the reference of a calibration."""
+    return TouchDetector(session.folder.reference(), session.folder.figures(UntouchedGel).noise_grey)
 
 
 def _largest(difference: Floats) -> Floats:
@@ -86,54 +92,56 @@ class Capture:
     """the last of them"""
 
 
-def wait_free(session: Session, watcher: Watcher, *, patience: int = PATIENCE_FRAMES) -> None:
+def wait_free(session: Session, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
     """Wait until nothing touches; after so many frames say what may be wrong."""
     complained, light = False, _Light(session, patience)
-    session.bulletin.post(awaiting="lift")
+    session.display.update(awaiting="lift")
     for count, frame in enumerate(session.frames()):
-        sight = watcher.look(frame)
-        session.bulletin.show(live=frame.image)
+        gel = detector.look(frame)
+        session.display.show(live=frame.image)
         if light.is_out(frame.image):
             continue
-        if sight.free and sight.still:
-            session.bulletin.post(problem="" if complained else session.bulletin.problem, awaiting="")
+        if gel.free and gel.still:
+            session.display.update(problem="" if complained else session.display.problem, awaiting="")
             return
         if count >= patience and not complained:
             problem = (
-                f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
+                f"{gel.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
                 "touches it, something lay on it when the reference was taken: stop and begin again"
             )
             if session.hand:
                 raise InputError(problem)
             complained = True
-            session.bulletin.post(problem=problem)
+            session.display.update(problem=problem)
 
 
-def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) -> Capture | None:
+def wait_press(session: Session, detector: TouchDetector, ended: Callable[[], bool]) -> Capture | None:
     """Wait for a press that holds still, and average it; None when `ended` says so first.
 
-    A press that moves while it is captured is told, and waited for again.
+    Where it moves while it is captured, the user is told so, and it is waited for again.
     """
     still, taken, light = 0, list[CameraFrame](), _Light(session)
-    session.bulletin.post(awaiting="press")
+    session.display.update(awaiting="press")
     for frame in session.frames():
         if ended():
-            session.bulletin.post(awaiting="")
+            session.display.update(awaiting="")
             return None
-        sight = watcher.look(frame)
-        session.bulletin.show(live=frame.image)
-        if light.is_out(frame.image) or sight.free:
+        gel = detector.look(frame)
+        session.display.show(live=frame.image)
+        if light.is_out(frame.image) or gel.free:
             still, taken = 0, []
-        elif not sight.still:
+        elif not gel.still:
             if taken:
-                session.bulletin.post(problem="it moved while it was captured: hold the tool still, or lift and repeat")
+                session.display.update(
+                    problem="it moved while it was captured: hold the tool still, or lift and repeat"
+                )
             still, taken = 0, []
         elif still < STILL_FRAMES:
             still += 1
         else:
             taken.append(frame)
             if len(taken) == MEAN_FRAMES:
-                session.bulletin.post(awaiting="")
+                session.display.update(awaiting="")
                 return Capture(image=mean_image(taken), frame=taken[-1])
     raise AssertionError("frames come for ever")
 

@@ -4,24 +4,26 @@ import queue
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import load_bundle
-from gellight.calibration.bulletin import STEPS, Bulletin
 from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.display import STEPS, Display
 from gellight.calibration.folder import Folder
+from gellight.calibration.records import Identity, Preparation
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 
 
-class Aborted(Exception):  # noqa: N818  (it is a wish, not a fault)
+class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
     """The user stopped the calibration."""
 
 
-class Hand(Protocol):
+class AutomaticHand(Protocol):
     """Presses the tools into the gel where no user does."""
 
     def cylinder(self, number: int) -> None:
@@ -41,9 +43,11 @@ class Hand(Protocol):
 
 
 class Session:
-    """One calibration while it runs; used by the thread of the routine, `ask` and `bulletin` by any."""
+    """One calibration while it runs: used by the thread of the routine; any thread may use `ask` and `display`."""
 
-    def __init__(self, camera: Camera, options: RoutineOptions, folder: Any, *, hand: Hand | None = None) -> None:
+    def __init__(
+        self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: AutomaticHand | None = None
+    ) -> None:
         """Open the state in `folder`; InputError or BundleError for the folder or bundle of another sensor."""
         _check_target(options, camera.image_shape)
         if camera.stage is not None:
@@ -51,7 +55,7 @@ class Session:
         self.camera = camera
         self.options = options
         self.hand = hand
-        self.bulletin = Bulletin(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
+        self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
         self._asked: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
@@ -89,47 +93,47 @@ class Session:
     @contextmanager
     def offering(self, *actions: str) -> Iterator[None]:
         """Offer these actions, and always to abort, for a while."""
-        self.bulletin.post(actions=(*actions, "abort"))
+        self.display.update(actions=(*actions, "abort"))
         try:
             yield
         finally:
-            self.bulletin.post(actions=("abort",))
+            self.display.update(actions=("abort",))
 
     def relight(self) -> None:
         """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
-        levels, ring = self.folder.steps["prepare"]["led"], self.camera.ring
+        levels, ring = self.folder.figures(Preparation).led, self.camera.ring
         if levels and ring is not None:
             ring.wait_for_light(ring.set_leds(np.array(levels, np.uint8)).light_id)
 
     def confirmed(self, instruction: str) -> None:
-        """Show an instruction and wait until the user says next; a hand needs no telling."""
-        self.bulletin.post(instruction=instruction)
+        """Show an instruction and wait until the user says next; an automatic hand goes on at once."""
+        self.display.update(instruction=instruction)
         if self.hand:
             return
         with self.offering("next"):
             while (asked := self.asked()) is None or asked[0] != "next":
-                self.bulletin.show(live=self.frame().image)
+                self.display.show(live=self.frame().image)
 
     def questioned(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
-        before = self.bulletin.actions
-        self.bulletin.post(problem=problem)
+        before = self.display.actions
+        self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
             while (asked := self.asked()) is None or asked[0] not in ("accept", "next"):
-                self.bulletin.show(live=self.frame().image)
-        self.bulletin.post(problem="", actions=before)
+                self.display.show(live=self.frame().image)
+        self.display.update(problem="", actions=before)
         return asked[0] == "accept"
 
 
-def _identity(camera: Camera, options: RoutineOptions) -> dict[str, Any]:
+def _identity(camera: Camera, options: RoutineOptions) -> Identity:
     height, width = camera.image_shape
-    return {
-        "sensor": options.sensor,
-        "image_size_px": [width, height],
-        "ball_radius_mm": options.ball_radius_mm,
-        "cylinder_diameter_mm": options.cylinder_diameter_mm,
-        "pin_pitch_mm": options.pin_pitch_mm,
-    }
+    return Identity(
+        sensor=options.sensor,
+        image_size_px=(width, height),
+        ball_radius_mm=options.ball_radius_mm,
+        cylinder_diameter_mm=options.cylinder_diameter_mm,
+        pin_pitch_mm=options.pin_pitch_mm,
+    )
 
 
 def _check_target(options: RoutineOptions, image_shape: tuple[int, int]) -> None:

@@ -13,7 +13,6 @@ from gellight.calibration.verifying import verify
 
 def run_steps(session: Session) -> Bundle | None:
     """Go through all steps and return the bundle that passed, None where the verdict was bad."""
-    done = session.folder.steps
     for step, first, again in (
         ("prepare", prepare, prepare_again),
         ("reference", take_reference, compare_with_reference),
@@ -22,14 +21,15 @@ def run_steps(session: Session) -> Bundle | None:
         ("presses", collect_presses, None),
         ("fit", fit, None),
     ):
-        if step not in session.bulletin.steps:
+        if step not in session.display.steps:
             continue
-        session.bulletin.post(step=step, progress={}, problem="", press=None, advice="")
-        if step not in done:
+        session.display.begin_step(step)
+        if session.folder.done(step) is None:
             first(session)
         elif again:
             again(session)
-        session.bulletin.note(step, done[step])
+        if figures := session.folder.done(step):
+            session.display.add_figures(step, figures)
     straighten(session)
-    session.bulletin.post(step="verify", progress={}, problem="", press=None, advice="")
+    session.display.begin_step("verify")
     return verify(session)

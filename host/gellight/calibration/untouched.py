@@ -1,13 +1,14 @@
 """Step 2: the untouched gel. Waits until the light has warmed up, then averages frames and measures their noise."""
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.calibration.sensing import Watcher, block_means, check_light
+from gellight.calibration.display import Progress
+from gellight.calibration.records import UntouchedGel, WarmUp
+from gellight.calibration.sensing import TouchDetector, block_means, check_light, detector_of
 from gellight.calibration.session import Session
 from gellight.reconstruction.image_noise import ImageNoise, measure_noise
 from gellight.reconstruction.light_drift import light_drift
@@ -27,9 +28,9 @@ _LARGEST_RETURN_GREY = 3.0
 def take_reference(session: Session) -> None:
     """Do the whole step and keep the reference and its figures."""
     session.confirmed("Take your hands off the gel: the untouched gel is recorded. Then go on.")
-    session.bulletin.post(instruction="The untouched gel is recorded. Touch nothing.")
+    session.display.update(instruction="The untouched gel is recorded. Touch nothing.")
     while True:
-        drift = wait_steady(session)
+        warm_up = wait_steady(session)
         try:
             image, noise = _averaged(_record(session, session.options.reference_frames))
             check_light(np.rint(image).astype(np.uint8), "the untouched gel")
@@ -40,22 +41,22 @@ def take_reference(session: Session) -> None:
         if share <= _FOREIGN_SHARE or _kept(session, share):
             break
     session.folder.keep_reference(image)
-    figures: dict[str, Any] = {
-        "frames": session.options.reference_frames,
-        "noise_grey": noise.white_grey,
-        "pixel_noise_grey": noise.pixel_grey,
-        **drift,
-    }
-    session.folder.finish("reference", figures)
-    session.bulletin.post(problem="")
+    session.folder.finish(
+        UntouchedGel(
+            frames=session.options.reference_frames,
+            noise_grey=noise.white_grey,
+            pixel_noise_grey=noise.pixel_grey,
+            **dict(warm_up),
+        )
+    )
+    session.display.update(problem="")
 
 
 def compare_with_reference(session: Session) -> None:
     """After an interruption: refuse to go on under another light than that of the reference."""
-    session.bulletin.post(instruction="The light is compared with the reference. Touch nothing.")
+    session.display.update(instruction="The light is compared with the reference. Touch nothing.")
     wait_steady(session)
     reference = session.folder.reference()
-    watcher = Watcher(reference, session.folder.steps["reference"]["noise_grey"])
     frame = session.frame()
     difference = block_means(frame.image) - block_means(reference)
     drift = float(np.abs(light_drift(difference)).max())
@@ -64,12 +65,12 @@ def compare_with_reference(session: Session) -> None:
             f"the untouched gel is now {drift:.1f} grey levels away from the reference of {session.folder.path}: "
             "remove that folder and begin again"
         )
-    if not watcher.look(frame).free:
+    if not detector_of(session).look(frame).free:
         raise InputError("something touches the gel: take it off and start again")
 
 
-def wait_steady(session: Session) -> dict[str, Any]:
-    """Wait until the light no longer drifts; returns frames waited, and the drift seen on the way and at the end."""
+def wait_steady(session: Session) -> WarmUp:
+    """Wait until the light no longer drifts; CameraError where it does not become steady."""
     first: NDArray[np.float64] | None = None
     levels: deque[NDArray[np.float64]] = deque(maxlen=2 * WINDOW)
     for count in range(LONGEST_WAIT_FRAMES):
@@ -80,16 +81,13 @@ def wait_steady(session: Session) -> dict[str, Any]:
         before, after = (np.mean(list(levels)[part], axis=0) for part in (slice(0, WINDOW), slice(WINDOW, None)))
         first = before if first is None else first
         change = float(np.abs(after - before).max())
-        session.bulletin.show(live=frame.image)
-        session.bulletin.post(
-            progress={"done": round(change, 3), "wanted": STEADY_GREY, "unit": "grey levels of drift"}
+        session.display.show(live=frame.image)
+        session.display.update(
+            progress=Progress(done=round(change, 3), wanted=STEADY_GREY, unit="grey levels of drift")
         )
         if change < STEADY_GREY:
-            return {
-                "warm_up_frames": count + 1,
-                "warm_up_grey": float(np.abs(after - first).max()),
-                "drift_grey": change,
-            }
+            moved = float(np.abs(after - first).max())
+            return WarmUp(warm_up_frames=count + 1, warm_up_grey=moved, drift_grey=change)
     raise CameraError(
         f"the light still drifts by {change:.2f} grey levels after {LONGEST_WAIT_FRAMES} frames: "
         "switch off automatic exposure and white balance, and keep other light away"
@@ -99,20 +97,20 @@ def wait_steady(session: Session) -> dict[str, Any]:
 def _record(session: Session, count: int) -> list[NDArray[np.uint8]]:
     """Record frames of the gel at rest; InputError if something moves meanwhile."""
     images: list[NDArray[np.uint8]] = []
-    watcher: Watcher | None = None
+    detector: TouchDetector | None = None
     while len(images) < count:
         frame = session.frame()
-        if watcher is None:
-            watcher = Watcher(frame.image.astype(np.float32), 2.0)
-            watcher.look(frame)
-        sight = watcher.look(frame)
-        if not (sight.free and sight.still):
+        if detector is None:
+            detector = TouchDetector(frame.image.astype(np.float32), 2.0)
+            detector.look(frame)
+        gel = detector.look(frame)
+        if not (gel.free and gel.still):
             raise InputError(
-                f"something moved on {max(sight.touched, sight.moved):.0%} of the gel while the reference was taken: "
+                f"something moved on {max(gel.touched, gel.moved):.0%} of the gel while the reference was taken: "
                 "take your hands off and repeat"
             )
         images.append(frame.image)
-        session.bulletin.post(progress={"done": len(images), "wanted": count, "unit": "frames"})
+        session.display.update(progress=Progress(done=len(images), wanted=count, unit="frames"))
     return images
 
 
@@ -128,7 +126,7 @@ def _averaged(images: list[NDArray[np.uint8]]) -> tuple[Floats, ImageNoise]:
 def _ask_again(session: Session, error: InputError) -> None:
     if session.hand:
         raise error
-    session.bulletin.post(problem=str(error))
+    session.display.update(problem=str(error))
     session.confirmed("Take everything off the gel, then go on.")
 
 

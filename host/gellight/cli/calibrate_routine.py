@@ -1,7 +1,6 @@
 """`gellight calibrate` itself: the guided routine in the terminal, and by itself on the simulated sensor."""
 
 import json
-import shutil
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from gellight.cli import calibrate_objects
 if TYPE_CHECKING:
     from gellight.bundle.bundle import Bundle
     from gellight.calibration.choices import RoutineOptions
+    from gellight.calibration.records import Identity
     from gellight.calibration.routine import Routine
     from gellight.frames.camera import Camera
 
@@ -81,10 +81,11 @@ def command(
     if context.invoked_subcommand:
         return
     from gellight.calibration.choices import Limits, RoutineOptions
+    from gellight.calibration.folder import discard
 
     place = folder or out.with_name(out.name + ".state")
-    _choose_state(place, resume=resume, restart=restart)
-    tools = _tools(place, ball_radius_mm, cylinder_diameter_mm, pin_pitch_mm)
+    begun = _begun(place, resume=resume, restart=restart)
+    tools = _tools(begun, ball_radius_mm, cylinder_diameter_mm, pin_pitch_mm)
     limits = Limits(depth_mm=largest_depth_error_um / 1000, normal_deg=largest_normal_error_deg)
     options = RoutineOptions(
         out=out,
@@ -95,17 +96,16 @@ def command(
         overwrite=overwrite,
         **tools,
     )
+    if restart:
+        discard(place)
     work = _Work(sensor, options, place, name=name, seed=seed if auto else None, install=install)
     _tell(_calibrate(work, quiet=as_json), as_json)
 
 
-def _tools(place: Path, ball: float | None, cylinder: float | None, pins: float | None) -> dict[str, Any]:
+def _tools(begun: "Identity | None", ball: float | None, cylinder: float | None, pins: float | None) -> dict[str, Any]:
     """What was given, else what the interrupted calibration was begun with; the rest is left to the defaults."""
-    from gellight.calibration.folder import begun_with
-
-    begun = begun_with(place)
     given = {"ball_radius_mm": ball, "cylinder_diameter_mm": cylinder, "pin_pitch_mm": pins}
-    chosen = {name: begun.get(name) if value is None else value for name, value in given.items()}
+    chosen = {name: getattr(begun, name, None) if value is None else value for name, value in given.items()}
     return {name: value for name, value in chosen.items() if value is not None}
 
 
@@ -117,16 +117,16 @@ def _training(recipe: str, seed: int, threads: int) -> Any:
     return TrainingOptions(recipe=recipe, seed=seed, threads=threads)
 
 
-def _choose_state(place: Path, *, resume: bool, restart: bool) -> None:
-    from gellight.calibration.folder import has_state
+def _begun(place: Path, *, resume: bool, restart: bool) -> "Identity | None":
+    """Return what the interrupted calibration that is gone on with was begun with; None for a new one."""
+    from gellight.calibration.folder import unfinished
 
-    interrupted = has_state(place)
-    if resume and not interrupted:
+    begun = unfinished(place)
+    if resume and begun is None:
         raise InputError(f"there is no interrupted calibration in {place}: leave --resume out, or give its --folder")
-    if interrupted and restart:
-        shutil.rmtree(place)
-    elif interrupted and not resume:
+    if begun is not None and not (resume or restart):
         raise InputError(f"an interrupted calibration lies in {place}: give --resume to go on, or --restart")
+    return None if restart else begun
 
 
 @dataclass(frozen=True)

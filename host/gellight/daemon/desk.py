@@ -4,7 +4,6 @@ The routine reads along the camera of the daemon, so the stream goes on, under w
 watch rests meanwhile.
 """
 
-import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -15,11 +14,11 @@ import platformdirs
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.errors import InputError
+from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RING_COLOURS, RoutineOptions
-from gellight.calibration.folder import begun_with, has_state
+from gellight.calibration.folder import discard, unfinished
 from gellight.calibration.routine import Routine
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore, sensor_name
@@ -122,7 +121,7 @@ class Desk:
             "sensor": self.sensor,
             "simulated": self._daemon.stage is not None,
             "defaults": self._defaults().model_dump(),
-            "interrupted": has_state(self._folder),
+            "interrupted": self._interrupted(),
             "in_service": self._daemon.bundle.identity,
             "bundles": [entry.as_json() for entry in self._store.bundles(self.sensor)],
             "routine": self._guide.snapshot() if self._guide else None,
@@ -130,12 +129,18 @@ class Desk:
 
     def _defaults(self) -> Wishes:
         """The tools of an interrupted calibration, which goes on with no others."""
-        begun = begun_with(self._folder)
-        tools = {name: begun[name] for name in TOOLS if name in begun}
         try:
+            begun = unfinished(self._folder)
+            tools = {name: getattr(begun, name) for name in TOOLS} if begun else {}
             return Wishes(hand=self._daemon.stage is not None, **tools)
-        except ValidationError:
-            return Wishes(hand=self._daemon.stage is not None)  # `begin` tells what is wrong with it
+        except (GellightError, ValidationError):
+            return Wishes(hand=self._daemon.stage is not None)  # `begin` says what is wrong with it
+
+    def _interrupted(self) -> bool:
+        try:
+            return unfinished(self._folder) is not None
+        except GellightError:
+            return True  # `begin` says what is wrong with it
 
     def begin(self, wishes: Wishes) -> None:
         """Begin a calibration; InputError while another one runs or for wishes that cannot be met."""
@@ -148,7 +153,7 @@ class Desk:
             if self._guide is not None and not self._guide.ended:
                 raise InputError("a calibration is going on: stop it before you begin another")
             if wishes.anew:
-                shutil.rmtree(self._folder, ignore_errors=True)
+                discard(self._folder)
             self._guide = self._begin(wishes, self._install)
             self._daemon.pause(True)
             self._guide.act("start")
@@ -191,7 +196,7 @@ class Desk:
     def _install(self, bundle: Bundle) -> None:
         install(bundle, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._daemon.camera)
         # It lies in the store now, and an ended calibration is not to be gone on with.
-        shutil.rmtree(self._folder, ignore_errors=True)
+        discard(self._folder)
 
     def _routine(self, wishes: Wishes, install: Callable[[Bundle], object]) -> Guide:
         camera = self._daemon.camera

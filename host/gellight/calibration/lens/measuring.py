@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.calibration.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.pins import dimples, marked, spots
+from gellight.calibration.records import LensFigures
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
@@ -66,26 +66,26 @@ def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *,
     return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
 
 
-def figures(fit: LensFit, bundle: Bundle) -> dict[str, Any]:
-    """Return what was measured, ready for JSON; mm at the size of a pixel in the middle of the picture."""
+def figures(fit: LensFit, bundle: Bundle) -> LensFigures:
+    """Return what was measured, rounded for people."""
     x_mm, y_mm = fit.lens.mm_per_px
     mm = float(np.sqrt(x_mm * y_mm))
     undistortion = Undistortion(fit.lens, bundle.pixel_size_mm, from_circles=False)
-    return {
-        "pins": fit.pins,
-        "pictures": len(fit.lattices),
-        "rms_before_px": round(fit.rms_before_px, 4),
-        "rms_after_px": round(fit.rms_after_px, 4),
-        "rms_before_mm": round(fit.rms_before_px * mm, 5),
-        "rms_after_mm": round(fit.rms_after_px * mm, 5),
-        "corner_moves_px": round(fit.lens.bend_px, 2),
-        "k1": round(fit.lens.k1, 5),
-        "k2": round(fit.lens.k2, 5),
-        "centre_px": [round(c, 1) for c in fit.lens.centre_px],
-        "middle_mm_per_px": [round(x_mm, 6), round(y_mm, 6)],
-        "bundle_mm_per_px": list(bundle.pixel_size_mm),
-        "not_seen_share": round(float(1 - undistortion.seen.mean()), 4),
-    }
+    return LensFigures(
+        pins=fit.pins,
+        pictures=len(fit.lattices),
+        rms_before_px=round(fit.rms_before_px, 4),
+        rms_after_px=round(fit.rms_after_px, 4),
+        rms_before_mm=round(fit.rms_before_px * mm, 5),
+        rms_after_mm=round(fit.rms_after_px * mm, 5),
+        corner_moves_px=round(fit.lens.bend_px, 2),
+        k1=round(fit.lens.k1, 5),
+        k2=round(fit.lens.k2, 5),
+        centre_px=(round(fit.lens.centre_px[0], 1), round(fit.lens.centre_px[1], 1)),
+        middle_mm_per_px=(round(x_mm, 6), round(y_mm, 6)),
+        bundle_mm_per_px=bundle.pixel_size_mm,
+        not_seen_share=round(float(1 - undistortion.seen.mean()), 4),
+    )
 
 
 def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
