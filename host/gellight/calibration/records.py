@@ -246,6 +246,11 @@ class CheckErrors(MethodErrors):
     """against the same truth, over the whole map"""
     true_contact_normal_deg: float | None = None
 
+    @property
+    def known_depth_mm(self) -> float:
+        """The depth error with nothing taken off, where a simulator knows it; else the same as `depth_mm`."""
+        return self.depth_mm if self.true_depth_mm is None else self.true_depth_mm
+
 
 class Verification(StepFigures, CheckErrors):
     """The mean errors over the fresh presses."""
@@ -260,6 +265,7 @@ class Verdict(Record):
 
     passed: bool
     depth_um: float
+    """`CheckErrors.known_depth_mm`"""
     normal_deg: float
     text: str
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import REPORT, Bundle, load_bundle, write_bundle
+from gellight.calibration.choices import Limits
 from gellight.calibration.circle import circle_of, drawn
 from gellight.calibration.display import Progress
 from gellight.calibration.preparing import led_settings
@@ -21,7 +22,7 @@ from gellight.calibration.records import (
     Verdict,
     Verification,
 )
-from gellight.calibration.report import Shown, page
+from gellight.calibration.report import Example, page
 from gellight.calibration.rerender import Rerenderer
 from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
 from gellight.calibration.session import Session
@@ -157,20 +158,13 @@ def true_errors(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, floa
 
 def _conclude(session: Session, draft: Bundle, judge: _Judge) -> Bundle | None:
     figures = summary(session.folder.state.checks, _second_opinions(session, draft, judge.ball))
-    limits = session.options.limits
-    passed = figures.depth_mm <= limits.depth_mm and figures.normal_deg <= limits.normal_deg
-    verdict = Verdict(
-        passed=passed,
-        depth_um=round(1000 * figures.depth_mm, 1),
-        normal_deg=round(figures.normal_deg, 2),
-        text=_words(figures, passed, session),
-    )
+    verdict = verdict_on(figures, session.options.limits)
     session.display.add_figures("verify", figures)
     session.display.update(verdict=verdict, instruction=verdict.text)
-    if not passed:
+    if not verdict.passed:
         session.folder.want_more(MORE_PRESSES)
         return None
-    report = page(session, verdict, figures, _shown(session, judge))
+    report = page(session, verdict, figures, _example(session, judge))
     bundle = _write(session, draft, figures, report)
     session.folder.finish(figures)
     session.folder.close()
@@ -200,27 +194,35 @@ def _second_opinions(session: Session, draft: Bundle, ball: Ball) -> dict[str, M
     return found
 
 
-def _words(figures: Verification, passed: bool, session: Session) -> str:
-    limits = session.options.limits
-    measured = (
-        f"{figures.presses} fresh presses: depth within {1000 * figures.depth_mm:.0f} µm, normals within "
-        f"{figures.normal_deg:.2f} degrees on average"
-    )
-    if passed:
-        return f"Passed. {measured}."
-    return (
-        f"Not passed. {measured}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} degrees. "
-        "Nothing was replaced. Press more, and check the radius of the ball."
-    )
+def verdict_on(figures: Verification, limits: Limits) -> Verdict:
+    """Judge the mean errors: every depth error that is known, and the normals, have to be within the limits."""
+    depth_mm = max(figures.depth_mm, figures.known_depth_mm)
+    passed = depth_mm <= limits.depth_mm and figures.normal_deg <= limits.normal_deg
+    text = f"Passed. {_words(figures)}."
+    if not passed:
+        text = (
+            f"Not passed. {_words(figures)}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} "
+            "degrees. Nothing was replaced. Press more, and check the radius of the ball."
+        )
+    depth_um, normal_deg = round(1000 * figures.known_depth_mm, 1), round(figures.normal_deg, 2)
+    return Verdict(passed=passed, depth_um=depth_um, normal_deg=normal_deg, text=text)
 
 
-def _shown(session: Session, judge: _Judge) -> Shown:
+def _words(figures: Verification) -> str:
+    shape = f"{1000 * figures.depth_mm:.0f} µm with the mean error of each press taken off"
+    depth = f"shape of the depth off by {shape}, since a contact circle does not say how deep its rim lies"
+    if figures.true_depth_mm is not None:
+        depth = f"depth off by {1000 * figures.true_depth_mm:.0f} µm on average in contact ({shape})"
+    return f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+
+
+def _example(session: Session, judge: _Judge) -> Example:
     """The fresh press with the median depth error, reconstructed again."""
-    checks = sorted(session.folder.state.checks, key=lambda check: check.figures.depth_mm)
+    checks = sorted(session.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
     press = checks[len(checks) // 2].press(session.folder.path)
     image = read_image(press.image)
     frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
-    return Shown(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
+    return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
 
 
 def _write(session: Session, draft: Bundle, figures: Verification, report: str) -> Bundle:
