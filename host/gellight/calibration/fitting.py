@@ -11,8 +11,8 @@ from gellight.training.presses import TableOptions
 from gellight.training.training import Reference
 
 TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
-"""The coating rounds the rim of the contact, so a wider ring is left out than a circle that is a pixel off asks for.
-Soft gel slopes a little even two radii away, so only what is farther counts as flat, and there is much of it."""
+"""The coating rounds the rim of the contact, so the outermost 2 px of the circle are left out. Soft gel still slopes a
+little two radii from the centre, so only what is beyond three counts as flat: as many pixels as lie in contact."""
 
 
 def fit(session: Session) -> None:
@@ -24,7 +24,7 @@ def fit(session: Session) -> None:
     losses: list[float] = []
 
     def report(epoch: int, epochs: int, loss: float) -> None:
-        session.asked()  # an abort ends the child
+        session.next_action()  # raises where the user aborts, which ends the child
         losses.append(loss)
         session.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 

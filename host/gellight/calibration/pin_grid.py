@@ -1,8 +1,8 @@
-"""The lens, where the user has a grid of pins: pressed after the cylinder, felt when the network is trained.
+"""The distortion of the lens, if the user has a pin grid: pressed after the cylinder, used after the training.
 
-The pins are looked for twice. When they are pressed nothing can be felt yet, and the difference image shows them some
-pixels off their places: enough to tell whether this is a grid, of the pitch that was named, over the whole view. The
-lens is fitted to the depth that the trained network feels, where they are right to some hundredths of a pixel.
+The pins are looked for twice. When they are pressed there is no network yet. The difference image shows them some
+pixels off: enough to check that it is a grid of the right pitch over the whole view. The lens is then fitted to pins in
+the depth that the trained network feels, which are right to some hundredths of a pixel.
 """
 
 from pathlib import Path
@@ -62,8 +62,8 @@ def _announce(session: Session, done: int, wanted: str) -> None:
 
 
 def _skipped(session: Session) -> bool:
-    asked = session.asked()
-    return asked is not None and asked[0] == "next"
+    chosen = session.next_action()
+    return chosen is not None and chosen[0] == "next"
 
 
 def _taken(session: Session, capture: Capture, reference: Floats) -> list[Lattice]:

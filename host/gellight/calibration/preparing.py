@@ -35,7 +35,7 @@ _DIMMEST_SHARE = 0.3
 def prepare(session: Session) -> None:
     """Do the whole step and keep its figures."""
     camera, options = session.camera, session.options
-    session.confirmed("Clean the gel, put nothing on it, and keep other light away. Then go on.")
+    session.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
     session.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
     _lock(camera)
     lights, led = None, None

@@ -1,4 +1,4 @@
-"""Step 4: ball presses. Each is noticed when it holds still, its circle found, shown, and taken unless dropped."""
+"""Step 4: ball presses. A press that holds still is taken; its circle is found and shown, and can be corrected."""
 
 from gellight.base.errors import BundleError, InputError
 from gellight.calibration import ball_radius
@@ -7,7 +7,7 @@ from gellight.calibration.circle import circle_of, corrected_circle, drawn
 from gellight.calibration.coverage import advice, coverage, coverage_picture
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.live_error import LiveError
-from gellight.calibration.records import BallPresses, HeldOut, LiveCoverage, PixelSize, PressRecord
+from gellight.calibration.records import BallPresses, LiveCoverage, PixelSize, PressRecord
 from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
 from gellight.calibration.session import Session
 from gellight.frames.image_files import read_image
@@ -29,7 +29,7 @@ def collect_presses(session: Session) -> None:
 
 
 class _Collector:
-    """The presses of one routine."""
+    """Collects the presses of one calibration."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -47,13 +47,13 @@ class _Collector:
     def run(self) -> None:
         session = self.session
         self.show_progress()
-        asked = len(session.folder.state.presses)
+        attempt = len(session.folder.state.presses)
         with session.offering("next", "correct", "drop"):
             while not self.enough and len(session.folder.state.presses) < self.wanted:
                 wait_free(session, self.detector)
                 if session.hand:
-                    session.hand.ball(asked, self.ball.pixel_size_mm, session.camera.image_shape)
-                    asked += 1
+                    session.hand.ball(attempt, self.ball.pixel_size_mm, session.camera.image_shape)
+                    attempt += 1
                 capture = wait_press(session, self.detector, self.attend)
                 if capture is not None:
                     self.take(capture)
@@ -68,10 +68,10 @@ class _Collector:
 
     def attend(self) -> bool:
         """Do what the user asked for; True when they want no more presses."""
-        asked = self.session.asked()
-        if asked is None:
+        chosen = self.session.next_action()
+        if chosen is None:
             return self.enough
-        action, arguments = asked
+        action, arguments = chosen
         try:
             if action == "drop":
                 self.drop(arguments)
@@ -157,27 +157,25 @@ class _Collector:
         )
         if self.session.hand:
             raise BundleError(problem)
-        self.session.questioned(problem)
+        self.session.wait_for_acceptance(problem)
 
     def show_progress(self) -> None:
         """Show how far it is, what is covered and what is missing."""
         session = self.session
         presses, wanted = session.folder.presses(), self.wanted
-        error = self.live.update()
+        self.live.update()
         found = coverage(presses, self.ball, session.camera.image_shape)
         words = advice(found, len(presses), wanted, settled=self.live.settled())
         doubtful = self.live.outliers()
         session.display.update(
             instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, from a "
-            "light touch to 2 mm deep, at ever other places, up to the edges. Hold still until it is taken, then "
+            "light touch to 2 mm deep, each time at another place, up to the edges. Hold still until it is taken, then "
             "lift. A wrong circle can be corrected or dropped.",
             progress=Progress(done=len(presses), wanted=wanted, unit="presses"),
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
-            coverage=LiveCoverage(held_out=tuple(self.live.history), **dict(found.figures())),
+            coverage=LiveCoverage(held_out=tuple(self.live.history), **dict(found)),
         )
         session.display.show(coverage=coverage_picture(found, session.camera.image_shape))
-        if error is not None:
-            session.display.add_figures("held_out", HeldOut(normal_error_deg=error, presses=len(presses)))
 
     def figures(self) -> BallPresses:
         session = self.session
@@ -185,7 +183,7 @@ class _Collector:
         return BallPresses(
             presses=len(session.folder.state.presses),
             refused=self.refused,
-            coverage=found.figures(),
+            coverage=found,
             held_out=tuple(self.live.history),
             likely_radius_mm=self.radius_mm,
             press_error_deg=self.live.by_press,

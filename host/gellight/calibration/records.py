@@ -155,12 +155,15 @@ class MeasuredLens(PinGrid, LensFigures):
     """The pin grid with the lens that was fitted to it."""
 
 
-class CoverageFigures(Record):
-    """Counts of presses by place, and of pixels by slope; see `coverage.Coverage`."""
+class Coverage(Record):
+    """Counts of presses by place, and of pixels by slope; see `coverage`."""
 
     places: list[list[int]]
+    """rows of presses that reached each part of the view"""
     slopes: list[list[int]]
+    """labelled pixels by direction, and by band of steepness"""
     steepness_deg: tuple[float, ...]
+    """where the bands begin and end"""
     steepest_deg: float
 
 
@@ -168,17 +171,10 @@ HeldOutCurve = tuple[tuple[int, float], ...]
 """(presses, normal error in degrees of each press by all others), as the presses came in"""
 
 
-class LiveCoverage(CoverageFigures):
+class LiveCoverage(Coverage):
     """The coverage while presses come in."""
 
     held_out: HeldOutCurve
-
-
-class HeldOut(Record):
-    """The newest point of the held-out curve."""
-
-    normal_error_deg: float
-    presses: int
 
 
 class BallPresses(StepFigures):
@@ -187,7 +183,7 @@ class BallPresses(StepFigures):
     step = "presses"
     presses: int
     refused: int
-    coverage: CoverageFigures
+    coverage: Coverage
     held_out: HeldOutCurve
     likely_radius_mm: float | None
     """of the ball, by the light; None where the light does not tell"""

@@ -103,11 +103,11 @@ class Routine:
         if action == "start":
             self._start()
         else:
-            self._session.ask(action, arguments)
+            self._session.submit(action, arguments)
 
     def stop(self) -> None:
         """Abort at the next frame, whatever is going on; the state stays in the folder."""
-        self._session.ask("abort", {})
+        self._session.submit("abort", {})
 
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended, or for `timeout_s`."""

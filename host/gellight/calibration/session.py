@@ -1,4 +1,4 @@
-"""What the steps of a calibration share: the camera, the options, the state on disk and the talk with the user."""
+"""What the steps of a calibration share: camera, options, state on disk, display, and the actions of the user."""
 
 import queue
 import threading
@@ -43,7 +43,7 @@ class AutomaticHand(Protocol):
 
 
 class Session:
-    """One calibration while it runs: used by the thread of the routine; any thread may use `ask` and `display`."""
+    """One calibration while it runs: used by the thread of the routine; any thread may use `submit` and `display`."""
 
     def __init__(
         self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: AutomaticHand | None = None
@@ -57,19 +57,19 @@ class Session:
         self.hand = hand
         self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
-        self._asked: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
+        self._actions: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
 
-    def ask(self, action: str, arguments: dict[str, float]) -> None:
+    def submit(self, action: str, arguments: dict[str, float]) -> None:
         """Hand an action of the user to the thread of the routine."""
         if action == "abort":
             self._stopped.set()
-        self._asked.put((action, arguments))
+        self._actions.put((action, arguments))
 
-    def asked(self) -> tuple[str, dict[str, float]] | None:
+    def next_action(self) -> tuple[str, dict[str, float]] | None:
         """Return the next action of the user, or None; raises Aborted if that is what they want."""
         try:
-            action, arguments = self._asked.get_nowait()
+            action, arguments = self._actions.get_nowait()
         except queue.Empty:
             return None
         if action == "abort":
@@ -92,7 +92,7 @@ class Session:
 
     @contextmanager
     def offering(self, *actions: str) -> Iterator[None]:
-        """Offer these actions, and always to abort, for a while."""
+        """Offer the user these actions, besides abort, while the block runs."""
         self.display.update(actions=(*actions, "abort"))
         try:
             yield
@@ -105,24 +105,24 @@ class Session:
         if levels and ring is not None:
             ring.wait_for_light(ring.set_leds(np.array(levels, np.uint8)).light_id)
 
-    def confirmed(self, instruction: str) -> None:
+    def wait_for_next(self, instruction: str) -> None:
         """Show an instruction and wait until the user says next; an automatic hand goes on at once."""
         self.display.update(instruction=instruction)
         if self.hand:
             return
         with self.offering("next"):
-            while (asked := self.asked()) is None or asked[0] != "next":
+            while (chosen := self.next_action()) is None or chosen[0] != "next":
                 self.display.show(live=self.frame().image)
 
-    def questioned(self, problem: str, *, retry: bool = False) -> bool:
+    def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
         before = self.display.actions
         self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
-            while (asked := self.asked()) is None or asked[0] not in ("accept", "next"):
+            while (chosen := self.next_action()) is None or chosen[0] not in ("accept", "next"):
                 self.display.show(live=self.frame().image)
         self.display.update(problem="", actions=before)
-        return asked[0] == "accept"
+        return chosen[0] == "accept"
 
 
 def _identity(camera: Camera, options: RoutineOptions) -> Identity:

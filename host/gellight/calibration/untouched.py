@@ -27,7 +27,7 @@ _LARGEST_RETURN_GREY = 3.0
 
 def take_reference(session: Session) -> None:
     """Do the whole step and keep the reference and its figures."""
-    session.confirmed("Take your hands off the gel: the untouched gel is recorded. Then go on.")
+    session.wait_for_next("Take your hands off the gel: the untouched gel is recorded. Then go on.")
     session.display.update(instruction="The untouched gel is recorded. Touch nothing.")
     while True:
         warm_up = wait_steady(session)
@@ -38,7 +38,7 @@ def take_reference(session: Session) -> None:
             _ask_again(session, error)
             continue
         share = foreign_share(image)
-        if share <= _FOREIGN_SHARE or _kept(session, share):
+        if share <= _FOREIGN_SHARE or _accepted(session, share):
             break
     session.folder.keep_reference(image)
     session.folder.finish(
@@ -127,10 +127,10 @@ def _ask_again(session: Session, error: InputError) -> None:
     if session.hand:
         raise error
     session.display.update(problem=str(error))
-    session.confirmed("Take everything off the gel, then go on.")
+    session.wait_for_next("Take everything off the gel, then go on.")
 
 
-def _kept(session: Session, share: float) -> bool:
+def _accepted(session: Session, share: float) -> bool:
     """Ask whether to keep a reference that looks touched: light alone changes smoothly over the gel."""
     problem = (
         f"{share:.0%} of the untouched gel does not look like smooth light: something lies on it or presses it; take "
@@ -138,7 +138,7 @@ def _kept(session: Session, share: float) -> bool:
     )
     if session.hand:
         raise InputError(problem)
-    return session.questioned(f"{problem}; accept it if the gel has printed marks", retry=True)
+    return session.wait_for_acceptance(f"{problem}; accept it if the gel has printed marks", retry=True)
 
 
 def foreign_share(image: Floats) -> float:

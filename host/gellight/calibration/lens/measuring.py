@@ -23,8 +23,8 @@ from gellight.training.training import read_reference
 def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, reference: str | None = None) -> LensFit:
     """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
 
-    reference: the untouched gel, for pins that press into it: they are felt by the network of the bundle. Without it
-    they are spots in the picture itself. Raises InputError with the reason where the pictures do not tell the lens.
+    reference: the untouched gel, for pins that press into it; they are found in the depth that the bundle's network
+    feels. Without it they are spots in the picture. Raises InputError, with the reason, where no lens can be fitted.
     """
     if not (np.isfinite(pitch_mm) and pitch_mm > 0):
         raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
@@ -43,7 +43,7 @@ def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, refere
 
 
 def _touching(bundle: Bundle, reference: str) -> Callable[[Picture], Floats]:
-    """Return what feels the (H, W) depth in a picture, mm, over the picture as it was taken."""
+    """Return a function from a picture to its (H, W) depth, mm, in pixels of the picture as it was taken."""
     untouched = read_reference(reference)
     bundle.check_fits(reference, untouched.image_shape)
     bundle = bundle.with_reference(untouched.image, frames=untouched.frames)
@@ -51,7 +51,7 @@ def _touching(bundle: Bundle, reference: str) -> Callable[[Picture], Floats]:
 
 
 def depth_feeler(reconstructor: Reconstructor) -> Callable[[Picture], Floats]:
-    """Return what feels the (H, W) depth in a picture, mm."""
+    """Return a function from a picture to its (H, W) depth, mm."""
 
     def feel(picture: Picture) -> Floats:
         frame = CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")
