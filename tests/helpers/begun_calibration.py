@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gellight.calibration.folder import Folder
-from gellight.calibration.records import Identity
+from gellight.calibration.state import Identity
 
 
 def identity(

@@ -10,102 +10,36 @@ draft/            the bundle before it is verified
 
 import io
 import json
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.base.writing import write_file
-from gellight.bundle.bundle import load_bundle
-from gellight.bundle.manifest import MANIFEST
 from gellight.calibration.display import Picture
-from gellight.calibration.records import (
-    SCHEMA_VERSION,
-    CheckErrors,
+from gellight.calibration.records import CheckErrors, Circle, StepFigures
+from gellight.calibration.state import (
+    DRAFT,
+    KINDS,
+    REFERENCE,
+    STATE,
     CheckRecord,
-    Circle,
     Identity,
     PictureRecord,
     PressRecord,
     State,
-    StepFigures,
+    discard,
+    state_in,
+    writing,
 )
 from gellight.report.pictures import write_png
 from gellight.training.presses import Press
 
-STATE = "state.json"
-_REFERENCE = "reference.npy"
-_DRAFT = "draft"
-_KINDS = ("presses", "checks", "grids")
-_SHOWN = ("press.png", "cylinder.png", "pins.png")
-"""pictures that the terminal keeps beside the state"""
 _Figures = TypeVar("_Figures", bound=StepFigures)
 _Kept = TypeVar("_Kept", bound=PictureRecord)
-
-
-def unfinished(path: Path) -> Identity | None:
-    """Return what the interrupted calibration in a folder was begun with; None where there is none.
-
-    Raises InputError for a `state.json` that no calibration wrote, BundleError for a damaged one.
-    """
-    state = _state_in(path)
-    return None if state is None or state.finished else state.identity
-
-
-def discard(path: Path) -> None:
-    """Remove the calibration in a folder: only the files it wrote, and folders that are empty then.
-
-    Does nothing where there is none. Raises InputError or BundleError, and removes nothing, as `unfinished` does.
-    """
-    state = _state_in(path)
-    if state is None:
-        return
-    pictures = [record.file for record in (*state.presses, *state.checks, *state.grids)]
-    with _writing(path):
-        for name in (*pictures, *_draft_files(path), *_SHOWN, _REFERENCE, STATE):
-            (path / name).unlink(missing_ok=True)
-    for name in (*_KINDS, _DRAFT, "."):
-        with suppress(OSError):  # it is not there, or holds something else
-            (path / name).resolve().rmdir()
-
-
-def _draft_files(path: Path) -> list[str]:
-    try:
-        draft = load_bundle(path / _DRAFT)
-    except BundleError:
-        return []  # there is none, or no telling which files are its own
-    return [f"{_DRAFT}/{name}" for name in (MANIFEST, *draft.files)]
-
-
-def _state_in(path: Path) -> State | None:
-    """Read the state in a folder; None where there is none."""
-    place = path / STATE
-    try:
-        content = json.loads(place.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except (OSError, ValueError) as error:
-        raise BundleError(f"{place} cannot be read ({error}): move {path} away and begin again") from error
-    if not isinstance(content, dict) or not {"schema_version", "identity"} <= set(content):
-        raise InputError(f"{place} is not the state of a calibration: give a new folder, nothing was changed in {path}")
-    if content["schema_version"] != SCHEMA_VERSION:
-        raise BundleError(
-            f"{place} has schema version {content['schema_version']}, this program reads {SCHEMA_VERSION}: "
-            f"move {path} away and begin again"
-        )
-    try:
-        return State.model_validate(content)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise BundleError(
-            f"{place} is damaged at {where} ({first['msg']}): move {path} away and begin again"
-        ) from error
 
 
 class Folder:
@@ -123,7 +57,7 @@ class Folder:
         Raises InputError where that one is of something else, or where a folder without a calibration holds files;
         BundleError for a damaged state. Then nothing is changed.
         """
-        state = _state_in(path)
+        state = state_in(path)
         if state is None:
             _check_empty(path)
         elif state.finished:
@@ -133,7 +67,7 @@ class Folder:
         if state is None or state.finished:
             state = State(identity=identity)
         _drop_lost(path, state)
-        for name in ("", *_KINDS):
+        for name in ("", *KINDS):
             _make(path / name)
         folder = cls(path, state)
         folder.save()
@@ -142,12 +76,12 @@ class Folder:
     @property
     def draft(self) -> Path:
         """Where the bundle lies before it is verified."""
-        return self.path / _DRAFT
+        return self.path / DRAFT
 
     def save(self) -> None:
         """Write the state; BundleError where the disk refuses it."""
         content = json.dumps(self.state.model_dump(mode="json", exclude_none=True), indent=1)
-        with _writing(self.path):
+        with writing(self.path):
             write_file(self.path / STATE, (content + "\n").encode())
 
     def done(self, step: str) -> StepFigures | None:
@@ -196,15 +130,15 @@ class Folder:
         """Keep the mean of the untouched gel."""
         content = io.BytesIO()
         np.save(content, image)
-        with _writing(self.path):
-            write_file(self.path / _REFERENCE, content.getvalue())
+        with writing(self.path):
+            write_file(self.path / REFERENCE, content.getvalue())
 
     def reference(self) -> NDArray[np.float32]:
         """Return the mean of the untouched gel."""
         try:
-            image: NDArray[np.float32] = np.load(self.path / _REFERENCE, allow_pickle=False)
+            image: NDArray[np.float32] = np.load(self.path / REFERENCE, allow_pickle=False)
         except (OSError, ValueError) as error:
-            raise BundleError(f"{self.path / _REFERENCE} is damaged ({error}): begin again") from error
+            raise BundleError(f"{self.path / REFERENCE} is damaged ({error}): begin again") from error
         return image
 
     def add_press(self, picture: Picture, circle: Circle) -> PressRecord:
@@ -227,7 +161,7 @@ class Folder:
         records.append(record)
         # The state first: a file that lies there and is not in it would count as somebody else's for ever.
         self.save()
-        with _writing(self.path):
+        with writing(self.path):
             write_png(self.path / record.file, picture)
         return record
 
@@ -290,18 +224,6 @@ def _drop_lost(path: Path, state: State) -> None:
     lists: Iterable[list[Any]] = (state.presses, state.checks, state.grids)
     for records in lists:
         records[:] = [record for record in records if (path / record.file).is_file()]
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn what the disk refuses into a BundleError that says so."""
-    try:
-        yield
-    except OSError as error:
-        raise BundleError(
-            f"{path} cannot be written ({error.strerror or error}): free some space and go on; what was measured "
-            "before is kept"
-        ) from error
 
 
 def _make(path: Path) -> None:

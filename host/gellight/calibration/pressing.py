@@ -7,9 +7,10 @@ from gellight.calibration.circle import circle_of, corrected_circle, drawn
 from gellight.calibration.coverage import advice, coverage, coverage_picture
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.live_error import LiveError
-from gellight.calibration.records import BallPresses, LiveCoverage, PixelSize, PressRecord
+from gellight.calibration.records import BallPresses, LiveCoverage, PixelSize
 from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
 from gellight.calibration.session import Session
+from gellight.calibration.state import PressRecord
 from gellight.frames.image_files import read_image
 from gellight.training.presses import Ball
 

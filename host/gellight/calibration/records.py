@@ -1,11 +1,8 @@
-"""What a calibration measures and keeps: a record for each step and each picture, as they stand in `state.json`."""
+"""What a calibration measures: a record for each step, as it stands in `state.json` and is shown."""
 
-from pathlib import Path
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
-
-from gellight.training.presses import Press
+from pydantic import BaseModel, ConfigDict
 
 
 class Record(BaseModel):
@@ -282,83 +279,3 @@ class ShownCircle(Circle):
     number: int | None = None
     state: str
     """measured, taken, corrected or checked"""
-
-
-class PictureRecord(Record):
-    """A picture that was kept."""
-
-    number: int = Field(ge=1)
-    file: str = Field(pattern=r"^(presses|checks|grids)/press-\d{3,}\.png$")
-    """relative to the folder of the calibration"""
-
-
-class PressRecord(PictureRecord, Circle):
-    """A ball press that was kept."""
-
-    def press(self, folder: Path) -> Press:
-        """Return the press as it is trained on; folder: that of the calibration."""
-        return Press(image=folder / self.file, **self.circle())
-
-    def circle(self) -> dict[str, float]:
-        """Return the three numbers of the circle by name."""
-        return {name: getattr(self, name) for name in Circle.model_fields}
-
-    def shown(self, state: str) -> ShownCircle:
-        """Return what is shown of it."""
-        return ShownCircle(number=self.number, state=state, **self.circle())
-
-
-class CheckRecord(PressRecord):
-    """A fresh press and its errors."""
-
-    figures: CheckErrors
-
-
-class Identity(Record):
-    """What a calibration cannot change once it has begun: the sensor, the size of its pictures, the tools."""
-
-    sensor: str
-    image_size_px: tuple[int, int]
-    """(W, H)"""
-    ball_radius_mm: float
-    cylinder_diameter_mm: float
-    pin_pitch_mm: float | None = None
-
-
-class Steps(BaseModel):
-    """The figures of every finished step."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    prepare: Preparation | None = None
-    reference: UntouchedGel | None = None
-    pixel_size: PixelSize | None = None
-    lens: MeasuredLens | PinGrid | None = None
-    presses: BallPresses | None = None
-    fit: Fit | None = None
-    verify: Verification | None = None
-    refused_checks: int = 0
-    """fresh presses that were refused"""
-
-
-SCHEMA_VERSION = 1
-
-
-class State(BaseModel):
-    """Everything in `state.json`."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    schema_version: int = SCHEMA_VERSION
-    identity: Identity
-    steps: Steps = Field(default_factory=Steps)
-    presses: list[PressRecord] = Field(default_factory=list)
-    """to train on"""
-    checks: list[CheckRecord] = Field(default_factory=list)
-    """fresh ones"""
-    grids: list[PictureRecord] = Field(default_factory=list)
-    """of the pin grid"""
-    extra_presses: int = 0
-    """wanted beyond what was asked for, because a verdict was bad"""
-    finished: bool = False
-    """a finished calibration is not taken up again"""

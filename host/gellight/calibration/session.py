@@ -14,7 +14,8 @@ from gellight.bundle.bundle import load_bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import STEPS, Display
 from gellight.calibration.folder import Folder
-from gellight.calibration.records import Identity, Preparation
+from gellight.calibration.records import Preparation
+from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 

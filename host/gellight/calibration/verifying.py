@@ -14,7 +14,6 @@ from gellight.calibration.preparing import led_settings
 from gellight.calibration.pressing import ball_of
 from gellight.calibration.records import (
     CheckErrors,
-    CheckRecord,
     Circle,
     MethodErrors,
     PixelSize,
@@ -22,10 +21,12 @@ from gellight.calibration.records import (
     Verdict,
     Verification,
 )
-from gellight.calibration.report import Example, page
+from gellight.calibration.report import page
 from gellight.calibration.rerender import Rerenderer
 from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
 from gellight.calibration.session import Session
+from gellight.calibration.state import CheckRecord
+from gellight.calibration.verification_report import Example
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.integration import angle_deg, normals

@@ -14,8 +14,8 @@ from gellight.cli import calibrate_objects
 if TYPE_CHECKING:
     from gellight.bundle.bundle import Bundle
     from gellight.calibration.choices import RoutineOptions
-    from gellight.calibration.records import Identity
     from gellight.calibration.routine import Routine
+    from gellight.calibration.state import Identity
     from gellight.frames.camera import Camera
 
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
@@ -81,7 +81,7 @@ def command(
     if context.invoked_subcommand:
         return
     from gellight.calibration.choices import Limits, RoutineOptions
-    from gellight.calibration.folder import discard
+    from gellight.calibration.state import discard
 
     place = folder or out.with_name(out.name + ".state")
     begun = _begun(place, resume=resume, restart=restart)
@@ -119,7 +119,7 @@ def _training(recipe: str, seed: int, threads: int) -> Any:
 
 def _begun(place: Path, *, resume: bool, restart: bool) -> "Identity | None":
     """Return what the interrupted calibration that is gone on with was begun with; None for a new one."""
-    from gellight.calibration.folder import unfinished
+    from gellight.calibration.state import unfinished
 
     begun = unfinished(place)
     if resume and begun is None:

@@ -18,8 +18,8 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RING_COLOURS, RoutineOptions
-from gellight.calibration.folder import discard, unfinished
 from gellight.calibration.routine import Routine
+from gellight.calibration.state import discard, unfinished
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore, sensor_name
 from gellight.simulator.virtual_hand import hand_of

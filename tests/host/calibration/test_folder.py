@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, GellightError, InputError
-from gellight.calibration.folder import Folder, discard, unfinished
+from gellight.calibration.folder import Folder
 from gellight.calibration.records import Circle, PinGrid
+from gellight.calibration.state import discard, unfinished
 from tests.helpers.begun_calibration import begun_in, identity
 
 CIRCLE = Circle(center_x_px=100.0, center_y_px=80.0, contact_radius_px=20.0)
