@@ -18,11 +18,12 @@ from gellight.calibration.lens.lens_fit import LensFit, check_pins, fit_lens, re
 from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures
 from gellight.calibration.lens.pins import dimples, imprints, marked
 from gellight.calibration.records import MeasuredLens, PinGrid, PixelSize
-from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
+from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.calibration.session import Session
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.lens.lens_file import has_lens
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.virtual_hand import VirtualHand
 
 Floats = NDArray[np.float32]
 _SOURCE = "the pin grid"
@@ -36,18 +37,13 @@ def collect_grid(session: Session) -> None:
     with session.offering("next"):
         while wanted:
             _announce(session, len(seen), wanted)
-            wait_free(session, detector)
-            if session.hand:
-                session.hand.grid()
-            capture = wait_press(session, detector, lambda: _skipped(session))
-            if capture is None:
-                session.folder.forget_grid()
-                session.folder.finish(PinGrid(pictures=0))
-                return
-            seen += _taken(session, capture, reference)
-            wanted = _missing(seen, session.camera.image_shape)
-            if session.hand:
-                session.hand.lift()
+            with next_press(session, detector, VirtualHand.grid, lambda: _skipped(session)) as capture:
+                if capture is None:
+                    session.folder.forget_grid()
+                    session.folder.finish(PinGrid(pictures=0))
+                    return
+                seen += _taken(session, capture, reference)
+                wanted = _missing(seen, session.camera.image_shape)
         wait_free(session, detector)
     session.folder.finish(PinGrid(pictures=len(seen), pitch_mm=session.options.pin_pitch_mm))
 
@@ -72,9 +68,7 @@ def _taken(session: Session, capture: Capture, reference: Floats) -> list[Lattic
         check_light(capture.image, _SOURCE)
         lattice = _pins(session, capture.image, reference)
     except InputError as error:
-        if session.hand:
-            raise
-        session.display.update(problem=str(error))
+        session.refuse(error)
         return []
     session.folder.add_grid(capture.image)
     session.display.update(problem="")

@@ -8,10 +8,11 @@ from gellight.calibration.coverage import advice, coverage, coverage_picture
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.live_error import LiveError
 from gellight.calibration.records import BallPresses, LiveCoverage, PixelSize
-from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
+from gellight.calibration.sensing import check_light, detector_of, next_press, wait_free
 from gellight.calibration.session import Session
 from gellight.calibration.state import PressRecord
 from gellight.frames.image_files import read_image
+from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.presses import Ball
 
 _PATIENCE = 0.5
@@ -41,6 +42,8 @@ class _Collector:
         for record in session.folder.state.presses:
             self.learn(record)
         self.refused = 0
+        self.attempts = len(session.folder.state.presses)
+        """of the virtual hand"""
         self.enough = False
         self.wanted = session.options.presses + session.folder.state.extra_presses
         self.radius_mm: float | None = None
@@ -48,24 +51,21 @@ class _Collector:
     def run(self) -> None:
         session = self.session
         self.show_progress()
-        attempt = len(session.folder.state.presses)
         with session.offering("next", "correct", "drop"):
             while not self.enough and len(session.folder.state.presses) < self.wanted:
-                wait_free(session, self.detector)
-                if session.hand:
-                    session.hand.ball(attempt, self.ball.pixel_size_mm, session.camera.image_shape)
-                    attempt += 1
-                capture = wait_press(session, self.detector, self.attend)
-                if capture is not None:
-                    self.take(capture)
-                if session.hand:
-                    session.hand.lift()
+                with next_press(session, self.detector, self.press_ball, self.attend) as capture:
+                    if capture is not None:
+                        self.take(capture.image)
             wait_free(session, self.detector)
             self.attend()
         self.check_radius()
         if session.hand:
             self.drop_outliers()
         session.folder.finish(self.figures())
+
+    def press_ball(self, hand: VirtualHand) -> None:
+        hand.ball(self.attempts, self.ball.pixel_size_mm, self.session.camera.image_shape)
+        self.attempts += 1
 
     def attend(self) -> bool:
         """Do what the user asked for; True when they want no more presses."""
@@ -90,21 +90,19 @@ class _Collector:
             raise InputError(f"{count} presses are too few: press at least {LEAST_PRESSES - count} more times")
         self.enough = True
 
-    def take(self, capture: Capture) -> None:
+    def take(self, image: Picture) -> None:
         session = self.session
         try:
-            check_light(capture.image, "the press")
-            circle = circle_of(capture.image, self.reference, self.ball)
+            check_light(image, "the press")
+            circle = circle_of(image, self.reference, self.ball)
         except InputError as error:
             self.refused += 1
-            session.display.update(problem=str(error))
-            if session.hand and self.refused > _PATIENCE * session.options.presses:
-                raise
+            session.refuse(error, tolerate=self.refused <= _PATIENCE * session.options.presses)
             return
-        record = session.folder.add_press(capture.image, circle)
+        record = session.folder.add_press(image, circle)
         self.learn(record)
         session.display.update(problem="", press=record.shown("taken"))
-        session.display.show(press=drawn(capture.image, circle))
+        session.display.show(press=drawn(image, circle))
         self.show_progress()
         if len(session.folder.state.presses) == ball_radius.LEAST_PRESSES:
             self.check_radius()

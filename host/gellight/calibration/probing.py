@@ -7,7 +7,7 @@ from gellight.base.errors import BundleError, InputError
 from gellight.calibration.cylinder import Imprint, find_cylinder
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.records import PixelSize, ShownCircle, UntouchedGel
-from gellight.calibration.sensing import TouchDetector, check_light, detector_of, wait_free, wait_press
+from gellight.calibration.sensing import check_light, detector_of, next_press, wait_free
 from gellight.calibration.session import Session
 
 SQUARE = 0.006
@@ -23,18 +23,13 @@ def measure_pixel_size(session: Session) -> None:
     refused = 0
     while len(found) < options.cylinder_presses:
         _announce(session, len(found))
-        wait_free(session, detector)
-        if session.hand:
-            session.hand.cylinder(len(found))
-        try:
-            found.append(_one_press(session, detector, reference, noise))
-        except InputError as error:
-            refused += 1
-            if session.hand and refused > options.cylinder_presses:
-                raise
-            session.display.update(problem=str(error))
-        if session.hand:
-            session.hand.lift()
+        with next_press(session, detector, lambda hand: hand.cylinder(len(found))) as capture:
+            assert capture is not None
+            try:
+                found.append(_measured(session, capture.image, reference, noise))
+            except InputError as error:
+                refused += 1
+                session.refuse(error, tolerate=refused <= options.cylinder_presses)
     wait_free(session, detector)
     session.folder.finish(pixel_size(found, options.cylinder_diameter_mm))
 
@@ -48,12 +43,10 @@ def _announce(session: Session, done: int) -> None:
     )
 
 
-def _one_press(session: Session, detector: TouchDetector, reference: NDArray[np.float32], noise: float) -> Imprint:
-    """Wait for one press and measure it; InputError says why it is refused."""
-    capture = wait_press(session, detector, lambda: False)
-    assert capture is not None
-    check_light(capture.image, "the press")
-    imprint = find_cylinder(capture.image - reference, noise)
+def _measured(session: Session, image: Picture, reference: NDArray[np.float32], noise: float) -> Imprint:
+    """Measure one press and show it; InputError says why it is refused."""
+    check_light(image, "the press")
+    imprint = find_cylinder(image - reference, noise)
     session.display.update(
         problem="",
         press=ShownCircle(
@@ -63,7 +56,7 @@ def _one_press(session: Session, detector: TouchDetector, reference: NDArray[np.
             state="measured",
         ),
     )
-    session.display.show(cylinder=drawn(capture.image, imprint))
+    session.display.show(cylinder=drawn(image, imprint))
     return imprint
 
 

@@ -19,9 +19,10 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import Picture
-from gellight.calibration.session import Aborted, AutomaticHand, Session
+from gellight.calibration.session import Aborted, Session
 from gellight.calibration.steps import run_steps
 from gellight.frames.camera import Camera
+from gellight.simulator.virtual_hand import VirtualHand
 
 logger = logging.getLogger(__name__)
 
@@ -40,13 +41,13 @@ class Routine:
         options: RoutineOptions,
         folder: Path,
         *,
-        hand: AutomaticHand | None = None,
+        hand: VirtualHand | None = None,
         install: Install | None = None,
     ) -> None:
         """Prepare to calibrate the sensor behind `camera`, which stays open at the end.
 
         folder: where the state is kept; what an interrupted routine left there is taken up. hand: presses where nobody
-        does (see `virtual_hand`). install: puts a bundle that passed into service.
+        does. install: puts a bundle that passed into service.
         Raises InputError or BundleError at once for a folder or a bundle of another sensor.
         """
         self._session = Session(camera, options, folder, hand=hand)

@@ -1,6 +1,7 @@
 """What happens on the gel, from frame to frame: touched or free, moving or still, too bright or too dark."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from gellight.calibration.session import Session
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.image_noise import square_means
 from gellight.reconstruction.light_drift import light_drift
+from gellight.simulator.virtual_hand import VirtualHand
 
 Floats = NDArray[np.float32]
 BLOCK_PX = 4
@@ -109,10 +111,8 @@ def wait_free(session: Session, detector: TouchDetector, *, patience: int = PATI
                 f"{gel.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
                 "touches it, something lay on it when the reference was taken: stop and begin again"
             )
-            if session.hand:
-                raise InputError(problem)
+            session.refuse(InputError(problem))
             complained = True
-            session.display.update(problem=problem)
 
 
 def wait_press(session: Session, detector: TouchDetector, ended: Callable[[], bool]) -> Capture | None:
@@ -144,6 +144,22 @@ def wait_press(session: Session, detector: TouchDetector, ended: Callable[[], bo
                 session.display.update(awaiting="")
                 return Capture(image=mean_image(taken), frame=taken[-1])
     raise AssertionError("frames come for ever")
+
+
+@contextmanager
+def next_press(
+    session: Session,
+    detector: TouchDetector,
+    press: Callable[[VirtualHand], None],
+    ended: Callable[[], bool] = lambda: False,
+) -> Iterator[Capture | None]:
+    """Wait until nothing touches, then for the next press; a virtual hand does `press`, and lifts at the end."""
+    wait_free(session, detector)
+    if session.hand:
+        press(session.hand)
+    yield wait_press(session, detector, ended)
+    if session.hand:
+        session.hand.lift()
 
 
 class _Light:

@@ -5,11 +5,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
-from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import STEPS, Display
@@ -18,36 +17,18 @@ from gellight.calibration.records import Preparation
 from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.simulator.virtual_hand import VirtualHand
 
 
 class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
     """The user stopped the calibration."""
 
 
-class AutomaticHand(Protocol):
-    """Presses the tools into the gel where no user does."""
-
-    def cylinder(self, number: int) -> None:
-        """Press the cylinder probe, the `number`-th time."""
-
-    def grid(self) -> None:
-        """Press the pin grid."""
-
-    def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the ball at the `number`-th place to train on."""
-
-    def check(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the ball at the `number`-th fresh place."""
-
-    def lift(self) -> None:
-        """Take the tool off the gel."""
-
-
 class Session:
     """One calibration while it runs: used by the thread of the routine; any thread may use `submit` and `display`."""
 
     def __init__(
-        self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: AutomaticHand | None = None
+        self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: VirtualHand | None = None
     ) -> None:
         """Open the state in `folder`; InputError or BundleError for the folder or bundle of another sensor."""
         _check_target(options, camera.image_shape)
@@ -114,6 +95,12 @@ class Session:
         with self.offering("next"):
             while (chosen := self.next_action()) is None or chosen[0] != "next":
                 self.display.show(live=self.frame().image)
+
+    def refuse(self, error: GellightError, *, tolerate: bool = False) -> None:
+        """Show why something is refused; raise it where no user can do it again, unless it is to be tolerated."""
+        if self.hand and not tolerate:
+            raise error
+        self.display.update(problem=str(error))
 
     def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""

@@ -23,7 +23,7 @@ from gellight.calibration.records import (
 )
 from gellight.calibration.report import page
 from gellight.calibration.rerender import Rerenderer
-from gellight.calibration.sensing import Capture, check_light, detector_of, wait_free, wait_press
+from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.calibration.session import Session
 from gellight.calibration.state import CheckRecord
 from gellight.calibration.verification_report import Example
@@ -34,6 +34,7 @@ from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of,
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_picture
+from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
 from gellight.training.presses import Ball, Press, PressTable, contact_circle
 from gellight.training.validation import Felt, baseline_errors, press_error
@@ -87,18 +88,17 @@ def verify(session: Session) -> Bundle | None:
     detector = detector_of(session)
     while len(session.folder.state.checks) < session.options.verifications:
         _announce(session)
-        wait_free(session, detector)
-        if session.hand:
-            number = len(session.folder.state.checks) + session.folder.state.steps.refused_checks
-            session.hand.check(number, judge.ball.pixel_size_mm, session.camera.image_shape)
-        capture = wait_press(session, detector, lambda: False)
-        assert capture is not None
-        _take(session, capture, reference, judge)
-        if session.hand:
-            session.hand.lift()
+        with next_press(session, detector, lambda hand: _press_check(session, hand, judge.ball)) as capture:
+            assert capture is not None
+            _take(session, capture, reference, judge)
     wait_free(session, detector)
     _announce(session)
     return _conclude(session, draft, judge)
+
+
+def _press_check(session: Session, hand: VirtualHand, ball: Ball) -> None:
+    number = len(session.folder.state.checks) + session.folder.state.steps.refused_checks
+    hand.check(number, ball.pixel_size_mm, session.camera.image_shape)
 
 
 def _announce(session: Session) -> None:
@@ -117,9 +117,7 @@ def _take(session: Session, capture: Capture, reference: Floats, judge: _Judge) 
         _check_whole(circle, image.shape)
     except InputError as error:
         refused = session.folder.count_refused_check()
-        if session.hand and refused > session.options.verifications:
-            raise
-        session.display.update(problem=str(error))
+        session.refuse(error, tolerate=refused <= session.options.verifications)
         return
     felt, errors = judge.errors(capture.frame, Press(image=session.folder.path, **dict(circle)))
     record = session.folder.add_check(image, circle, errors)
