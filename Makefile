@@ -62,7 +62,7 @@ tools:
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
 	    { echo "The tests need: sudo apt-get install --no-install-recommends $$missing"; exit 2; }
-	@$(PYTHON) -m tests.vm.packages
+	@$(PYTHON) -m tests.vm.machine.packages
 
 clean:
 	rm -rf $(VENV) build dist

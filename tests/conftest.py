@@ -1,10 +1,13 @@
 """Options and rules that hold for every test."""
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import pytest
 from xdist.scheduler import LoadFileScheduling
+
+from tests.helpers.places import REAL_IMAGES
 
 # Before NumPy is loaded, and for all children: several processes share the processors, and threads of one small product
 # of matrices that wait for each other spin.
@@ -44,14 +47,28 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileS
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with what takes longest; leave out what needs hardware."""
+    """Begin with what takes longest; leave out what needs hardware, or images that are not there."""
     items.sort(key=place)
-    if config.getoption("--hardware"):
-        return
-    skip = pytest.mark.skip(reason="needs real hardware: --hardware URL")
     for item in items:
-        if item.get_closest_marker("hardware"):
-            item.add_marker(skip)
+        if item.get_closest_marker("hardware") and not config.getoption("--hardware"):
+            item.add_marker(pytest.mark.skip(reason="needs real hardware: --hardware URL"))
+        if item.get_closest_marker("real_images") and not REAL_IMAGES.is_dir():
+            item.add_marker(pytest.mark.skip(reason=f"needs images of real sensors in {REAL_IMAGES}"))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was left out and why, one line a file and reason."""
+    left_out: Counter[tuple[str, str]] = Counter()
+    for report in terminalreporter.stats.get("skipped", []):
+        left_out[report.nodeid.split("::")[0], reason_of(report)] += 1
+    for (file, reason), count in sorted(left_out.items()):
+        terminalreporter.write_line(f"left out: {file}, {count} test{'s' * (count > 1)}: {reason}")
+
+
+def reason_of(report: pytest.TestReport) -> str:
+    """Return why a test was skipped."""
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    return reason.removeprefix("Skipped: ")
 
 
 def place(item: pytest.Item) -> int:
@@ -66,7 +83,7 @@ def pytest_runtest_makereport(item: pytest.Item):
     outcome = yield
     report = outcome.get_result()
     if report.skipped and os.environ.get("GELLIGHT_NO_SKIPS") and not hasattr(report, "wasxfail"):
-        reason = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        reason = reason_of(report)
         if not any(allowed in reason for allowed in ALLOWED_SKIPS):
             report.outcome = "failed"
             report.longrepr = f"skipped where nothing may be skipped: {reason}"

@@ -1,13 +1,21 @@
 """What the README promises runs."""
 
 import re
-import subprocess
+import shlex
 import sys
+from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
+from typer.main import get_command
 
 import gellight
+from gellight.cli.main import app
+from tests.helpers.children import run
+from tests.helpers.verbs import verbs
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -15,10 +23,10 @@ README = (ROOT / "README.md").read_text()
 
 @pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
 def test_the_program_in_the_readme_runs(block: str) -> None:
-    run = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert re.search(r"(0\.9\d|1\.0\d) mm deep", run.stdout), run.stdout
-    assert "(480, 640) (480, 640, 3)" in run.stdout
+    done = run([sys.executable, "-c", block])
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"(0\.9\d|1\.0\d) mm deep", done.stdout), done.stdout
+    assert "(480, 640) (480, 640, 3)" in done.stdout
 
 
 def test_every_file_the_documents_link_to_is_there() -> None:
@@ -27,13 +35,93 @@ def test_every_file_the_documents_link_to_is_there() -> None:
             assert (document.parent / link).exists(), f"{document.name} links to {link}"
 
 
-def test_every_verb_in_the_readme_exists() -> None:
-    from typer.main import get_command
+def commands(text: str) -> Iterator[tuple[str, bool]]:
+    """Yield what a document says after `gellight`, and whether a user can type it as it stands."""
+    for block in re.findall(r"^```[^\n]*\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        for line in block.replace("\\\n", " ").splitlines():
+            found = re.match(r"\s*(?:\$ |sudo |\.venv/bin/)*gellight(?=\s)(.*)", line)
+            if found:
+                yield found[1], "..." not in found[1]
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    for words in re.findall(r"`(?:sudo )?gellight((?:\s[^`]*)?)`", prose):
+        yield words, False
 
-    from gellight.cli.main import app
 
-    verbs = set(get_command(app).commands)  # type: ignore[attr-defined]
-    assert set(re.findall(r"`gellight ([\w-]+)", README)) <= verbs
+def parse(text: str, complete: bool) -> None:
+    """Parse all words after `gellight` as the command line does, without running anything.
+
+    complete: also demand what a verb cannot do without. Raises typer's errors.
+    """
+    lexer = shlex.shlex(text, posix=True, punctuation_chars="|&;<>")
+    lexer.whitespace_split = True
+    words = list(takewhile(lambda word: not set(word) <= set("|&;<>"), lexer))
+    if words and words[-1] == "..." and not words[-2].startswith("--"):
+        words.pop()  # it stands for more options, not for the value of the last one
+    command = get_command(app)
+    context: Any = None
+    try:
+        context = command.make_context("gellight", words)
+        while context._protected_args:
+            group, rest = context.command, [*context._protected_args, *context.args]
+            name, verb, rest = group.resolve_command(context, rest)
+            context = verb.make_context(name, rest, parent=context)
+    except typer.BadParameter as error:
+        if complete or type(error).__name__ != "MissingParameter":
+            raise
+    except UsageError as error:
+        if complete or type(error).__name__ != "NoArgsIsHelpError":
+            raise
+
+
+UsageError = typer.BadParameter.__mro__[1]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "models/README.md", *sorted(ROOT.glob("docs/*.md"))]
+COMMANDS = [(path.name, *found) for path in DOCUMENTS for found in commands(path.read_text())]
+
+
+@pytest.mark.parametrize(("document", "words", "complete"), COMMANDS)
+def test_every_command_in_the_documents_can_be_typed(document: str, words: str, complete: bool) -> None:
+    parse(words, complete)
+
+
+def test_every_kind_of_command_is_found() -> None:
+    text = "`gellight a`\n| `gellight b --c` |\n```\nsudo gellight d \\\n  e # f\n.venv/bin/gellight g\n```\n"
+    assert [(words.split(), complete) for words, complete in commands(text)] == [
+        (["d", "e", "#", "f"], True), (["g"], True), (["a"], False), (["b", "--c"], False),
+    ]  # fmt: skip
+    assert len(COMMANDS) > 60
+
+
+@pytest.mark.parametrize(
+    ("words", "complete"),
+    [
+        ("nonsense", False),
+        ("calibrate nonsense", False),
+        ("calibrate fit --nonsense 3", False),
+        ("calibrate fit --folds many", False),
+        ("demo --frames", False),
+        ("bench nonsense", False),
+        ("selfcheck nonsense", False),
+        ("calibrate fit --refine", True),
+        ("optimize", True),
+        ("demo 'sim://?a=1&b=2' | less", True),
+    ],
+)
+def test_a_command_that_cannot_be_typed_is_noticed(words: str, complete: bool) -> None:
+    with pytest.raises(UsageError):
+        parse(words, complete)
+
+
+def test_what_follows_a_command_is_left_out() -> None:
+    parse("demo --sensor 'sim://?object=BALL&depth=1.0' --json | less  # a comment", True)
+
+
+def test_every_option_in_the_text_exists() -> None:
+    known = {"--system-site-packages"}
+    for verb in verbs(get_command(app)):
+        known.update(*(option.opts + option.secondary_opts for option in verb.params))
+    for path in DOCUMENTS:
+        named = set(re.findall(r"`(--[a-z][\w-]*)[^`]*`", path.read_text()))
+        assert named <= known, path.name
 
 
 @pytest.mark.parametrize("name", gellight.__all__)
@@ -43,5 +131,4 @@ def test_every_public_name_can_be_had(name: str) -> None:
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, gellight; print([m for m in ('numpy', 'cv2', 'onnxruntime', 'aiohttp') if m in sys.modules])"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
+    assert run([sys.executable, "-c", code], check=True).stdout.strip() == "[]"

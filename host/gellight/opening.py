@@ -22,15 +22,16 @@ def open_camera(
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 
-    `geometry` is how a simulated sensor differs from the paper's. A real sensor is set and lit as `bundle` was
-    made; without one its LEDs stay dark. Raises CameraError, BoardError, InputError or ConfigError with the remedy.
+    `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made;
+    without one the LEDs of a real sensor stay dark, and a simulated one shows its ring full on. Raises CameraError,
+    BoardError, BundleError, InputError or ConfigError with the remedy.
     """
     text = str(url)
     scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:
         from gellight.simulator.simulated_camera import open_simulated
 
-        return open_simulated(text, geometry or {})
+        return _adopted(open_simulated(text, geometry or {}), bundle)
     if scheme in ("auto", "sensor", "v4l2") and not is_file(text):
         from gellight.sensor.sensor_camera import open_sensor
 
@@ -38,7 +39,19 @@ def open_camera(
     if scheme == "opencv":
         from gellight.sensor.opencv_camera import open_opencv
 
-        return open_opencv(text)
+        return _adopted(open_opencv(text), bundle)
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {KINDS}")
-    return ImageCamera(image_files(text), url=text)
+    return _adopted(ImageCamera(image_files(text), url=text), bundle)
+
+
+def _adopted(camera: Camera, bundle: Bundle | None) -> Camera:
+    """Return `camera`, set and lit as when `bundle` was made; where that fails it is closed, and its LEDs are dark."""
+    if bundle is None:
+        return camera
+    try:
+        camera.adopt(bundle.controls, bundle.colours)
+    except BaseException:
+        camera.close()
+        raise
+    return camera

@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.firmware.build import build_elf, committed_image
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.protocol import DWELL_MIN_US
-from gellight.ring.transport import VirtualTransport
-from tests.firmware.fuzzing import compile_fuzzer, fuzz
-from tests.firmware.stack_bound import stack_bound
+from tests.firmware.helpers.fuzzing import compile_fuzzer, fuzz
+from tests.firmware.helpers.stack_bound import stack_bound
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 
-def round_trips_us(ring: LightRing, board: EmulatedBoard, count: int = 200) -> dict[str, float]:
+def round_trips_us(ring: LightRing, board: BenchBoard, count: int = 200) -> dict[str, float]:
     """Median virtual time of a command and its reply."""
     colours = np.full((12, 3), 20, np.uint8)
     figures = {}
@@ -36,7 +35,7 @@ def round_trips_us(ring: LightRing, board: EmulatedBoard, count: int = 200) -> d
     return figures
 
 
-def led_frames_per_second(ring: LightRing, board: EmulatedBoard, count: int = 300) -> float:
+def led_frames_per_second(ring: LightRing, board: BenchBoard, count: int = 300) -> float:
     """LED frames on the wire when every command is sent as soon as the last was answered."""
     start, before = board.now_us, len(board.timeline)
     for number in range(count):
@@ -45,7 +44,7 @@ def led_frames_per_second(ring: LightRing, board: EmulatedBoard, count: int = 30
     return (len(board.timeline) - before) / (board.now_us - start) * 1e6
 
 
-def deviations_us(ring: LightRing, board: EmulatedBoard, steps: int = 800) -> NDArray[np.float64]:
+def deviations_us(ring: LightRing, board: BenchBoard, steps: int = 800) -> NDArray[np.float64]:
     """Deviation of each of the shortest steps from its grid, at the pin; a command comes every 100 ms."""
     groups = [np.full((12, 3), level, np.uint8) for level in (10, 30)]
     ring.load_sequence(groups, [Step(group=group, dwell_us=DWELL_MIN_US) for group in range(2)])
@@ -95,7 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fuzz", type=int, default=0, metavar="SECONDS")
     seconds = parser.parse_args().fuzz
-    board = EmulatedBoard(committed_image())
+    board = BenchBoard(committed_image())
     ring = LightRing(VirtualTransport(board), keep_alive_s=None)
     for name, microseconds in round_trips_us(ring, board).items():
         print(f"round trip {name:9} {microseconds:8.0f} us")

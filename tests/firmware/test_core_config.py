@@ -5,11 +5,11 @@ import struct
 import zlib
 
 import pytest
-from virtual_board import FLASH_BYTES, VirtualBoard
 
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
 from gellight.ring.wire import COLOUR_BYTES
+from tests.firmware.helpers.virtual_board import FLASH_BYTES, VirtualBoard
 
 RED = bytes([200, 0, 0] + [0] * 33)
 BLACK = bytes(36)

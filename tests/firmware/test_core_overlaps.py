@@ -1,11 +1,11 @@
 """The portable core on a virtual clock: commands that meet a light, a table or a closing port on its way."""
 
 import pytest
-from virtual_board import FLASH_BYTES, VirtualBoard
 
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark, Policy, Status, SyncMode
 from gellight.ring.wire import Packet, encode
+from tests.firmware.helpers.virtual_board import FLASH_BYTES, VirtualBoard
 
 RED = bytes([200, 0, 0] + [0] * 33)
 GREEN = bytes([0, 200, 0] + [0] * 33)

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import BoardError, InputError
-from gellight.ring.emulator.bootloader import BootRom
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.firmware import build, flash, uf2
 from gellight.ring.firmware.image import HEADER_OFFSET, boot2_crc, flash_image, image_crc
+from tests.firmware.helpers.boot_loader import BootRom
+from tests.helpers.bench_board import BenchBoard
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -69,7 +69,7 @@ def test_building_elsewhere_gives_the_same_bytes(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs gcc-arm-none-eabi")
 def test_the_other_compiler_builds_a_working_image() -> None:
-    board = EmulatedBoard(build.build(CHECKOUT, compiler_name="gcc"))
+    board = BenchBoard(build.build(CHECKOUT, compiler_name="gcc"))
     assert board.run_until(lambda: board.host.configured, 200_000)
     assert board.faults == []
 
@@ -115,7 +115,7 @@ def test_picoboot_writes_and_starts_the_image(image: bytes) -> None:
     assert rom.flash[: len(image)] == image
     assert rom.rebooted
     assert progress[-1] == 1.0
-    emulated = EmulatedBoard(image, flash=bytes(rom.flash))
+    emulated = BenchBoard(bytes(rom.flash))
     assert emulated.run_until(lambda: emulated.host.configured, 200_000)
 
 

@@ -6,16 +6,15 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
-from mutations import LOGIC
-from virtual_board import compile_library, run_core_tests
 
 from gellight.ring import protocol as p
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import VirtualTransport
 from gellight.ring.wire import Packet, decode, encode
+from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
+from tests.firmware.helpers.mutations import LOGIC
+from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 SECONDS = 4
@@ -78,7 +77,7 @@ def test_the_tests_of_the_core_pass_under_asan(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
-def tell(board: EmulatedBoard, story: bytes) -> None:
+def tell(board: BenchBoard, story: bytes) -> None:
     """The acts of firmware/fuzz/story.h, played to the image."""
     at, sequence = 0, 0
     while at + 2 <= len(story):
@@ -105,7 +104,7 @@ def tell(board: EmulatedBoard, story: bytes) -> None:
         at += 2
 
 
-def commit(board: EmulatedBoard, sequence: int, steps: int, loops: int) -> int:
+def commit(board: BenchBoard, sequence: int, steps: int, loops: int) -> int:
     """Commit with the checksum of what is staged, which the board tells when it refuses another."""
     code, checksum = p.COMMANDS["COMMIT"].code, 0
     for _ in range(2):
@@ -121,7 +120,7 @@ def commit(board: EmulatedBoard, sequence: int, steps: int, loops: int) -> int:
 
 
 @pytest.mark.parametrize("path", REPLAYED, ids=lambda path: path.stem)
-def test_the_image_survives_what_the_fuzzer_found(path: Path, board: EmulatedBoard) -> None:
+def test_the_image_survives_what_the_fuzzer_found(path: Path, board: BenchBoard) -> None:
     board.run_until(lambda: board.host.configured, 200_000)
     board.host.open()
     tell(board, path.read_bytes())

@@ -4,23 +4,22 @@ import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.emulator.waveform import BITS, WINDOWS_NS
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, RefusedError, Step
-from gellight.ring.transport import VirtualTransport
 from gellight.ring.wire import Packet, encode
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
 JITTER_US = 1.0
 
 
-def lit(board: EmulatedBoard) -> np.ndarray:
+def lit(board: BenchBoard) -> np.ndarray:
     return board.timeline.at(board.now_us)
 
 
-def starts(board: EmulatedBoard, since: int) -> np.ndarray:
+def starts(board: BenchBoard, since: int) -> np.ndarray:
     """First bits of the frames on the pin, on the firmware's clock (the chip was not restarted)."""
     return np.array(board.waveform.frame_starts_us[since:])
 
@@ -29,14 +28,14 @@ def starts(board: EmulatedBoard, since: int) -> np.ndarray:
 
 
 def test_the_leds_are_dark_before_the_board_is_on_the_bus(image: bytes) -> None:
-    board = EmulatedBoard(image)
+    board = BenchBoard(image)
     board.run_until(lambda: board.host.configured, 200_000)
     assert len(board.timeline) == 1
     assert not board.timeline[0].colours.any()
     assert board.waveform.frame_starts_us[0] < 4_000 < board.now_us
 
 
-def test_every_bit_keeps_the_windows_of_the_data_sheets(board: EmulatedBoard, ring: LightRing) -> None:
+def test_every_bit_keeps_the_windows_of_the_data_sheets(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(PATTERN)
     board.run(2_000)
     bits = board.waveform.bits
@@ -52,7 +51,7 @@ def test_every_bit_keeps_the_windows_of_the_data_sheets(board: EmulatedBoard, ri
     np.testing.assert_array_equal(lit(board), PATTERN)
 
 
-def test_an_led_frame_is_never_torn(board: EmulatedBoard, ring: LightRing) -> None:
+def test_an_led_frame_is_never_torn(board: BenchBoard, ring: LightRing) -> None:
     """Lights that follow each other faster than the wire: some are left out, none is mixed."""
     shades = [np.full((12, 3), value, np.uint8) for value in range(1, 60)]
     code, before = p.COMMANDS["SET_LEDS"].code, len(board.timeline)
@@ -68,7 +67,7 @@ def test_an_led_frame_is_never_torn(board: EmulatedBoard, ring: LightRing) -> No
 
 def test_a_transfer_that_breaks_off_is_sent_again(image: bytes) -> None:
     """The DMA is stopped in the middle: the LEDs take the part, then they get the whole."""
-    board = EmulatedBoard(image)
+    board = BenchBoard(image)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         begun = len(board.waveform.frame_starts_us)
         ring.set_leds(PATTERN)
@@ -81,7 +80,7 @@ def test_a_transfer_that_breaks_off_is_sent_again(image: bytes) -> None:
         np.testing.assert_array_equal(lit(board), PATTERN)
 
 
-def test_the_event_tells_when_the_first_bit_left_the_pin(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_event_tells_when_the_first_bit_left_the_pin(board: BenchBoard, ring: LightRing) -> None:
     event = ring.wait_for_light(ring.set_leds(RED).light_id)
     # the clock counts whole microseconds, and the first bit rises 0.6 us after the transfer has begun
     assert 0 <= board.waveform.frame_starts_us[-1] - event.first_bit_us < 2
@@ -92,7 +91,7 @@ def test_the_event_tells_when_the_first_bit_left_the_pin(board: EmulatedBoard, r
 # ---- time ----
 
 
-def free_run(board: EmulatedBoard, ring: LightRing, steps: list[Step], duration_us: float) -> np.ndarray:
+def free_run(board: BenchBoard, ring: LightRing, steps: list[Step], duration_us: float) -> np.ndarray:
     since = len(board.waveform.frame_starts_us)
     ring.load_sequence([RED, GREEN, BLUE], steps)
     ring.set_sync(SyncMode.FREE)
@@ -105,7 +104,7 @@ def free_run(board: EmulatedBoard, ring: LightRing, steps: list[Step], duration_
     return starts(board, since)
 
 
-def test_sequence_steps_fall_on_their_microsecond(board: EmulatedBoard, ring: LightRing) -> None:
+def test_sequence_steps_fall_on_their_microsecond(board: BenchBoard, ring: LightRing) -> None:
     times = free_run(board, ring, [Step(group=0, dwell_us=4_000), Step(group=1, dwell_us=7_000)], 400_000)
     planned = times[0] + np.array([11_000 * (k // 2) + 4_000 * (k % 2) for k in range(len(times))])
     assert len(times) > 60
@@ -113,7 +112,7 @@ def test_sequence_steps_fall_on_their_microsecond(board: EmulatedBoard, ring: Li
     assert ring.counters().late_steps == 0
 
 
-def test_steps_keep_their_time_while_the_host_talks(board: EmulatedBoard, ring: LightRing) -> None:
+def test_steps_keep_their_time_while_the_host_talks(board: BenchBoard, ring: LightRing) -> None:
     """Replies, telemetry and rejected packets keep the processor and its USB interrupt busy meanwhile."""
     since = len(board.waveform.frame_starts_us)
     ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_300), Step(group=1, dwell_us=2_300)])
@@ -130,7 +129,7 @@ def test_steps_keep_their_time_while_the_host_talks(board: EmulatedBoard, ring: 
     assert ring.counters().bad_framing == 40
 
 
-def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: BenchBoard, ring: LightRing) -> None:
     """A whole table is loaded again and again, which takes all 32 steps' checksum, while the shortest steps run."""
     since = len(board.waveform.frame_starts_us)
     steps = [Step(group=k % 2, dwell_us=p.DWELL_MIN_US) for k in range(p.STEP_COUNT)]
@@ -148,7 +147,7 @@ def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: E
     assert ring.counters().late_steps == 0
 
 
-def test_the_trigger_pin_lights_after_its_delay(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_trigger_pin_lights_after_its_delay(board: BenchBoard, ring: LightRing) -> None:
     ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_000), Step(group=1, dwell_us=2_000)])
     ring.set_sync(SyncMode.EXT, delay_us=300, divider=2)
     ring.start()
@@ -168,7 +167,7 @@ def test_the_trigger_pin_lights_after_its_delay(board: EmulatedBoard, ring: Ligh
     assert ring.counters().triggers == 4
 
 
-def test_a_second_of_sleep_costs_nothing(board: EmulatedBoard, ring: LightRing) -> None:
+def test_a_second_of_sleep_costs_nothing(board: BenchBoard, ring: LightRing) -> None:
     before = ring.clock().received_us
     board.run(1_000_000)
     assert abs(ring.clock().received_us - before - 1_000_000) < 2_000
@@ -177,7 +176,7 @@ def test_a_second_of_sleep_costs_nothing(board: EmulatedBoard, ring: LightRing) 
 # ---- safety ----
 
 
-def test_a_silent_host_leaves_the_leds_dark(board: EmulatedBoard, ring: LightRing) -> None:
+def test_a_silent_host_leaves_the_leds_dark(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(RED)
     board.run(900_000)
     assert lit(board).any()
@@ -186,7 +185,7 @@ def test_a_silent_host_leaves_the_leds_dark(board: EmulatedBoard, ring: LightRin
     assert ring.status().dark == Dark.HOST_SILENT
 
 
-def test_closing_the_port_darkens(board: EmulatedBoard, ring: LightRing) -> None:
+def test_closing_the_port_darkens(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(RED)
     board.run(3_000)
     board.host.close()
@@ -194,7 +193,7 @@ def test_closing_the_port_darkens(board: EmulatedBoard, ring: LightRing) -> None
     assert not lit(board).any()
 
 
-def test_nothing_is_lit_by_what_was_under_way_when_the_port_closed(board: EmulatedBoard, ring: LightRing) -> None:
+def test_nothing_is_lit_by_what_was_under_way_when_the_port_closed(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(RED)
     for number in range(40):
         packet = Packet(p.COMMANDS["SET_LEDS"].code, 100 + number, GREEN.tobytes())
@@ -205,7 +204,7 @@ def test_nothing_is_lit_by_what_was_under_way_when_the_port_closed(board: Emulat
     assert not lit(board).any()
 
 
-def test_a_port_that_is_opened_again_at_once_has_been_dark(board: EmulatedBoard, ring: LightRing) -> None:
+def test_a_port_that_is_opened_again_at_once_has_been_dark(board: BenchBoard, ring: LightRing) -> None:
     """Also while the board is busy with packets, and looks at the bus only when both has happened."""
     ring.set_leds(RED)
     for number in range(30):
@@ -219,7 +218,7 @@ def test_a_port_that_is_opened_again_at_once_has_been_dark(board: EmulatedBoard,
     assert not lit(board).any()
 
 
-def test_suspending_the_bus_darkens(board: EmulatedBoard, ring: LightRing) -> None:
+def test_suspending_the_bus_darkens(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(RED)
     board.run(3_000)
     board.suspend()
@@ -227,7 +226,7 @@ def test_suspending_the_bus_darkens(board: EmulatedBoard, ring: LightRing) -> No
     assert not lit(board).any()
 
 
-def test_an_exception_darkens(board: EmulatedBoard) -> None:
+def test_an_exception_darkens(board: BenchBoard) -> None:
     def fail() -> None:
         with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
             ring.set_leds(RED)
@@ -241,7 +240,7 @@ def test_an_exception_darkens(board: EmulatedBoard) -> None:
     assert not lit(board).any()
 
 
-def test_full_white_is_refused(board: EmulatedBoard, ring: LightRing) -> None:
+def test_full_white_is_refused(board: BenchBoard, ring: LightRing) -> None:
     with pytest.raises(RefusedError, match="OVER_CURRENT"):
         ring.set_leds(np.full((12, 3), 255, np.uint8))
     ring.set_limits(450, Policy.SCALE)
@@ -251,7 +250,7 @@ def test_full_white_is_refused(board: EmulatedBoard, ring: LightRing) -> None:
     assert 12 + 20 * lit(board).sum() / 255 <= 450
 
 
-def test_a_processor_that_hangs_is_restarted_in_the_dark(board: EmulatedBoard, ring: LightRing) -> None:
+def test_a_processor_that_hangs_is_restarted_in_the_dark(board: BenchBoard, ring: LightRing) -> None:
     """Interrupts off for ever: the main loop makes no progress, the watchdog is not fed."""
     ring.set_leds(RED)
     board.run(2_000)
@@ -269,7 +268,7 @@ def test_a_processor_that_hangs_is_restarted_in_the_dark(board: EmulatedBoard, r
 
 
 def test_a_fault_of_the_processor_darkens_and_restarts(image: bytes) -> None:
-    board = EmulatedBoard(image)
+    board = BenchBoard(image)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         ring.set_leds(RED)
         board.run(2_000)

@@ -7,24 +7,25 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
-from gellight.ring.emulator.chip import EmulatedBoard
-from gellight.ring.enumerations import SyncMode
+from gellight.ring.enumerations import Check, SyncMode
 from gellight.ring.firmware.image import image_crc
 from gellight.ring.light_ring import LightRing, Step
-from gellight.ring.transport import UsbTransport, VirtualTransport
+from gellight.ring.transport import UsbTransport
 from gellight.ring.wire import Packet, encode
+from tests.firmware.helpers.usb_backend import EmulatedBackend
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
 
 
-def lit(board: EmulatedBoard) -> np.ndarray:
+def lit(board: BenchBoard) -> np.ndarray:
     return board.timeline.at(board.now_us)
 
 
 # ---- the bus ----
 
 
-def test_unplug_and_replug_in_mid_sequence(board: EmulatedBoard) -> None:
+def test_unplug_and_replug_in_mid_sequence(board: BenchBoard) -> None:
     ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.02, attempts=2)
     ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
     ring.set_sync(SyncMode.FREE)
@@ -44,7 +45,7 @@ def test_unplug_and_replug_in_mid_sequence(board: EmulatedBoard) -> None:
         np.testing.assert_array_equal(lit(board), GREEN)
 
 
-def test_a_flood_of_rubbish_is_counted_and_survived(board: EmulatedBoard, ring: LightRing) -> None:
+def test_a_flood_of_rubbish_is_counted_and_survived(board: BenchBoard, ring: LightRing) -> None:
     rng = np.random.default_rng(1)
     for _ in range(30):
         board.host.send(rng.integers(0, 256, 900, dtype=np.uint8).tobytes())
@@ -55,7 +56,7 @@ def test_a_flood_of_rubbish_is_counted_and_survived(board: EmulatedBoard, ring: 
     assert board.resets == 0
 
 
-def test_damaged_and_doubled_packets_do_no_harm(board: EmulatedBoard, ring: LightRing) -> None:
+def test_damaged_and_doubled_packets_do_no_harm(board: BenchBoard, ring: LightRing) -> None:
     packet = encode(Packet(p.COMMANDS["SET_LEDS"].code, 77, RED.tobytes()))
     damaged = bytes([packet[0]]) + bytes([packet[1] ^ 4]) + packet[2:]
     before = ring.counters()
@@ -68,7 +69,7 @@ def test_damaged_and_doubled_packets_do_no_harm(board: EmulatedBoard, ring: Ligh
     assert after.bad_crc + after.bad_framing - before.bad_crc - before.bad_framing == 2
 
 
-def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: EmulatedBoard) -> None:
+def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: BenchBoard) -> None:
     class Lossy(VirtualTransport):
         losses = 0
 
@@ -92,16 +93,14 @@ def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: EmulatedBo
         np.testing.assert_array_equal(lit(board), GREEN)
 
 
-def test_the_descriptors_are_those_of_a_serial_port(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_descriptors_are_those_of_a_serial_port(board: BenchBoard, ring: LightRing) -> None:
     host = board.host
-    assert host.text("product") == "GelLight light ring"
-    assert host.text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
+    assert board.usb_text("product") == "GelLight light ring"
+    assert board.usb_text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
     assert len(host.descriptors["configuration"]) == int.from_bytes(host.descriptors["head"][2:4], "little")
 
 
-def test_pyusb_reaches_the_board(board: EmulatedBoard) -> None:
-    from gellight.ring.emulator.usb_backend import EmulatedBackend
-
+def test_pyusb_reaches_the_board(board: BenchBoard) -> None:
     backend = EmulatedBackend(board)
     number = board.unique_id.hex().upper()
     with LightRing(UsbTransport(number, url=f"usb://{number}", backend=backend), keep_alive_s=None) as ring:
@@ -115,7 +114,7 @@ def test_pyusb_reaches_the_board(board: EmulatedBoard) -> None:
 # ---- itself ----
 
 
-def test_the_clock_knows_when_a_usb_frame_began(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_clock_knows_when_a_usb_frame_began(board: BenchBoard, ring: LightRing) -> None:
     """The emulated bus begins a frame each millisecond of the chip's time; the number belongs to the time."""
     ring.clock()
     for _ in range(3):
@@ -127,7 +126,7 @@ def test_the_clock_knows_when_a_usb_frame_began(board: EmulatedBoard, ring: Ligh
         assert noted.sent_us - noted.sof_us < 320_000
 
 
-def test_the_temperature_is_that_of_the_chip(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_temperature_is_that_of_the_chip(board: BenchBoard, ring: LightRing) -> None:
     """12 bits of 3.3 V are 0.47 degrees each (data sheet 4.9.5)."""
     for celsius in (-10.0, 27.0, 65.0):
         board.set_temperature(celsius)
@@ -135,11 +134,11 @@ def test_the_temperature_is_that_of_the_chip(board: EmulatedBoard, ring: LightRi
         assert abs(27 - (volts - 0.706) / 0.001721 - celsius) < 0.25
 
 
-def test_the_self_test_passes_and_the_stack_is_bounded(board: EmulatedBoard, ring: LightRing, image: bytes) -> None:
+def test_the_self_test_passes_and_the_stack_is_bounded(board: BenchBoard, ring: LightRing, image: bytes) -> None:
     board.run(2_000)
     result = ring.self_test()
     assert result.failed == 0
-    assert result.tested == p.Check.IMAGE | p.Check.LIGHT_PATH | p.Check.STACK
+    assert result.tested == Check.IMAGE | Check.LIGHT_PATH | Check.STACK
     assert result.image_crc == ring.hello.image_crc == image_crc(image)
     assert result.stack_free > 2048
 
@@ -147,27 +146,27 @@ def test_the_self_test_passes_and_the_stack_is_bounded(board: EmulatedBoard, rin
 def test_a_damaged_image_fails_its_self_test(image: bytes) -> None:
     damaged = bytearray(image)
     damaged[5000] ^= 1
-    board = EmulatedBoard(bytes(damaged))
+    board = BenchBoard(bytes(damaged))
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         board.run(2_000)
-        assert ring.self_test().failed == p.Check.IMAGE
+        assert ring.self_test().failed == Check.IMAGE
 
 
 def test_a_boot2_with_a_wrong_checksum_stays_in_the_boot_loader(image: bytes) -> None:
     damaged = bytearray(image)
     damaged[10] ^= 1
-    board = EmulatedBoard(bytes(damaged))
+    board = BenchBoard(bytes(damaged))
     board.run(100_000)
     assert board.in_bootloader
     assert not board.host.configured
 
 
 def test_the_boot_loader_is_entered_by_command_and_by_1200_baud(image: bytes) -> None:
-    board = EmulatedBoard(image)
+    board = BenchBoard(image)
     ring = LightRing(VirtualTransport(board), keep_alive_s=None)
     ring.enter_bootloader()
     assert board.run_until(lambda: board.in_bootloader, 100_000)
-    board = EmulatedBoard(image)
+    board = BenchBoard(image)
     board.run_until(lambda: board.host.configured, 200_000)
     board.host.open(1200)
     board.run(5_000)
@@ -176,7 +175,7 @@ def test_the_boot_loader_is_entered_by_command_and_by_1200_baud(image: bytes) ->
     assert board.faults == []
 
 
-def test_the_configuration_survives_without_power(board: EmulatedBoard, ring: LightRing) -> None:
+def test_the_configuration_survives_without_power(board: BenchBoard, ring: LightRing) -> None:
     board.run(2_000)
     named = dataclasses.replace(ring.configuration(), name=b"left thumb".ljust(16, b"\0"), host_timeout_ms=2000)
     ring.configure(named, save=True)
@@ -187,7 +186,7 @@ def test_the_configuration_survives_without_power(board: EmulatedBoard, ring: Li
         assert again.status().config_saves == 1
 
 
-def test_a_power_cut_while_saving_keeps_the_configuration_before(board: EmulatedBoard, ring: LightRing) -> None:
+def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoard, ring: LightRing) -> None:
     board.run(2_000)
     ring.timeout_s, ring.attempts = 0.02, 1
     first = dataclasses.replace(ring.configuration(), name=b"first".ljust(16, b"\0"))

@@ -8,26 +8,25 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from gellight.ring.transport import VirtualTransport
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 
 
-def lit(board: EmulatedBoard) -> np.ndarray:
+def lit(board: BenchBoard) -> np.ndarray:
     return board.timeline.at(board.now_us)
 
 
-def hold_up(board: EmulatedBoard, ring: LightRing) -> None:
+def hold_up(board: BenchBoard, ring: LightRing) -> None:
     """Let the board hear nothing for more than a second of its time."""
     with ring._lock:
         board.run(1_200_000)
         assert not lit(board).any()
 
 
-def comes(board: EmulatedBoard, ring: LightRing, reached: Callable[[], bool]) -> bool:
+def comes(board: BenchBoard, ring: LightRing, reached: Callable[[], bool]) -> bool:
     end = time.monotonic() + 10
     while time.monotonic() < end:
         with ring._lock:
@@ -38,9 +37,7 @@ def comes(board: EmulatedBoard, ring: LightRing, reached: Callable[[], bool]) ->
     return False
 
 
-def test_a_light_comes_back_after_the_program_was_held_up(
-    board: EmulatedBoard, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_light_comes_back_after_the_program_was_held_up(board: BenchBoard, caplog: pytest.LogCaptureFixture) -> None:
     with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
         ring.set_leds(RED)
         hold_up(board, ring)
@@ -48,7 +45,7 @@ def test_a_light_comes_back_after_the_program_was_held_up(
     assert "they are lit again" in caplog.text
 
 
-def test_darkness_that_was_asked_for_stays(board: EmulatedBoard, caplog: pytest.LogCaptureFixture) -> None:
+def test_darkness_that_was_asked_for_stays(board: BenchBoard, caplog: pytest.LogCaptureFixture) -> None:
     with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
         ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
         ring.set_sync(SyncMode.FREE)
@@ -61,7 +58,7 @@ def test_darkness_that_was_asked_for_stays(board: EmulatedBoard, caplog: pytest.
 
 
 def test_a_board_that_does_not_answer_for_a_while_is_asked_on(
-    board: EmulatedBoard, caplog: pytest.LogCaptureFixture
+    board: BenchBoard, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.WARNING)
 

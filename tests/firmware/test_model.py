@@ -3,13 +3,13 @@
 import ctypes
 import struct
 
-from core_model import BLACK, CoreModel
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from virtual_board import VirtualBoard
 
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import SyncMode
+from tests.firmware.helpers.core_model import BLACK, CoreModel
+from tests.firmware.helpers.virtual_board import VirtualBoard
 
 PAUSE_US = 1_700
 levels = st.sampled_from([0, 1, 40, 155, 200, 255])

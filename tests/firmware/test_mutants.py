@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mutations import IMAGE, LOGIC, Mutation
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.enumerations import ResetReason, SyncMode
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step
-from gellight.ring.transport import VirtualTransport
 from gellight.ring.wire import Packet, encode
+from tests.firmware.helpers.mutations import IMAGE, LOGIC, Mutation
+from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
@@ -37,7 +37,7 @@ def mutate(mutation: Mutation, folder: Path) -> Path:
 
 def examine(image: bytes) -> list[str]:
     """Everything that is wrong with an image; a sound one gives an empty list."""
-    board = EmulatedBoard(image)
+    board = BenchBoard(image)
     problems: list[str] = []
     try:
         _examine(board, problems)
@@ -46,7 +46,7 @@ def examine(image: bytes) -> list[str]:
     return board.faults + problems
 
 
-def _examine(board: EmulatedBoard, problems: list[str]) -> None:
+def _examine(board: BenchBoard, problems: list[str]) -> None:
     ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
     for check in (_colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault):
         ring = check(board, ring, problems) or ring
@@ -54,18 +54,18 @@ def _examine(board: EmulatedBoard, problems: list[str]) -> None:
             return
 
 
-def _dark(board: EmulatedBoard) -> bool:
+def _dark(board: BenchBoard) -> bool:
     board.run(8_000)
     return not board.timeline.at(board.now_us).any()
 
 
-def _reopen(board: EmulatedBoard) -> LightRing:
+def _reopen(board: BenchBoard) -> LightRing:
     board.run_until(lambda: board.host.configured, 200_000)
     return LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
 
 
-def _colours(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
-    if board.host.text("serial") != board.unique_id.hex().upper():
+def _colours(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    if board.usb_text("serial") != board.unique_id.hex().upper():
         problems.append("unique number")
     ring.set_leds(PATTERN)
     ring.set_leds(PATTERN)
@@ -74,7 +74,7 @@ def _colours(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None
         problems.append("colours")
 
 
-def _sequence(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+def _sequence(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_137)])
     ring.set_sync(SyncMode.FREE)
     since = len(board.waveform.frame_starts_us)
@@ -90,7 +90,7 @@ def _sequence(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> Non
         problems.append("steps are not on time")
 
 
-def _trigger(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+def _trigger(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     ring.set_sync(SyncMode.EXT, delay_us=round(TRIGGER_DELAY_US))
     ring.start()
     board.run(3_000)
@@ -105,7 +105,7 @@ def _trigger(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None
         problems.append(f"trigger off by {late} us")
 
 
-def _configuration(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+def _configuration(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     board.run(3_000)
     before = bytes(board.chip.flash[: 1 << 20])
     ring.configure(p.Configuration(900, 400, 1000, 20000, 300, 0, 0, b"mutant".ljust(16, b"\0")), save=True)
@@ -119,7 +119,7 @@ def _configuration(board: EmulatedBoard, ring: LightRing, problems: list[str]) -
     return again
 
 
-def _flood(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+def _flood(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     before = ring.counters()
     code = p.COMMANDS["SELFTEST"].code  # 60 ms of work, while bytes pile up
     board.run(3_000)
@@ -134,7 +134,7 @@ def _flood(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
         problems.append("packets lost")
 
 
-def _suspend(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+def _suspend(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     ring.set_leds(PATTERN)
     board.run(3_000)
     board.suspend()
@@ -143,7 +143,7 @@ def _suspend(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> Ligh
     return _reopen(board)
 
 
-def _close(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+def _close(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     ring.set_leds(PATTERN)
     for number in range(30):  # so that the main loop is busy when both happens, and looks only after that
         board.host.send(encode(Packet(p.COMMANDS["SET_GROUP"].code, number, p.SetGroup(9, bytes(36)).pack())))
@@ -155,7 +155,7 @@ def _close(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightR
     return _reopen(board)
 
 
-def _frames(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+def _frames(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     ring.clock()
     board.run(150_400)
     noted = ring.clock()
@@ -164,7 +164,7 @@ def _frames(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
         problems.append(f"USB frame noted {late_us} us late")
 
 
-def _watchdog(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> LightRing:
+def _watchdog(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
     core = board.chip.core
     core.pc, core.pm, core.waiting = 0x2003FF00, True, False
@@ -173,7 +173,7 @@ def _watchdog(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> Lig
     return _reopen(board)
 
 
-def _fault(board: EmulatedBoard, ring: LightRing, problems: list[str]) -> None:
+def _fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     ring.set_leds(PATTERN)
     board.run(3_000)
     resets, vectors = board.resets, board.chip.read_uint32(0xE000ED08)
@@ -197,8 +197,6 @@ def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
 def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    from virtual_board import compile_library, run_core_tests
-
     library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
     done = run_core_tests(library)
     assert done.returncode != 0, "survived"

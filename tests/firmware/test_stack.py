@@ -1,12 +1,11 @@
 """The stack never leaves its room: by the compiler's call graph, and by what the painted stack of an image shows."""
 
 import numpy as np
-from stack_bound import CallGraph, stack_bound
 
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import VirtualTransport
+from tests.firmware.helpers.stack_bound import CallGraph, stack_bound
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 ROOM_BYTES = 4096
 BOOT_ROM_BYTES = 512
@@ -20,7 +19,7 @@ def test_the_deepest_calls_leave_room_for_the_boot_rom() -> None:
 
 def test_a_running_image_stays_within_the_bound() -> None:
     """The same compiler's image saves its configuration, which is the deepest path, and shows lights meanwhile."""
-    board = EmulatedBoard(build(compiler_name="gcc"))
+    board = BenchBoard(build(compiler_name="gcc"))
     ring = LightRing(VirtualTransport(board), keep_alive_s=None)
     ring.set_leds(np.full((12, 3), 9, np.uint8))
     ring.blank()

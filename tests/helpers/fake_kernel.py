@@ -11,8 +11,11 @@ from collections.abc import Callable
 from ctypes import Structure
 from dataclasses import dataclass, field
 
+import pytest
+
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
+from gellight.sensor.v4l2.kernel import Kernel
 
 
 @dataclass
@@ -117,7 +120,7 @@ def refuse(number: int) -> OSError:
     return OSError(number, errno.errorcode[number])
 
 
-class FakeKernel:
+class FakeKernel(Kernel):
     """Cameras by path; `now_s` moves when somebody waits."""
 
     def __init__(self, cameras: dict[str, FakeCamera] | None = None) -> None:
@@ -126,6 +129,11 @@ class FakeKernel:
         self.opened: dict[int, FakeCamera] = {}
         self.mapped: list[FakeMemory] = []
         self.events: list[tuple[float, Callable[[], None]]] = []
+
+    def take_over(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Take the place of Linux for everything that names no kernel of its own."""
+        for name in ("open", "ioctl", "mmap", "poll", "close", "clock"):
+            monkeypatch.setattr(Kernel, name, getattr(self, name))
 
     def at(self, time_s: float, action: Callable[[], None]) -> None:
         """Let something happen at a time, while somebody waits."""

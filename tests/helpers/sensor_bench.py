@@ -56,7 +56,11 @@ class FakeRing:
     def blank(self) -> None:
         self.lit = np.zeros((12, 3), np.uint8)
 
-    def wait_for_light(self, light_id: int) -> None:
+    def light(self, colours: np.ndarray | None) -> None:
+        if colours is None:
+            self.blank()
+            return
+        self.set_leds(colours)
         self.kernel.sleep(0.02)
         self.lit_s = self.kernel.now_s
 

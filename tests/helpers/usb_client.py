@@ -22,6 +22,28 @@ CAMERA, PROCESSING = 0x0102, 0x0202
 """wIndex of the two units: unit in the high byte, interface 2 in the low one"""
 
 
+def receive(connection: socket.socket, count: int) -> bytes:
+    """Return exactly `count` bytes."""
+    data = b""
+    while len(data) < count:
+        part = connection.recv(count - len(data))
+        if not part:
+            raise ConnectionError("the device is gone")
+        data += part
+    return data
+
+
+def import_device(connection: socket.socket, bus_id: str) -> tuple[int, int]:
+    """Import a device that a server offers over USB/IP; return its device id and speed, as vhci-hcd wants them."""
+    connection.sendall(struct.pack(">HHI32s", 0x0111, 0x8003, 0, bus_id.encode()))
+    version, code, status = struct.unpack(">HHI", receive(connection, 8))
+    assert (version, code) == (0x0111, 0x0003)
+    if status:
+        raise ConnectionRefusedError(f"no free device {bus_id!r} is offered")
+    bus, number, speed = struct.unpack_from(">III", receive(connection, 312), 256 + 32)
+    return bus << 16 | number, speed
+
+
 class CardCamera(Camera):
     """Shows a colour card, brighter with every frame up to a limit; rate and size as wished."""
 
@@ -99,18 +121,11 @@ class UsbClient:
             self._early.append(reply)
 
     def _receive(self) -> Reply:
-        command, number, _device, _direction, _endpoint, status, length = struct.unpack_from(">IIIIIiI", self._read(48))
+        command, number, _device, _direction, _endpoint, status, length = struct.unpack_from(
+            ">IIIIIiI", receive(self.socket, 48)
+        )
         has_data = command == 3 and number in self._incoming
-        return Reply(number, status, length, self._read(length) if has_data else b"")
-
-    def _read(self, count: int) -> bytes:
-        data = b""
-        while len(data) < count:
-            part = self.socket.recv(count - len(data))
-            if not part:
-                raise ConnectionError("the device is gone")
-            data += part
-        return data
+        return Reply(number, status, length, receive(self.socket, length) if has_data else b"")
 
     # ---- control transfers ----
 

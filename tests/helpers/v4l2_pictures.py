@@ -5,7 +5,9 @@ import numpy as np
 
 from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.formats import Wanted
+from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.stream import Stream
+from gellight.sensor.v4l2.video_camera import V4l2Camera
 from tests.helpers.fake_kernel import FakeCamera, FakeKernel
 
 PATH = "/dev/video7"
@@ -25,6 +27,12 @@ def streaming(kernel: FakeKernel, letters: str = "MJPG", buffers: int = 4) -> St
     device = Device(PATH, kernel=kernel)
     device.configure(Wanted(width=640, height=480, letters=letters, fps=30))
     return device.start(buffers=buffers)
+
+
+def open_v4l2(url: str, kernel: FakeKernel) -> V4l2Camera:
+    """Open the camera of a `v4l2://` URL alone, without what `open_camera` adds to it."""
+    path, options = parse_url(url)
+    return V4l2Camera(path, options, url=url, kernel=kernel)
 
 
 def jpeg(image: np.ndarray, quality: int = 90) -> bytes:

@@ -9,13 +9,12 @@ import pytest
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.ring import light_ring
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.emulator.waveform import Light
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import VirtualTransport
 from gellight.sensor.lighting import hold, light_watch
 from gellight.simulator.shutter import Shutter, row_weights
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 SHAPE = (64, 128)
 RING = np.zeros((12, 3), np.uint8)
@@ -26,7 +25,7 @@ for third in range(3):
 class HostClock:
     """Takes the place of the module `time` in what is tested."""
 
-    def __init__(self, board: EmulatedBoard, *, offset_s: float = 5000.0, drift: float = 60e-6) -> None:
+    def __init__(self, board: BenchBoard, *, offset_s: float = 5000.0, drift: float = 60e-6) -> None:
         self.board, self.offset_s, self.drift = board, offset_s, drift
 
     def monotonic(self) -> float:
@@ -52,7 +51,7 @@ class VirtualCamera(Camera):
 
     url, image_shape, stage = "virtual://", SHAPE, None
 
-    def __init__(self, board: EmulatedBoard, clock: HostClock, *, fps: float = 30.0, seed: int = 0,
+    def __init__(self, board: BenchBoard, clock: HostClock, *, fps: float = 30.0, seed: int = 0,
                  strobe: bool = False, jitter_s: float = 5e-4, late_s: float = 0.0) -> None:  # fmt: skip
         self.board, self.clock, self.strobe, self.jitter_s, self.late_s = board, clock, strobe, jitter_s, late_s
         self.ring = LightRing(VirtualTransport(board), keep_alive_s=None)
@@ -113,7 +112,7 @@ class VirtualCamera(Camera):
 
 def virtual_sensor(monkeypatch: pytest.MonkeyPatch, **options) -> VirtualCamera:
     """A new sensor; the modules that are tested get its clock instead of the wall clock."""
-    board = EmulatedBoard(committed_image())
+    board = BenchBoard(committed_image())
     clock = HostClock(board)
     for module in (light_ring, light_watch, hold):
         monkeypatch.setattr(module, "time", clock)

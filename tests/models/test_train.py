@@ -1,7 +1,6 @@
 """Training: it learns what is in the table, the same each time, and refuses a table that says nothing."""
 
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import torch
 
 from gelnet.table import Table, TableError, checked, held_out_images, load_table, split_by_image
 from gelnet.train import RECIPES, learning_rates, main, normal_error_deg, train
+from tests.helpers.children import run
 
 ROOT = Path(__file__).parent.parent.parent
 TINY = replace(RECIPES["fast"], epochs=2, least_visits=0)
@@ -128,13 +128,8 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path) -> None:
 
 def test_the_child_reports_each_epoch_and_writes_both_files(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "gelnet.train", "--table", str(saved(tmp_path)), "--out", str(tmp_path / "out")]
-    child = subprocess.run(
-        [*command, "--epochs", "3", "--width", "8", "--seed", "2"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={"PYTHONPATH": f"{ROOT / 'models'}", "PATH": ""},
-    )
+    command += ["--epochs", "3", "--width", "8", "--seed", "2"]
+    child = run(command, env={"PYTHONPATH": f"{ROOT / 'models'}", "PATH": ""})
     assert child.returncode == 0, child.stderr
     progress = [json.loads(line) for line in child.stdout.splitlines()]
     assert [(step["epoch"], step["epochs"]) for step in progress] == [(1, 3), (2, 3), (3, 3)]

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from gellight.simulator.usb.device import VirtualSensor, open_virtual
-from tests.vm.bench import FINE, LIT, ONE, TWO, Bench, sized
-from tests.vm.machine import Guest, booted
-from tests.vm.packages import Missing
+from tests.vm.machine.bench import FINE, LIT, ONE, TWO, Bench, sized
+from tests.vm.machine.packages import Missing
+from tests.vm.machine.qemu import Guest, booted
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

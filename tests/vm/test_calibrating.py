@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gellight.simulator.usb.device import VirtualSensor
-from tests.vm.bench import Bench
-from tests.vm.machine import Call, Guest
+from tests.vm.machine.bench import Bench
+from tests.vm.machine.qemu import Call, Guest
 
 PIXEL_MM = 0.0588 * 640 / 320
 MIDDLE_PX = np.array([159.5, 119.5])
@@ -18,7 +18,7 @@ PRESSES = len(BALL)
 
 def serve(call: Call, sensor: VirtualSensor) -> list[str]:
     """Press and lift whenever the routine asks for it; return every problem that it told."""
-    stage = sensor._body.camera.stage
+    stage = sensor._inside.camera.stage
     assert stage is not None
     problems, taken = [], {"pixel_size": 0, "presses": 0}
     while (due := call.next_event("due")) is not None:
@@ -47,5 +47,5 @@ def test_the_routine_measures_a_sensor_behind_usb(guest: Guest, bench: Bench) ->
     for circle in found["circles"]:
         centre = np.array([circle["center_x_px"], circle["center_y_px"]])
         assert np.abs(MIDDLE_PX + np.array(BALL) / PIXEL_MM - centre).max(axis=1).min() < 0.5, "at one of the places"
-    board = bench.sensors["fine"]._body.board
+    board = bench.sensors["fine"]._inside.board
     assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the routine has ended"

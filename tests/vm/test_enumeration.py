@@ -3,8 +3,8 @@
 import pytest
 
 from gellight.simulator.usb.device import VirtualSensor
-from tests.vm.bench import ONE, TWO, Bench
-from tests.vm.machine import Guest
+from tests.vm.machine.bench import ONE, TWO, Bench
+from tests.vm.machine.qemu import Guest
 
 
 def names(links: list[str], kind: str) -> list[str]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.faults import Faults
-from tests.vm.bench import ONE
-from tests.vm.machine import Guest
+from tests.vm.machine.bench import ONE
+from tests.vm.machine.qemu import Guest
 
 PERIOD_S = 1 / 30
 

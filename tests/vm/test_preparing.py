@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.vm import initramfs, packages
-from tests.vm.modules import content, load_order
+from tests.vm.machine import initramfs, packages
+from tests.vm.machine.modules import content, load_order
 
 
 def module(path: Path, depends: str, *, compressed: bool = False) -> None:

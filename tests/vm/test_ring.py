@@ -1,8 +1,8 @@
 """The light ring of the virtual sensor: the real serial driver in the guest, the real firmware in the emulator here."""
 
 from gellight.simulator.usb.device import VirtualSensor
-from tests.vm.bench import LIT, ONE, Bench
-from tests.vm.machine import Guest
+from tests.vm.machine.bench import LIT, ONE, Bench
+from tests.vm.machine.qemu import Guest
 
 
 def test_the_firmware_answers_over_the_real_serial_driver(guest: Guest, bench: Bench) -> None:

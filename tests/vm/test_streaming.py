@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gellight.simulator.usb.device import VirtualSensor
-from tests.vm.bench import ONE, Bench
-from tests.vm.machine import Guest
+from tests.vm.machine.bench import ONE, Bench
+from tests.vm.machine.qemu import Guest
 
 
 def test_the_camera_offers_two_formats_in_two_sizes(guest: Guest, one: VirtualSensor) -> None:
@@ -64,7 +64,7 @@ def test_an_exposure_longer_than_the_frame_period_is_refused(guest: Guest, one: 
 def test_a_slow_program_gets_far_newer_pictures_than_from_opencv(
     guest: Guest, bench: Bench, one: VirtualSensor, record_property: pytest.FixtureRequest
 ) -> None:
-    offset_s = guest.run("guest:clock_offset", server=bench.clock.port)
+    offset_s = guest.run("plugging:clock_offset", server=bench.clock.port)
     found = guest.run("looking:ages", serial=ONE, offset_s=offset_s)
     print("age of a picture, s:", found)
     assert found["ours median"] > 0.02, "the exposure itself takes so long: else the clocks are compared wrongly"

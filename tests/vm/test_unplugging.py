@@ -2,8 +2,8 @@
 
 from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.faults import Faults
-from tests.vm.bench import LIT, ONE, Bench
-from tests.vm.machine import Guest
+from tests.vm.machine.bench import LIT, ONE, Bench
+from tests.vm.machine.qemu import Guest
 
 
 def test_a_cable_pulled_in_mid_stream_is_told_at_once(guest: Guest, bench: Bench) -> None:

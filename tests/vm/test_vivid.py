@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tests.vm.machine import Guest
+from tests.vm.machine.qemu import Guest
 
 
 @pytest.fixture(scope="module")
@@ -16,12 +16,12 @@ def vivid(guest: Guest) -> Iterator[Guest]:
     guest.run("faking:unload")
 
 
-HONEST = {"Timestamp Source": 1}
+NO_FAULTS = {"Timestamp Source": 1}
 """stamps at the start of the exposure; by default vivid stamps the end of a picture and hands it over before that"""
 
 
 def test_an_honest_camera_shows_no_fault(vivid: Guest) -> None:
-    found = vivid.run("faking:stream", before=HONEST, during={}, count=10)
+    found = vivid.run("faking:stream", before=NO_FAULTS, during={}, count=10)
     assert found["mode"].startswith("YUYV 320x180")
     assert found["gain"] == 77, "its automatic was switched off first"
     assert all(found["sound"])
@@ -38,13 +38,13 @@ def test_every_raw_format_shows_the_same_colours(vivid: Guest) -> None:
 
 
 def test_dropped_buffers_are_counted_as_lost(vivid: Guest) -> None:
-    found = vivid.run("faking:stream", before=HONEST, during={"Percentage of Dropped Buffers": 40}, count=25)
+    found = vivid.run("faking:stream", before=NO_FAULTS, during={"Percentage of Dropped Buffers": 40}, count=25)
     assert found["counts"]["lost"] >= 3
     assert max(found["steps"]) > 1
 
 
 def test_a_picture_that_the_driver_marks_as_damaged_is_counted_and_not_delivered(vivid: Guest) -> None:
-    found = vivid.run("faking:stream", before=HONEST, during={"Inject V4L2_BUF_FLAG_ERROR": 1}, count=10)
+    found = vivid.run("faking:stream", before=NO_FAULTS, during={"Inject V4L2_BUF_FLAG_ERROR": 1}, count=10)
     assert found["counts"]["damaged"] == 1
     assert found["counts"]["delivered"] == 11
 
@@ -57,7 +57,7 @@ def test_time_stamps_of_the_future_are_not_believed(vivid: Guest) -> None:
 
 
 def test_time_stamps_of_another_clock_are_not_believed(vivid: Guest) -> None:
-    found = vivid.run("faking:stream", before={**HONEST, "Wrap Timestamp": 1}, during={}, count=10)
+    found = vivid.run("faking:stream", before={**NO_FAULTS, "Wrap Timestamp": 1}, during={}, count=10)
     assert not any(found["sound"])
 
 
@@ -65,5 +65,5 @@ def test_a_device_that_disconnects_is_told_and_comes_back(vivid: Guest) -> None:
     found = vivid.run("faking:disconnect")
     print(f"disconnected: told after {found['seconds']:.3f} s")
     assert found["error"] == "UnpluggedError"
-    again = vivid.run("faking:stream", before=HONEST, during={}, count=5)
+    again = vivid.run("faking:stream", before=NO_FAULTS, during={}, count=5)
     assert all(again["sound"])

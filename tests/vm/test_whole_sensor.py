@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from tests.vm.bench import LIT, ONE, TWO, Bench, sized
-from tests.vm.machine import Guest, hardware_virtualisation
-from tests.vm.tiny import tiny_bundle
+from tests.vm.machine.bench import LIT, ONE, TWO, Bench, sized
+from tests.vm.machine.qemu import Guest, hardware_virtualisation
+from tests.vm.machine.tiny_bundle import tiny_bundle
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -20,7 +20,7 @@ def _heavy_modules(guest: Guest) -> None:
         "gellight.simulator.usb.device",
         "gellight.daemon.desk",
         "gellight.dashboard.server",
-        "tests.vm.serving",
+        "tests.vm.inside.serving",
     )
 
 
@@ -94,7 +94,7 @@ def test_find_names_the_sensor_and_doctor_finds_it_well(guest: Guest, bench: Ben
 def test_the_udev_rule_gives_the_sensor_to_the_video_group(guest: Guest, bench: Bench) -> None:
     assert guest.run("sensing:gellight", arguments=["install-udev"], limit_s=60)["status"] == 0
     bench.plug("one", 0)
-    assert guest.run("guest:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
+    assert guest.run("plugging:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
 
 
 def test_the_guest_can_plug_a_virtual_sensor_into_itself(guest: Guest, bench: Bench) -> None:
@@ -144,6 +144,6 @@ def test_run_streams_depth_and_serves_its_status_while_the_sensor_is_unplugged(
     summary = json.loads(found["out"].splitlines()[-1])
     assert summary["frames"] == frames
     assert summary["error"] is None
-    board = bench.sensors["lit"]._body.board
+    board = bench.sensors["lit"]._inside.board
     assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the program has ended"
     assert summary["indentation_mm"] == pytest.approx(1.0, abs=0.15), "a ball 1 mm deep, at 0.47 mm a pixel"

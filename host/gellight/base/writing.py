@@ -1,44 +1,112 @@
-"""Files and folders that are written whole or not at all."""
+"""Files and folders that are written whole or not at all, and that a loss of power does not take back.
 
+A file is written beside its place and flushed to the disk (fsync), then it is renamed to its place, then the folder
+that holds its name is flushed. So the old content or the new one is there at every moment, and the new one after the
+call has returned.
+"""
+
+import ctypes
+import errno
 import os
 import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+_CANNOT = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}
+"""what a file system answers to a request that it does not know"""
+
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file through a sibling and a rename; raises OSError, and then the file is as before."""
+    """Write a file that may exist.
+
+    Raises OSError. Then the file is as before; only where the folder could not be flushed the new content may be there.
+    """
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
     partial = Path(name)
     try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        partial.chmod(0o644)
+        _fill(handle, content)
         partial.replace(path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+    _flush_folder(path.parent)
 
 
 def write_folder(target: Path, files: Mapping[str, bytes]) -> None:
-    """Write a folder of files the same way; an old folder steps aside until the new one is in place."""
-    target.parent.mkdir(parents=True, exist_ok=True)
+    """Write a folder of these files; an old folder, file or link of that name is replaced in one step.
+
+    Some file systems (NFS among them) cannot exchange two folders in one step. There the old one is renamed to
+    `.NAME.*.old` first, so a loss of power between two renames leaves it under that name. Raises OSError as
+    `write_file` does.
+    """
+    make_folder(target.parent)
     partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
     try:
         partial.chmod(0o755)
         for name, content in files.items():
-            (partial / name).write_bytes(content)
-        _swap(partial, target)
+            _fill(os.open(partial / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), content)
+        _flush_folder(partial)
+        if os.path.lexists(target):
+            _exchange(partial, target)
+        else:
+            partial.rename(target)
+        _flush_folder(target.parent)
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        _remove(partial)
 
 
-def _swap(partial: Path, target: Path) -> None:
-    """Rename `partial` to `target`; what was there is put back if that fails."""
-    if not target.exists():
-        partial.rename(target)
-        return
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it that are missing; raises OSError."""
+    missing = [place for place in (path, *path.parents) if not place.exists()]
+    for place in reversed(missing):
+        place.mkdir(exist_ok=True)
+        _flush_folder(place.parent)
+    path.mkdir(exist_ok=True)  # an error of its own where something else has that name
+
+
+def _fill(handle: int, content: bytes) -> None:
+    """Write the content of a new file, flush it and close it."""
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fchmod(handle, 0o644)
+        os.fsync(handle)
+
+
+def _flush_folder(path: Path) -> None:
+    """Flush the names in a folder to the disk, where its file system can do that."""
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in _CANNOT:
+            raise
+    finally:
+        os.close(handle)
+
+
+def _exchange(partial: Path, target: Path) -> None:
+    """Let two existing names change places."""
+    try:
+        _rename_exchange(os.fsencode(partial), os.fsencode(target))
+    except OSError as error:
+        if error.errno not in _CANNOT:
+            raise
+        _step_aside(partial, target)
+
+
+def _rename_exchange(one: bytes, other: bytes) -> None:
+    """Exchange two names in one step, as Linux can; OSError (ENOSYS) where the C library cannot."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+    if rename(_AT_FDCWD, one, _AT_FDCWD, other, _RENAME_EXCHANGE) != 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+
+def _step_aside(partial: Path, target: Path) -> None:
     old = partial.with_suffix(".old")
     target.rename(old)
     try:
@@ -46,7 +114,12 @@ def _swap(partial: Path, target: Path) -> None:
     except OSError:
         old.rename(target)
         raise
-    if old.is_dir():
-        shutil.rmtree(old, ignore_errors=True)
+    _flush_folder(target.parent)
+    _remove(old)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
     else:
-        old.unlink()
+        path.unlink(missing_ok=True)

@@ -34,6 +34,7 @@ from gellight.base.errors import BundleError
 from gellight.base.writing import write_file, write_folder
 from gellight.bundle.manifest import (
     AGAIN,
+    CAPTURE_OPTIONS,
     MANIFEST,
     METRICS,
     REFERENCE,
@@ -94,6 +95,23 @@ class Bundle:
         """Measured error of the network, as written by the calibration."""
         content: dict[str, Any] = json.loads(self.files[METRICS])
         return content
+
+    @property
+    def controls(self) -> dict[str, float]:
+        """The controls that the camera has to be set to, by name; how it is opened (format, rate, ...) is left out.
+
+        Raises BundleError for a value that is no number.
+        """
+        found = {name: value for name, value in self.manifest.camera.items() if name not in CAPTURE_OPTIONS}
+        for name, value in found.items():
+            if isinstance(value, bool | str):
+                raise BundleError(f"{self.source}: {MANIFEST}: camera.{name} = {value!r} is no number: {AGAIN}")
+        return {name: float(value) for name, value in found.items()}
+
+    @property
+    def colours(self) -> NDArray[np.uint8] | None:
+        """(12, 3) RGB of the LEDs while the sensor was calibrated; None where the bundle does not tell them."""
+        return np.array([led.rgb for led in self.manifest.led], np.uint8) if self.manifest.led else None
 
     @property
     def identity(self) -> str:

@@ -34,6 +34,10 @@ FileName = Annotated[str, AfterValidator(plain_name)]
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Byte = Annotated[int, Field(ge=0, le=255)]
 Control = bool | int | float | str
+CAPTURE_OPTIONS = frozenset(
+    {"width", "height", "format", "fps", "power_line_hz", "delay_us", "readout_us", "stamp_error_us", "buffers", "ring"}
+)
+"""what `[camera]` may hold besides controls: how the camera is opened"""
 
 
 class LedSetting(BaseModel):
@@ -72,7 +76,7 @@ class Manifest(BaseModel):
     files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
     led: tuple[LedSetting, ...] = ()
     camera: dict[str, Control] = Field(default_factory=dict)
-    """exposure, gain, white balance: the controls that have to be the same when the sensor is used"""
+    """controls that have to be the same when the sensor is used (exposure, gain, white balance), and capture options"""
 
     @model_validator(mode="after")
     def _lists_what_is_needed(self) -> "Manifest":

@@ -3,7 +3,8 @@
     <user data>/gellight/bundles/<sensor>/<identity>/     one bundle
     <user data>/gellight/bundles/<sensor>/in_service      identities, the one in service last
 
-Both are written whole or not at all, so a loss of power leaves the old bundle or the new one in service.
+Both are flushed to the disk and written whole or not at all (`base/writing.py`), the bundle first. So a loss of power
+leaves the old bundle or the new one in service.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a calibration is asked for: the tools at hand, how much of everything, and what counts as good."""
+"""What a calibration is asked for: the tools at hand, and how much of everything."""
 
 import math
 import re
@@ -6,33 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gellight.base.errors import InputError
+from gellight.bundle.limits import Limits
 from gellight.training.training import TrainingOptions
 
 RING_COLOURS = "RRRRGGGGBBBB"
 """of the paper's ring, anticlockwise from the right"""
 LEAST_PRESSES = 8
 """fewer ball presses than that are not fitted"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What a calibration must reach on fresh presses to be installed.
-
-    The defaults are what the best calibrations of real, soft sensors of this kind reach; a rigid simulated one does
-    ten times better.
-    """
-
-    depth_mm: float = 0.08
-    """mean absolute depth error inside the contact circle: with the mean of each press taken off, and where a simulator
-    knows the truth also without"""
-    normal_deg: float = 7.0
-    """mean angle between the normals there"""
-
-    def __post_init__(self) -> None:
-        """Refuse what no calibration could reach."""
-        for name, value in vars(self).items():
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"the largest {name} allowed is {value}: give a limit greater than 0")
 
 
 @dataclass(frozen=True, kw_only=True)

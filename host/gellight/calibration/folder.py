@@ -1,11 +1,13 @@
 """The state of a calibration on disk: every figure, picture and press is there as soon as it is known.
 
-state.json        what is done, written whole or not at all; it marks the folder as one of a calibration
+state.json        what is done; it marks the folder as one of a calibration
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
 grids/*.png       the pin grid
 draft/            the bundle before it is verified
+
+Each file is written whole or not at all, and is on the disk when the call that wrote it returns.
 """
 
 import io
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, GellightError, InputError
-from gellight.base.writing import write_file
+from gellight.base.writing import make_folder, write_file
 from gellight.calibration.display import Picture
 from gellight.calibration.records import CheckErrors, Circle, StepFigures
 from gellight.calibration.state import (
@@ -228,6 +230,6 @@ def _drop_lost(path: Path, state: State) -> None:
 
 def _make(path: Path) -> None:
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        make_folder(path)
     except OSError as error:
         raise InputError(f"folder {path} cannot be made ({error.strerror}): give another one") from error

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, CameraError
 from gellight.calibration.display import Progress
 from gellight.calibration.records import GroupAnswer, LedAnswer, LedCheck
-from gellight.calibration.sensing import block_means
+from gellight.calibration.sensing import BLOCK_PX
 from gellight.calibration.session import Session
+from gellight.reconstruction.pixel_grid import block_means
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing
 
@@ -41,7 +42,7 @@ def light(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> Floa
         frame = session.frame()
         if frame.time_s < lit_s or (frame.light is not None and not np.array_equal(frame.light, colours)):
             continue
-        seen = block_means(frame.image)
+        seen = block_means(frame.image, BLOCK_PX)
         session.display.show(live=frame.image)
         if before is not None and float(np.abs(seen - before).mean()) < _SAME_GREY:
             return np.asarray((seen + before) / 2, np.float32)

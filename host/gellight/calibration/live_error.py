@@ -5,12 +5,12 @@ out by a subtraction, and each press can be judged by all others.
 """
 
 from dataclasses import dataclass, field
-from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.integration import angle_deg, normals
+from gellight.training.polynomial import powers_up_to, terms_of
 from gellight.training.presses import Ball, Press, contact_circle, distance_px, sphere_gradient
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ _FLAT_DISTANCE = 3.0
 _RIDGE = 1e-3
 _DEGREE = 3
 _INPUTS = 5
-_POWERS = [p for d in range(_DEGREE + 1) for p in combinations_with_replacement(range(_INPUTS), d)]
+_POWERS = powers_up_to(_DEGREE, _INPUTS)
 LEAST = 5
 """presses before anything can be said"""
 _OUTLIER = 3.0
@@ -99,4 +99,4 @@ class LiveError:
 def _features(difference: NDArray[np.floating], x: Floats, y: Floats, shape: tuple[int, int]) -> Floats:
     """(N, 56) products of up to three of the five inputs, each scaled to about one."""
     columns = [difference[:, c] / 64.0 for c in range(3)] + [2 * x / shape[1] - 1, 2 * y / shape[0] - 1]
-    return np.stack([np.prod([columns[i] for i in power], axis=0) * np.ones(len(x)) for power in _POWERS], axis=1)
+    return terms_of(columns, _POWERS)

@@ -5,13 +5,11 @@ evenly grey in every colour. What is set is that the brightest hundredth of the 
 230: as much light as possible, and room for slopes that face an LED.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CameraError, InputError
-from gellight.bundle.bundle import Bundle, LedSetting
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import LedSetting
 from gellight.calibration import led_check
 from gellight.calibration.records import Preparation, Uniformities
 from gellight.calibration.sensing import check_light, mean_image
@@ -19,7 +17,6 @@ from gellight.calibration.session import Session
 from gellight.calibration.uniformity import contour_picture, of_image
 from gellight.frames.camera import Camera, CameraControls
 from gellight.ring.light_ring import LightRing
-from gellight.sensor.v4l2.options import CaptureOptions
 
 LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
 """of the 99th percentile of the brightest colour of the untouched gel"""
@@ -58,28 +55,7 @@ def prepare(session: Session) -> None:
 def prepare_again(session: Session) -> None:
     """Set camera and LEDs as an interrupted calibration had set them."""
     prepared = session.folder.figures(Preparation)
-    apply_settings(session.camera, prepared.camera, prepared.led)
-
-
-def apply_settings(camera: Camera, controls: dict[str, Any], led: list[list[int]] | None) -> None:
-    """Set a camera's controls and its LEDs, and wait until they hold; CameraError where one does not."""
-    for name, value in controls.items():
-        if camera.controls is None or name not in camera.controls.names():
-            raise CameraError(f"{camera.url} has no control {name!r}, which the calibration needs: use the same camera")
-        camera.controls.set(name, value)
-    if led and camera.ring is not None:
-        camera.ring.wait_for_light(camera.ring.set_leds(np.array(led, np.uint8)).light_id)
-
-
-_CAPTURE = set(CaptureOptions.model_fields) - {"exposure_us", "gain", "white_balance_k"}
-"""recorded with the controls but none: format, rate and delays, which the camera is opened with"""
-
-
-def apply_calibration(camera: Camera, bundle: Bundle) -> None:
-    """Set a camera's controls and LEDs as they were when `bundle` was made."""
-    manifest = bundle.manifest
-    controls = {name: value for name, value in manifest.camera.items() if name not in _CAPTURE}
-    apply_settings(camera, controls, [list(led.rgb) for led in manifest.led] or None)
+    session.camera.adopt(prepared.camera, np.array(prepared.led, np.uint8) if prepared.led else None)
 
 
 def settings_of(camera: Camera) -> dict[str, float]:

@@ -4,15 +4,16 @@ A polynomial maps slopes and place to colour changes, the opposite way of the ne
 Where the slopes felt are wrong, the predicted picture differs from the one that was taken.
 """
 
-from itertools import combinations_with_replacement
-
 import numpy as np
 from numpy.typing import NDArray
+
+from gellight.training.polynomial import powers_up_to, ridge, terms_of
 
 Floats = NDArray[np.float32]
 _DEGREE = 4
 _LARGEST_TABLE = 60_000
-_POWERS = [p for d in range(_DEGREE + 1) for p in combinations_with_replacement(range(4), d)]
+_POWERS = powers_up_to(_DEGREE, 4)
+_RIDGE = 1e-6
 
 
 class Rerenderer:
@@ -23,8 +24,7 @@ class Rerenderer:
         self._shape = image_shape
         chosen = rows[:: max(1, len(rows) // _LARGEST_TABLE)].astype(np.float64)
         features = self._features(chosen[:, 5], chosen[:, 6], chosen[:, 3], chosen[:, 4])
-        squares = features.T @ features + 1e-6 * len(chosen) * np.eye(len(_POWERS))
-        self._amounts = np.linalg.solve(squares, features.T @ chosen[:, :3])
+        self._amounts = ridge(features, chosen[:, :3], _RIDGE)
 
     def difference(self, gradient_map: Floats, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Floats:
         """(N, 3) predicted difference, grey levels, at pixels of a (H, W, 2) gradient map."""
@@ -35,6 +35,4 @@ class Rerenderer:
     def _features(self, gx: NDArray[np.float64], gy: NDArray[np.float64], x: NDArray[np.float64],
                   y: NDArray[np.float64]) -> NDArray[np.float64]:  # fmt: skip
         height, width = self._shape
-        inputs = (gx, gy, 2 * x / width - 1, 2 * y / height - 1)
-        one = np.ones(len(gx))
-        return np.stack([np.prod([inputs[i] for i in power], axis=0) * one for power in _POWERS], axis=1)
+        return terms_of([gx, gy, 2 * x / width - 1, 2 * y / height - 1], _POWERS)

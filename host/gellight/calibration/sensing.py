@@ -11,8 +11,8 @@ from gellight.base.errors import InputError
 from gellight.calibration.records import UntouchedGel
 from gellight.calibration.session import Session
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.image_noise import square_means
 from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.pixel_grid import block_means
 from gellight.simulator.virtual_hand import VirtualHand
 
 Floats = NDArray[np.float32]
@@ -29,11 +29,6 @@ _LEAST_CHANGE_GREY = 1.5
 _TOUCHED_SHARE = 0.0015
 _CLIPPED_SHARE = 0.002
 _DARK_GREY = 12.0
-
-
-def block_means(image: NDArray[np.generic]) -> Floats:
-    """(H, W, 3) -> (H/4, W/4, 3) means of blocks."""
-    return square_means(image, BLOCK_PX)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +56,13 @@ class TouchDetector:
 
     def __init__(self, reference: Floats, noise_grey: float) -> None:
         """Compare with the reference, (H, W, 3) grey levels."""
-        self._reference = block_means(reference)
+        self._reference = block_means(reference, BLOCK_PX)
         self._threshold = max(_LEAST_CHANGE_GREY, _SIGMAS * noise_grey / BLOCK_PX)
         self._last: Floats | None = None
 
     def look(self, frame: CameraFrame) -> GelState:
         """Judge the next frame; the first one counts as moving."""
-        seen = block_means(frame.image)
+        seen = block_means(frame.image, BLOCK_PX)
         difference = seen - self._reference
         touched = np.abs(difference - light_drift(difference)).max(axis=2) > self._threshold
         moved = 1.0 if self._last is None else float((_largest(seen - self._last) > 1.5 * self._threshold).mean())

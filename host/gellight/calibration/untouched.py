@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.calibration.display import Progress
 from gellight.calibration.records import UntouchedGel, WarmUp
-from gellight.calibration.sensing import TouchDetector, block_means, check_light, detector_of
+from gellight.calibration.sensing import BLOCK_PX, TouchDetector, check_light, detector_of
 from gellight.calibration.session import Session
 from gellight.reconstruction.image_noise import ImageNoise, measure_noise
 from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.pixel_grid import block_means
 
 Floats = NDArray[np.float32]
 WINDOW = 12
@@ -58,7 +59,7 @@ def compare_with_reference(session: Session) -> None:
     wait_steady(session)
     reference = session.folder.reference()
     frame = session.frame()
-    difference = block_means(frame.image) - block_means(reference)
+    difference = block_means(frame.image, BLOCK_PX) - block_means(reference, BLOCK_PX)
     drift = float(np.abs(light_drift(difference)).max())
     if drift > _LARGEST_RETURN_GREY:
         raise BundleError(
@@ -146,7 +147,7 @@ def foreign_share(image: Floats) -> float:
 
     The light is fitted robustly by polynomials of degree 7 in x and y, on means of 8 x 8 pixels.
     """
-    blocks = block_means(block_means(image) if min(image.shape[:2]) >= 240 else image)
+    blocks = block_means(block_means(image, BLOCK_PX) if min(image.shape[:2]) >= 240 else image, BLOCK_PX)
     rows, columns = np.indices(blocks.shape[:2])
     x, y = 2 * columns / (blocks.shape[1] - 1) - 1, 2 * rows / (blocks.shape[0] - 1) - 1
     basis = np.polynomial.legendre.legvander2d(x.ravel(), y.ravel(), [_DEGREE, _DEGREE])

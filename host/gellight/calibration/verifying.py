@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import REPORT, Bundle, load_bundle, write_bundle
-from gellight.calibration.choices import Limits
+from gellight.bundle.limits import Limits
 from gellight.calibration.circle import circle_of, drawn
 from gellight.calibration.display import Progress
 from gellight.calibration.preparing import led_settings
@@ -29,7 +29,7 @@ from gellight.calibration.state import CheckRecord
 from gellight.calibration.verification_report import Example
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
@@ -37,7 +37,7 @@ from gellight.report.pictures import depth_picture
 from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
 from gellight.training.presses import Ball, Press, PressTable, contact_circle
-from gellight.training.validation import Felt, baseline_errors, press_error
+from gellight.training.validation import baseline_errors, press_error
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
@@ -57,11 +57,7 @@ class _Judge:
         """Return what is felt of a press, and its errors."""
         felt = self.reconstructor.reconstruct(frame)
         seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
-        error = press_error(
-            self.on_gel(press),
-            self.ball,
-            Felt(normal_map=felt.normal_map, depth_mm=felt.depth_mm, contact=felt.contact.mask),
-        )
+        error = press_error(self.on_gel(press), self.ball, felt)
         return felt, CheckErrors(
             depth_mm=error.depth_mae_mm,
             normal_deg=error.mean_deg,
@@ -145,13 +141,11 @@ def true_errors(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, floa
     """Return the errors of `CheckErrors` against what only a simulator knows; none on a real sensor."""
     if truth is None:
         return {}
-    angles = angle_deg(felt.normal_map, normals(truth.gradient_map))
-    depth = np.abs(felt.depth_mm - truth.depth_mm)
-    where = truth.contact if truth.contact.any() else np.ones_like(truth.contact)
+    error = surface_errors(felt, truth)
     return {
-        "true_depth_mm": float(depth[where].mean()),
-        "true_normal_deg": float(angles.mean()),
-        "true_contact_normal_deg": float(angles[where].mean()),
+        "true_depth_mm": error.contact_depth_mm,
+        "true_normal_deg": error.normal_deg,
+        "true_contact_normal_deg": error.contact_normal_deg,
     }
 
 
@@ -180,8 +174,7 @@ def summary(checks: list[CheckRecord], second_opinions: dict[str, MethodErrors])
 
 def _second_opinions(session: Session, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
     """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
-    kept, (height, width) = draft.presses(), draft.image_shape
-    table = PressTable(rows=kept["rows"], image=kept["image"], image_size=(width, height))
+    table = PressTable.of(draft)
     follow, reference = draft.manifest.follow_light, draft.reference
     found = {}
     for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):

@@ -2,14 +2,17 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from gellight.evaluation.bench import DepthScale, FrameTimes
-    from gellight.evaluation.simulated_presses import Figures
+from gellight.bundle.bundle import load_bundle
+from gellight.cli.options import AsJson
+from gellight.evaluation import bench, simulated_presses
+from gellight.evaluation.bench import DepthScale, FrameTimes
+from gellight.evaluation.synthetic import evaluate_simulated
 
 
 class Subject(StrEnum):
@@ -25,44 +28,35 @@ def command(
     subject: Annotated[
         Subject,
         typer.Argument(help="frames: time; integrator: depth scale; presses, photometric: accuracy."),
-    ] = (Subject.FRAMES),
+    ] = Subject.FRAMES,
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
     rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the network, both ways.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Time the frame path against a plain run of its network, or measure depth scale or accuracy.
+    """Time the frame path, or measure depth scale or accuracy.
 
+    `frames` times it against a plain run of its network.
     `presses` presses the 4 mm ball 1 mm deep at 20 random places of the simulated sensor, with noise of 1 grey level.
     `photometric` compares GelNet with photometric stereo on other such presses, and on the ten benchmark objects.
     """
-    from gellight.evaluation import bench
-
     if subject is Subject.INTEGRATOR:
         scales = bench.depth_scales()
         typer.echo(json.dumps(bench.as_rows(scales), indent=2) if as_json else _scale_table(scales))
         return
-    from gellight.bundle.bundle import load_bundle
-
+    bundle = load_bundle(calibration)
     if subject is Subject.PRESSES:
-        from dataclasses import asdict
-
-        from gellight.evaluation.synthetic import evaluate_simulated
-
-        figures = asdict(evaluate_simulated(load_bundle(calibration)))
-        typer.echo(json.dumps(figures) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in figures.items()))
-        return
-    if subject is Subject.PHOTOMETRIC:
-        from gellight.evaluation.simulated_presses import as_rows, compare_ways
-
-        ways = compare_ways(load_bundle(calibration))
-        typer.echo(json.dumps(as_rows(ways), indent=2) if as_json else _way_table(ways))
-        return
-    times = bench.frame_times(load_bundle(calibration), rounds=rounds, threads=threads)
-    typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
+        errors = asdict(evaluate_simulated(bundle))
+        typer.echo(json.dumps(errors) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in errors.items()))
+    elif subject is Subject.PHOTOMETRIC:
+        ways = simulated_presses.compare_ways(bundle)
+        typer.echo(json.dumps(bench.as_rows(ways), indent=2) if as_json else _way_table(ways))
+    else:
+        times = bench.frame_times(bundle, rounds=rounds, threads=threads)
+        typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
 
 
-def _time_table(times: "Sequence[FrameTimes]") -> str:
+def _time_table(times: Sequence[FrameTimes]) -> str:
     lines = []
     for t in times:
         size = f"{t.image_width_px} x {t.image_height_px}"
@@ -76,19 +70,19 @@ def _time_table(times: "Sequence[FrameTimes]") -> str:
     return "\n".join(lines)
 
 
-def _way_table(ways: "Sequence[Figures]") -> str:
+def _way_table(ways: Sequence[simulated_presses.Figures]) -> str:
     columns = ("exposure", "contact, deg", "all, deg", "x GelNet's", "depth, mm")
     lines = [f"{'errors':24}" + "".join(f"{name:>14}" for name in columns)]
     for w in ways:
         if w.exposures == 1:
             lines.append(f"{w.presses} presses, {w.objects}")
-        figures = (w.contact_normal_deg, w.whole_normal_deg, w.over_network)
+        figures = (w.contact_normal_deg, w.normal_deg, w.over_network)
         row = "".join(f"{value:14.3f}" for value in figures)
         lines.append(f"  {w.way:22}{w.exposure_us / 1e3:11.1f} ms{row}{w.contact_depth_mm:14.4f}")
     return "\n".join(lines)
 
 
-def _scale_table(scales: "Sequence[DepthScale]") -> str:
+def _scale_table(scales: Sequence[DepthScale]) -> str:
     lines = ["image        surface      size px  place       scale   +-      largest error"]
     for s in scales:
         size = f"{s.image_width_px} x {s.image_height_px}"

@@ -3,16 +3,18 @@
 import json
 from typing import Annotated
 
+import tomli_w
 import typer
+
+from gellight.base.settings import Settings, file_paths, merge, read_layers, reference_markdown
+from gellight.cli.options import AsJson
 
 app = typer.Typer(help="Show the settings, their schema, and the files they are read from.", no_args_is_help=True)
 
 
 @app.command()
-def show(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
+def show(as_json: AsJson = False) -> None:
     """Print the settings in force and where each comes from."""
-    from gellight.base.settings import merge, read_layers
-
     layers = read_layers()
     settings = merge(layers).model_dump(exclude_none=True)
     origins = {
@@ -27,24 +29,18 @@ def show(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON ob
 @app.command()
 def schema(markdown: Annotated[bool, typer.Option("--markdown", help="Print tables for people.")] = False) -> None:
     """Print the JSON schema of gellight.toml."""
-    from gellight.base.settings import Settings, reference_markdown
-
     print(reference_markdown() if markdown else json.dumps(Settings.model_json_schema(), indent=2))
 
 
 @app.command()
 def path() -> None:
     """Print the files that are read, weakest first; a file that is not there is marked."""
-    from gellight.base.settings import file_paths
-
     for file in file_paths():
         print(file if file.exists() else f"{file}  (not there)")
 
 
 def as_toml(settings: dict[str, dict[str, object]], origins: dict[str, str]) -> str:
     """Return `settings` as TOML; a comment says where a value that is not a default comes from."""
-    import tomli_w
-
     lines = []
     for section, values in ((name, keys) for name, keys in settings.items() if keys):
         lines.append(f"[{section}]")

@@ -1,20 +1,13 @@
 """`gellight find`: which sensors, cameras and light rings are plugged in."""
 
 import json
-from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-if TYPE_CHECKING:
-    from gellight.sensor.discovery import Discovery, Node
+from gellight.cli.options import AsJson
+from gellight.sensor.discovery import Discovery, Node, discover
 
 
-def command(
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-) -> None:
-    """List the sensors that are plugged in, and cameras and light rings without a partner."""
-    from gellight.sensor.discovery import discover
-
+def command(as_json: AsJson = False) -> None:
+    """List the sensors, cameras and light rings that are plugged in."""
     found = discover()
     if as_json:
         print(json.dumps(as_dictionary(found)))
@@ -31,7 +24,7 @@ def command(
         print(f"ambiguous: {text}")
 
 
-def as_dictionary(found: "Discovery") -> dict[str, object]:
+def as_dictionary(found: Discovery) -> dict[str, object]:
     """Return everything by name, ready for JSON."""
     return {
         "sensors": [
@@ -45,7 +38,7 @@ def as_dictionary(found: "Discovery") -> dict[str, object]:
     }  # fmt: skip
 
 
-def _node(node: "Node") -> dict[str, object]:
+def _node(node: Node) -> dict[str, object]:
     speed = node.usb.speed_mbps if node.usb else None
     port = node.usb.port if node.usb else None
     return {"path": node.path, "stable": node.stable, "name": node.name, "port": port, "speed_mbps": speed}

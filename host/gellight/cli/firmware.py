@@ -1,24 +1,26 @@
 """`gellight firmware`: the image of the light ring's board."""
 
+import hashlib
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-app = typer.Typer(name="firmware", help="The firmware of the light ring: what it is, build it, flash it.",
-                  no_args_is_help=True)  # fmt: skip
+from gellight.ring.firmware import build as building
+from gellight.ring.firmware import generate as generating
+from gellight.ring.firmware.build import CHECKOUT, IMAGE, committed_image
+from gellight.ring.firmware.flash import copy_uf2, flash_board
+from gellight.ring.firmware.image import image_crc
+from gellight.ring.protocol import VERSION, schema_crc
+from gellight.ring.transport import find_port
+
+app = typer.Typer(help="The firmware of the light ring: what it is, build it, flash it.", no_args_is_help=True)
 Checkout = Annotated[Path | None, typer.Option(help="sources; default: the checkout this package runs from")]
 
 
 @app.command("info")
 def information() -> None:
-    """Tell about the image that comes with this package."""
-    import hashlib
-
-    from gellight.ring.firmware.build import IMAGE, committed_image
-    from gellight.ring.firmware.image import image_crc
-    from gellight.ring.protocol import VERSION, schema_crc
-
+    """Describe the image that comes with this package."""
     image = committed_image()
     print(f"image     {IMAGE}")
     print(f"size      {len(image)} bytes of flash, CRC-32 {image_crc(image):08x}")
@@ -29,10 +31,7 @@ def information() -> None:
 @app.command("generate")
 def generate(checkout: Checkout = None) -> None:
     """Write the C header and the document of the protocol from its definition."""
-    from gellight.ring.firmware.build import CHECKOUT
-    from gellight.ring.firmware.generate import generate
-
-    for path in generate(checkout or CHECKOUT):
+    for path in generating.generate(checkout or CHECKOUT):
         print(f"wrote {path}")
 
 
@@ -43,11 +42,8 @@ def build(
     out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
 ) -> None:
     """Compile the image."""
-    from gellight.ring.firmware.build import CHECKOUT, IMAGE, write_image
-    from gellight.ring.firmware.build import build as compile_image
-
-    image = compile_image(checkout or CHECKOUT, compiler_name=compiler)
-    digest = write_image(image, out or IMAGE)
+    image = building.build(checkout or CHECKOUT, compiler_name=compiler)
+    digest = building.write_image(image, out or IMAGE)
     print(f"{out or IMAGE}: {len(image)} bytes, SHA-256 {digest}")
 
 
@@ -58,11 +54,7 @@ def flash(
     drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
 ) -> None:
     """Flash a board: the one at a port, or the one that waits in its boot loader."""
-    from gellight.ring.firmware.build import committed_image, read_image
-    from gellight.ring.firmware.flash import copy_uf2, flash_board
-    from gellight.ring.transport import find_port
-
-    content = read_image(image) if image else committed_image()
+    content = building.read_image(image) if image else committed_image()
     if drive:
         copy_uf2(content, drive)
         print(f"copied to {drive}")

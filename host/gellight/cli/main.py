@@ -8,32 +8,32 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import GellightError
-from gellight.cli import (
-    bench,
-    calibrate,
-    calibrate_bundles,
-    calibrate_lens,
-    calibrate_lights,
-    calibrate_routine,
-    config,
-    demo,
-    doctor,
-    find,
-    firmware,
-    install_udev,
-    optimize,
-    reconstruct,
-    ring,
-    selfcheck,
-    sim,
-    virtual_sensor,
+from gellight.cli.lazy import MARKUP, lazy_group
+
+VERBS = lazy_group(
+    {
+        "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
+        "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
+        "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
+        "doctor": ("doctor:command", "Check computer, USB, camera, light ring and frames."),
+        "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
+        "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
+        "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
+        "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
+        "bench": ("bench:command", "Time the frame path, or measure depth scale or accuracy."),
+        "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
+        "optimize": ("optimize:app", "Find the best illumination and make its parts."),
+        "ring": ("ring:app", "The light ring by hand."),
+        "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),
+        "sim": ("simulated_board:command", "Run the firmware in a simulated board behind a pseudo-terminal."),
+        "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux as a USB device."),
+    }
 )
-from gellight.cli import run as run_verb
 
 app = typer.Typer(
     name="gellight",
-    rich_markup_mode="markdown",  # the other mode takes "[default: ...]" for markup and leaves it out
-    help="Camera-based tactile sensing: from light to depth.",
+    cls=VERBS,
+    rich_markup_mode=MARKUP,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -55,31 +55,10 @@ def gellight(
     """Camera-based tactile sensing: from light to depth."""
 
 
-app.command("demo")(demo.command)
-app.command("run")(run_verb.command)
-app.command("find")(find.command)
-app.command("doctor")(doctor.command)
-app.command("install-udev")(install_udev.command)
-app.command("reconstruct")(reconstruct.command)
-app.command("selfcheck")(selfcheck.command)
-calibrate.app.command("lens")(calibrate_lens.command)
-calibrate.app.command("lights")(calibrate_lights.command)
-calibrate_routine.attach(calibrate.app)
-calibrate_bundles.attach(calibrate.app)
-app.add_typer(calibrate.app)
-app.command("bench")(bench.command)
-app.add_typer(config.app, name="config")
-app.add_typer(optimize.app, name="optimize")
-app.add_typer(ring.app)
-app.add_typer(firmware.app)
-app.command("sim")(sim.command)
-app.command("virtual-sensor")(virtual_sensor.command)
-
-
 def run() -> None:
     """Run the command line; a `GellightError` is printed in one line and exits with status 2."""
     # NumPy's BLAS would keep a second thread spinning between our small products, and take a core from the frame path:
-    # 22 instead of 28 frames a second on two cores. It must be told before NumPy is first imported.
+    # 22 instead of 28 frames a second on two cores. NumPy reads the variable when it is first imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app()

@@ -2,20 +2,29 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
-from inspect import Parameter, Signature, signature
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.progress import Progress
 
 from gellight.base.errors import InputError
-
-if TYPE_CHECKING:
-    from gellight.design.studies import Subject
-    from gellight.design.sweep import Way
+from gellight.cli.options import AsJson, with_options
+from gellight.design import answers, designs, studies
+from gellight.design import report as reporting
+from gellight.design.findings import find
+from gellight.design.geometry import read_geometry
+from gellight.design.solids import write_benchmark
+from gellight.design.store import ResultStore, default_folder
+from gellight.design.studies import Subject
+from gellight.design.sweep import Way, available_cores, parse_shard
+from gellight.design.sweep_times import time_sweep
+from sim_reference.deformation import NotConverged
+from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
@@ -26,7 +35,6 @@ GeometryFile = Annotated[
     ),
 ]
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Press = Annotated[float, typer.Option("--press", help="How deep the objects are pressed, mm.")]
 Relief = Annotated[float, typer.Option("--relief", help="Relief of the objects, mm.")]
 Noise = Annotated[float, typer.Option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")]
@@ -40,12 +48,24 @@ Keep = Annotated[
 
 
 @dataclass(frozen=True)
-class Study:
+class Answering:
+    """Where the answer of a study goes."""
+
+    out: OutFolder = None
+    as_json: AsJson = False
+
+    def answer(self, name: str, answer: Mapping[str, Any], text: str, files: Mapping[str, bytes | str]) -> None:
+        """Write the answer and `files` to the folder, if there is one, and print it as JSON or as text."""
+        if self.out is not None:
+            answers.write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
+        typer.echo(json.dumps(answer) if self.as_json else text)
+
+
+@dataclass(frozen=True)
+class Study(Answering):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
-    out: OutFolder = None
-    as_json: AsJson = False
     press: Press = 0.9
     relief: Relief = 1.0
     noise: Noise = 1.0
@@ -55,25 +75,18 @@ class Study:
     scheduler: Scheduler = None
     store: Keep = None
 
-    def subject(self) -> "Subject":
+    def subject(self) -> Subject:
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
-        from gellight.design.answers import subject_of, writable
-        from gellight.design.geometry import read_geometry
-
         if self.out is not None:
-            writable(self.out)
-        return subject_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
+            answers.writable(self.out)
+        return answers.subject_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
 
     @contextmanager
-    def way(self, title: str) -> "Iterator[Way]":
-        """Yield how to compute, with a progress bar while a person is looking.
+    def way(self, title: str) -> Iterator[Way]:
+        """Yield how to compute, with a progress bar on a terminal.
 
         Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C.
         """
-        from gellight.design.store import ResultStore, default_folder
-        from gellight.design.sweep import Way, available_cores, parse_shard
-        from sim_reference.deformation import NotConverged
-
         store, shard = ResultStore(self.store or default_folder()), parse_shard(self.shard)
         workers = self.workers or available_cores()
         with _progress(title) as show:
@@ -88,62 +101,33 @@ class Study:
                 )
                 raise
 
-    def tell(self, answer: dict[str, Any], name: str, text: str, files: dict[str, bytes | str]) -> None:
-        """Write the answer and `files` where they are wanted, and print it as JSON or as text."""
-        from gellight.design.answers import write_all
-
-        if self.out is not None:
-            write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
-        typer.echo(json.dumps(answer) if self.as_json else text)
-
-    def tell_part(self) -> None:
-        """Say that only a part of the sweep is there."""
-        from gellight.design.store import default_folder
-
+    def answer_part(self) -> None:
+        """Print that only a part of the sweep is there."""
         part = {"shard": self.shard, "complete": False, "store": str(self.store or default_folder())}
         text = f"shard {self.shard} is done; the others are still missing in {part['store']}"
         typer.echo(json.dumps(part) if self.as_json else text)
 
 
-def study(verb: Callable[..., None]) -> Callable[..., None]:
-    """Register a verb that takes a `Study` first: its options stand before those of the verb."""
-
-    def command(**given: Any) -> None:
-        shared = {field.name: given.pop(field.name) for field in fields(Study)}
-        verb(Study(**shared), **given)
-
-    _, *own = signature(verb).parameters.values()
-    options = [option.replace(kind=Parameter.KEYWORD_ONLY) for option in (*signature(Study).parameters.values(), *own)]
-    command.__name__, command.__doc__ = verb.__name__, verb.__doc__
-    command.__annotations__ = {option.name: option.annotation for option in options}
-    command.__signature__ = Signature(options)  # type: ignore[attr-defined]  # what typer reads
-    app.command()(command)
-    return verb
-
-
-@study
+@app.command()
+@with_options
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
-    from gellight.design import answers, studies
-    from sim_reference.optimizer.exposing import LightGroups
-
     subject = study.subject()
     with study.way("light groups") as way:
         result = studies.coarse_study(subject, subject.seen_by(LightGroups()), way)
     if result is None:
-        study.tell_part()
+        study.answer_part()
         return
-    study.tell(answers.coarse_answer(result), "coarse", answers.coarse_text(result), answers.coarse_drawings(result))
+    study.answer("coarse", answers.coarse_answer(result), answers.coarse_text(result), answers.coarse_drawings(result))
 
 
-@study
+@app.command()
+@with_options
 def fine(
     study: Study,
     step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0,
 ) -> None:
     """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
-    from gellight.design import answers, studies
-
     subject = study.subject()
     # 0 to 36 mm as in the paper, or less where the gel is nearer to the camera.
     highest = min(36.0, 0.9 * subject.geometry.camera_height_mm)
@@ -151,12 +135,13 @@ def fine(
     with study.way("heights") as way:
         result = studies.fine_study(subject, heights, way)
     if result is None:
-        study.tell_part()
+        study.answer_part()
         return
-    study.tell(answers.fine_answer(result), "fine", answers.fine_text(result), answers.fine_drawings(result))
+    study.answer("fine", answers.fine_answer(result), answers.fine_text(result), answers.fine_drawings(result))
 
 
-@study
+@app.command()
+@with_options
 def design(
     study: Study,
     lights: Annotated[
@@ -168,23 +153,24 @@ def design(
     ] = 1.0,
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
-    from gellight.design import designs, studies
-
     subject = study.subject()
     sensor, numbers = subject.geometry, tuple(lights or (12,))
-    wishes = designs.wishes(numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit)
+    conditions = designs.wishes(
+        numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
+    )
     with study.way("designs") as way:
-        candidates = studies.design_study(subject, wishes, way)
-        given, beyond = studies.given_study(subject, wishes, way), studies.beyond_study(subject, way)
+        candidates = studies.design_study(subject, conditions, way)
+        given, beyond = studies.given_study(subject, conditions, way), studies.beyond_study(subject, way)
     if candidates is None or given is None or beyond is None:
-        study.tell_part()
+        study.answer_part()
         return
     answer = designs.design_answer(candidates, given, beyond, sensor)
     text = designs.design_text(candidates, given, beyond)
-    study.tell(answer, "design", text, designs.design_parts(candidates, sensor))
+    study.answer("design", answer, text, designs.design_parts(candidates, sensor))
 
 
-@study
+@app.command()
+@with_options
 def report(
     study: Study,
     timed: Annotated[bool, typer.Option("--timing/--no-timing", help="Also time the sweep against plain code.")] = True,
@@ -193,51 +179,41 @@ def report(
 
     It is written to --out, by default to the folder gellight-optimize.
     """
-    from gellight.design import report as reporting
-    from gellight.design.answers import writable
-    from gellight.design.findings import find
-
     folder = study.out or Path("gellight-optimize")
-    writable(folder)
+    answers.writable(folder)
     subject = study.subject()
     with study.way("studies") as way:
         found = find(subject, way, timed=timed)
         path = None if found is None else reporting.write_report(found, folder)
     if found is None or path is None:
-        study.tell_part()
+        study.answer_part()
         return
-    study.tell(reporting.report_answer(found, path), "report", reporting.report_text(found, path), {})
+    study.answer("report", reporting.report_answer(found, path), reporting.report_text(found, path), {})
 
 
 @app.command()
+@with_options
 def ball(
+    answering: Answering,
     geometry: GeometryFile = None,
-    out: OutFolder = None,
-    as_json: AsJson = False,
     press: Annotated[float, typer.Option("--press", help="How deep the ball is pressed, mm.")] = 2.0,
     radius: Annotated[
         list[float] | None, typer.Option("--radius", help="A ball at hand, mm; may be repeated.", show_default="2 to 8")
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""
-    from gellight.design import answers
-    from gellight.design.geometry import read_geometry
-
     choice, table = answers.ball_choice(read_geometry(geometry), press, radius)
-    answer, drawings = answers.ball_answer(choice, table), {"ball.svg": answers.ball_chart(table)}
-    Study(out=out, as_json=as_json).tell(answer, "ball", answers.ball_text(choice), {**drawings})
+    drawings = {"ball.svg": answers.ball_chart(table)}
+    answering.answer("ball", answers.ball_answer(choice, table), answers.ball_text(choice), drawings)
 
 
 @app.command()
 def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> None:
     """Time the coarse sweep against plain code that computes one configuration at a time."""
-    from gellight.design.sweep_times import time_sweep
-    from sim_reference.optimizer.exposing import LightGroups
-
     study = Study(size=size, workers=workers)
     with study.way("timing") as way:
         times = time_sweep(study.subject(), way, LightGroups())
-    typer.echo(json.dumps({**times.__dict__, "ratio": times.ratio}) if as_json else times.in_words())
+    typer.echo(json.dumps({**asdict(times), "ratio": times.ratio}) if as_json else times.in_words())
 
 
 @app.command()
@@ -247,8 +223,6 @@ def benchmark(
     size: Annotated[int, typer.Option("--size", min=32, max=1024, help="Points a side of the height maps.")] = 512,
 ) -> None:
     """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
-    from gellight.design.solids import write_benchmark
-
     for path in write_benchmark(out, relief, size):
         typer.echo(path)
 
@@ -256,9 +230,6 @@ def benchmark(
 @contextmanager
 def _progress(title: str) -> Iterator[Callable[[int, int, str], None]]:
     """Yield what shows the progress of a sweep: a bar on a terminal, else nothing."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         line = bar.add_task(title, total=None)
 

@@ -1,78 +1,91 @@
 """`gellight ring`: the light ring by hand."""
 
 import json
-from typing import TYPE_CHECKING, Annotated, Any
+import time
+from dataclasses import asdict, dataclass
+from typing import Annotated
 
+import numpy as np
 import typer
 
-from gellight.cli.bounds import MOST_SECONDS, between
+from gellight.base.errors import InputError
+from gellight.cli.options import LONGEST_S, AsJson, between
+from gellight.ring.enumerations import Dark, ResetReason, SyncMode
+from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
+from gellight.ring.wire import LED_COUNT
 
-if TYPE_CHECKING:
-    from gellight.ring.light_ring import LightRing
-
-app = typer.Typer(name="ring", help="The light ring by hand.", no_args_is_help=True)
+app = typer.Typer(help="The light ring by hand.", no_args_is_help=True)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
 Seconds = Annotated[
-    float, typer.Option(help="how long it stays lit, s; 0: until Ctrl-C", callback=between(0, MOST_SECONDS, "s"))
+    float, typer.Option(help="how long it stays lit, s; 0: until Ctrl-C", callback=between(0, LONGEST_S, "s"))
 ]
-Json = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
 
 
 def _wait(seconds: float) -> None:
-    import time
-
     try:
-        time.sleep(seconds or MOST_SECONDS)
+        time.sleep(seconds or LONGEST_S)
     except KeyboardInterrupt:
         print()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """What a board says of itself."""
+
+    board: str
+    firmware: str
+    image_crc: str
+    protocol: str
+    schema_crc: str
+    reset_reason: str
+    uptime_s: float
+    temperature_c: float | None
+    current_ma: int
+    limit_ma: int
+    dark: str
+    mode: str
+    running: bool
+    counters: dict[str, int]
+
+
 @app.command("info")
-def information(url: Url = "serial://", as_json: Json = False) -> None:
-    """Tell who the board is, what it is doing and what went wrong."""
-    from gellight.ring.light_ring import connect
-
+def information(url: Url = "serial://", as_json: AsJson = False) -> None:
+    """Show which board it is, what it is doing and what went wrong."""
     with connect(url) as ring:
-        told = _facts(ring)
-    print(json.dumps(told, indent=2) if as_json else _text(told))
+        board = _board(ring)
+    print(json.dumps(asdict(board), indent=2) if as_json else _text(board))
 
 
-def _facts(ring: "LightRing") -> dict[str, Any]:
-    from dataclasses import asdict
-
-    from gellight.ring.enumerations import Dark, ResetReason, SyncMode
-    from gellight.ring.light_ring import chip_temperature_c
-
+def _board(ring: LightRing) -> Board:
     hello, status = ring.hello, ring.status()
-    return {
-        "board": hello.unique_id.hex().upper(),
-        "firmware": f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}",
-        "image_crc": f"{hello.image_crc:08x}",
-        "protocol": f"{hello.protocol_major}.{hello.protocol_minor}",
-        "schema_crc": f"{hello.schema_crc:08x}",
-        "reset_reason": ResetReason(hello.reset_reason).name,
-        "uptime_s": status.time_us / 1e6,
-        "temperature_c": chip_temperature_c(hello, status),
-        "current_ma": status.current_ma,
-        "limit_ma": status.limit_ma,
-        "dark": Dark(status.dark).name,
-        "mode": SyncMode(status.mode).name,
-        "running": bool(status.state),
-        "counters": asdict(ring.counters()),
-    }
+    return Board(
+        board=hello.unique_id.hex().upper(),
+        firmware=f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}",
+        image_crc=f"{hello.image_crc:08x}",
+        protocol=f"{hello.protocol_major}.{hello.protocol_minor}",
+        schema_crc=f"{hello.schema_crc:08x}",
+        reset_reason=ResetReason(hello.reset_reason).name,
+        uptime_s=status.time_us / 1e6,
+        temperature_c=chip_temperature_c(hello, status),
+        current_ma=status.current_ma,
+        limit_ma=status.limit_ma,
+        dark=Dark(status.dark).name,
+        mode=SyncMode(status.mode).name,
+        running=bool(status.state),
+        counters=asdict(ring.counters()),
+    )
 
 
-def _text(told: dict[str, Any]) -> str:
-    counters = told["counters"]
-    wrong = {k: v for k, v in counters.items() if v and k not in ("packets", "lights", "triggers")}
-    warm = "" if told["temperature_c"] is None else f", chip at {told['temperature_c']:.0f} °C"
+def _text(b: Board) -> str:
+    wrong = {k: v for k, v in b.counters.items() if v and k not in ("packets", "lights", "triggers")}
+    warm = "" if b.temperature_c is None else f", chip at {b.temperature_c:.0f} °C"
     return (
-        f"board     {told['board']}, firmware {told['firmware']}, image {told['image_crc']}\n"
-        f"protocol  {told['protocol']}, schema {told['schema_crc']}\n"
-        f"started   by {told['reset_reason']}, {told['uptime_s']:.1f} s ago{warm}\n"
-        f"light     {told['current_ma']} of {told['limit_ma']} mA, {told['dark']}\n"
-        f"mode      {told['mode']}, {'running' if told['running'] else 'still'}\n"
-        f"counters  {counters['packets']} packets, {counters['lights']} lights, {wrong or 'nothing wrong'}"
+        f"board     {b.board}, firmware {b.firmware}, image {b.image_crc}\n"
+        f"protocol  {b.protocol}, schema {b.schema_crc}\n"
+        f"started   by {b.reset_reason}, {b.uptime_s:.1f} s ago{warm}\n"
+        f"light     {b.current_ma} of {b.limit_ma} mA, {b.dark}\n"
+        f"mode      {b.mode}, {'running' if b.running else 'still'}\n"
+        f"counters  {b.counters['packets']} packets, {b.counters['lights']} lights, {wrong or 'nothing wrong'}"
     )
 
 
@@ -83,10 +96,6 @@ def set_colour(
     seconds: Seconds = 0,
 ) -> None:
     """Light all LEDs in one colour, or each in its own."""
-    import numpy as np
-
-    from gellight.ring.light_ring import connect
-
     with connect(url) as ring:
         reply = ring.set_leds(np.array(_colours(colour), np.uint8))
         ring.wait_for_light(reply.light_id)
@@ -97,9 +106,6 @@ def set_colour(
 
 
 def _colours(text: str) -> list[list[int]]:
-    from gellight.base.errors import InputError
-    from gellight.ring.wire import LED_COUNT
-
     words = text.split(",")
     try:
         colours = [bytes.fromhex(word.strip().removeprefix("#")) for word in words]
@@ -118,12 +124,8 @@ def group(
     seconds: Seconds = 0,
 ) -> None:
     """Light some LEDs in one colour, the others stay dark."""
-    import numpy as np
-
-    from gellight.ring.light_ring import connect
-
     chosen = _numbers(leds)
-    colours = np.zeros((12, 3), np.uint8)
+    colours = np.zeros((LED_COUNT, 3), np.uint8)
     colours[chosen] = np.array(_colours(colour)[0], np.uint8)
     with connect(url) as ring:
         print(f"LEDs {chosen}, {ring.set_leds(colours).current_ma} mA")
@@ -131,9 +133,6 @@ def group(
 
 
 def _numbers(text: str) -> list[int]:
-    from gellight.base.errors import InputError
-    from gellight.ring.wire import LED_COUNT
-
     found: list[int] = []
     try:
         for part in text.split(","):
@@ -156,12 +155,7 @@ def sequence(
     seconds: Seconds = 0,
 ) -> None:
     """Light the red, the green and the blue third of the ring in turn, timed by the board."""
-    import numpy as np
-
-    from gellight.ring.enumerations import SyncMode
-    from gellight.ring.light_ring import Step, connect
-
-    groups = np.zeros((3, 12, 3), np.uint8)
+    groups = np.zeros((3, LED_COUNT, 3), np.uint8)
     for number in range(3):
         groups[number, 4 * number : 4 * number + 4, number] = value
     with connect(url) as ring:
@@ -175,8 +169,6 @@ def sequence(
 @app.command("off")
 def off(url: Url = "serial://") -> None:
     """Make the LEDs dark."""
-    from gellight.ring.light_ring import connect
-
     with connect(url) as ring:
         ring.blank()
         print("dark")

@@ -4,72 +4,92 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from gellight.base.errors import CameraError
+from gellight.base.settings import Settings, load_settings, read_layers
+from gellight.bundle.bundle import SYNTHETIC
+from gellight.cli.options import with_options
+from gellight.daemon.assembly import open_session
+from gellight.daemon.daemon import Daemon
+from gellight.daemon.desk import Desk
+from gellight.dashboard.server import DashboardServer
+from gellight.frames.camera import EndOfStream
 
-    from gellight.base.settings import Settings
-    from gellight.daemon.daemon import Daemon
-
-Bundle = Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")]
-Port = Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")]
-Mode = Annotated[
-    str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
-]
-Frames = Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)]
 STATUS_S = 1.0
 WAIT_S = 0.5
 
 
+@dataclass(frozen=True)
+class Running:
+    """How a sensor runs."""
+
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None
+    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")] = (
+        None
+    )
+    mode: Annotated[
+        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
+    ] = None
+    frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
+
+    def flags(self) -> dict[str, object]:
+        """Return the settings that were given as options.
+
+        A run of a number of frames is for programs, several of which may run at once: its port is a free one.
+        """
+        port = 0 if self.frames and self.port is None else self.port
+        return {
+            "sensor.calibration": self.calibration,
+            "dashboard.port": port,
+            "reconstruction.mode": self.mode,
+        }
+
+
+@with_options
 def command(
+    running: Running,
     sensor: Annotated[
         str | None,
         typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="auto, or the settings"),
     ] = None,
-    calibration: Bundle = None,
-    port: Port = None,
-    mode: Mode = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
-    frames: Frames = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the status as JSON: every second, or once after --frames.")
     ] = False,
 ) -> None:
-    """Stream depth from a sensor; while it is unplugged, go on serving the status and look for it."""
-    from gellight.daemon.assembly import open_session
+    """Stream depth from a sensor, also after it was unplugged for a while.
 
-    settings = settings_of(sensor, calibration, 0 if frames and port is None else port, mode)
+    While it is unplugged the status is served, and the sensor is looked for.
+    """
+    settings = settings_of(sensor, running.flags())
     # a termination has to make the LEDs dark too
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     with open_session(settings) as daemon, served(daemon, settings, dashboard):
-        warn_of_foreign_bundle(settings)
         try:
-            summary = follow(daemon, frames, as_json)
+            summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
         except KeyboardInterrupt:
             return
-    print(json.dumps(summary) if as_json else "\n".join(f"{name:16} {value}" for name, value in summary.items()))
+    print(json.dumps(summary) if as_json else table(summary))
 
 
-def settings_of(sensor: str | None, calibration: str | None, port: int | None, mode: str | None = None) -> "Settings":
+def settings_of(sensor: str | None, flags: Mapping[str, object]) -> Settings:
     """Return the settings; where none of them names a sensor it is the one that is plugged in, not a simulated one."""
-    from gellight.base.settings import load_settings, read_layers
-
-    flags = {"sensor.url": sensor, "sensor.calibration": calibration, "dashboard.port": port}
-    flags["reconstruction.mode"] = mode
-    if not any("url" in layer.values.get("sensor", {}) for layer in read_layers(flags)):
-        flags["sensor.url"] = "auto"
-    return load_settings(flags)
+    given = {"sensor.url": sensor, **flags}
+    if not any("url" in layer.values.get("sensor", {}) for layer in read_layers(given)):
+        given["sensor.url"] = "auto"
+    return load_settings(given)
 
 
 def warn_of_foreign_bundle(settings: "Settings") -> None:
     """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
-    from gellight.bundle.bundle import SYNTHETIC
-
     changed = ", ".join(settings.geometry.overrides())
     if settings.sensor.calibration != SYNTHETIC:
         return
@@ -82,50 +102,52 @@ def warn_of_foreign_bundle(settings: "Settings") -> None:
 
 
 @contextmanager
-def served(daemon: "Daemon", settings: "Settings", wanted: bool) -> "Iterator[None]":
-    """Serve the dashboard, if wanted."""
+def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[str]:
+    """Serve the dashboard, if wanted, and yield its address, which is empty without one."""
+    warn_of_foreign_bundle(settings)
     if not wanted:
-        yield
+        yield ""
         return
-    from gellight.daemon.desk import Desk
-    from gellight.dashboard.server import DashboardServer
-
     with (
         Desk(daemon, led_colours=settings.geometry.led_colours) as desk,
         DashboardServer(daemon, port=settings.dashboard.port, desk=desk) as server,
     ):
         print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
-        yield
+        yield server.url
 
 
-def follow(daemon: "Daemon", frames: int, as_json: bool) -> dict[str, object]:
-    """Follow the tactile frames until `frames` came (0: for ever), telling the status; return it at the end.
+def follow(
+    daemon: Daemon, frames: int, show: Callable[[Mapping[str, object]], None] | None = None, patience_s: float = inf
+) -> dict[str, object]:
+    """Follow the tactile frames until `frames` came (0: for ever); return the status with the figures of the run.
 
-    A sensor that is away is waited for. Raises what ends the run.
+    show: is given the status every second. Raises what ends the run, and CameraError after `patience_s` without a
+    frame: a sensor that is unplugged is waited for. The images of a folder end it when they are used up.
     """
-    from gellight.frames.camera import EndOfStream
-
-    count, sequence, deepest, told_s = 0, -1, 0.0, 0.0
-    started_s = time.monotonic()
+    count, sequence, deepest_mm, shown_s = 0, -1, 0.0, 0.0
+    begun_s = frame_s = time.monotonic()
     while not frames or count < frames:
         try:
             frame = daemon.wait_frame(sequence, WAIT_S)
         except EndOfStream:
             break
         except TimeoutError:
-            pass
+            if time.monotonic() - frame_s > patience_s:
+                raise CameraError(f"no frame for {patience_s:g} s: check the camera and start again") from None
         else:
-            sequence, count = frame.camera_frame.sequence, count + 1
-            deepest = max(deepest, frame.contact.indentation_mm)
-        if time.monotonic() - told_s >= STATUS_S:
-            told_s = time.monotonic()
-            tell(daemon.status(), as_json and not frames)
-    fps = round(count / (time.monotonic() - started_s), 2)
-    return {**daemon.status(), "frames": count, "fps": fps, "indentation_mm": round(deepest, 4)}
+            sequence, count, frame_s = frame.camera_frame.sequence, count + 1, time.monotonic()
+            deepest_mm = max(deepest_mm, frame.contact.indentation_mm)
+            if count == frames:
+                daemon.check(frame)  # a short run may end before the first check that runs beside it
+        if show and time.monotonic() - shown_s >= STATUS_S:
+            shown_s = time.monotonic()
+            show(daemon.status())
+    fps = round(count / (time.monotonic() - begun_s), 2)
+    return {**daemon.status(), "frames": count, "fps": fps, "indentation_mm": round(deepest_mm, 4)}
 
 
-def tell(status: Mapping[str, object], as_json: bool) -> None:
-    """Print the status: JSON to standard output, or one line for people where somebody looks."""
+def print_status(status: Mapping[str, object], as_json: bool) -> None:
+    """Print the status: JSON to standard output, or one line for people on a terminal."""
     if as_json:
         print(json.dumps(status), flush=True)
     elif status["error"]:
@@ -133,3 +155,8 @@ def tell(status: Mapping[str, object], as_json: bool) -> None:
     elif sys.stderr.isatty():
         print(f"\r{status['frames']} frames, {status['fps']} frames/s, age {status['frame_age_ms']} ms, "
               f"{status['lost']} lost", end="", file=sys.stderr, flush=True)  # fmt: skip
+
+
+def table(summary: Mapping[str, object]) -> str:
+    """Return the statistics as lines for people."""
+    return "\n".join(f"{name:16} {value}" for name, value in summary.items())

@@ -1,12 +1,14 @@
 """`gellight selfcheck`: the host against the reference simulator, press by press."""
 
 import json
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from gellight.frames.judging import SelfCheckResult
+from gellight.base.settings import load_settings
+from gellight.cli.options import AsJson
+from gellight.evaluation.checked_presses import check_presses
+from gellight.frames.judging import SelfCheckResult
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),
@@ -23,14 +25,13 @@ COLUMNS = (
 def command(
     sensor: Annotated[str | None, typer.Option(help="URL of a simulated sensor.", show_default="sim://")] = None,
     calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Press the ball and the ten objects; compare depth, normals and picture with the reference simulator.
+    """Compare the simulated sensor with the reference simulator.
 
-    Exits with 1 when a comparison is out of its bounds.
+    The ball and the ten objects are pressed; depth, normals and picture are compared. The exit status is 1 when a
+    comparison is out of its bounds.
     """
-    from gellight.base.settings import load_settings
-    from gellight.daemon.assembly import check_presses
 
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
@@ -47,7 +48,7 @@ def command(
         raise typer.Exit(1)
 
 
-def line(name: str, result: "SelfCheckResult") -> str:
+def line(name: str, result: SelfCheckResult) -> str:
     """Return one row of the table."""
     numbers = [f"{getattr(result, field) * scale:12.3f}" for field, _, scale in COLUMNS]
     return " ".join([name.ljust(26), *numbers, "ok" if result.passed else "OUT OF BOUNDS"])

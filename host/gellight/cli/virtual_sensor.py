@@ -1,11 +1,19 @@
 """`gellight virtual-sensor`: a simulated sensor that Linux takes for a real one."""
 
-from typing import TYPE_CHECKING, Annotated
+import contextlib
+import time
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from gellight.simulator.usb.device import VirtualSensor
+from gellight.base.errors import InputError
+from gellight.cli.options import LONGEST_S, Seconds
+from gellight.simulator.usb import vhci
+from gellight.simulator.usb.device import VirtualSensor, open_virtual
+from gellight.simulator.usb.faults import parse_faults
+from gellight.simulator.usb.picture_size import sized_geometry
+from gellight.simulator.usb.usbip_server import PORT, UsbipServer
+from gellight.simulator.usb.vhci import plug_in
 
 REPLUG_S = 2.0
 
@@ -19,16 +27,12 @@ def command(
     size: Annotated[str | None, typer.Option(help="Pixels of the picture, as 640x480.", show_default="as set")] = None,
     fault: Annotated[list[str] | None, typer.Option(help="What is wrong with it, as drop=0.1; repeatable.")] = None,
     listen: Annotated[str | None, typer.Option(help="Offer it to `usbip attach` at HOST:PORT instead.")] = None,
-    seconds: Annotated[float, typer.Option(help="End after so many seconds; 0: at Ctrl-C.", min=0)] = 0,
+    seconds: Seconds = 0,
 ) -> None:
-    """Plug a simulated sensor into this Linux: camera and light ring in one USB device (needs root and vhci-hcd)."""
-    import contextlib
+    """Plug a simulated sensor into this Linux as a USB device.
 
-    from gellight.simulator.usb import vhci
-    from gellight.simulator.usb.device import open_virtual
-    from gellight.simulator.usb.faults import parse_faults
-    from gellight.simulator.usb.geometry import sized_geometry
-
+    Camera and light ring are in one device. This needs root and the kernel module vhci-hcd.
+    """
     if listen is None:
         vhci.choose_port(port)
     faults = parse_faults(fault or [])
@@ -37,13 +41,9 @@ def command(
         serve(device, listen, seconds) if listen else hold(device, port, seconds)
 
 
-def hold(device: "VirtualSensor", port: int | None, seconds: float) -> None:
+def hold(device: VirtualSensor, port: int | None, seconds: float) -> None:
     """Keep the sensor plugged in; when the cable is pulled (a fault) plug it into the next port a while later."""
-    import time
-
-    from gellight.simulator.usb.attaching import plug_in
-
-    end = time.monotonic() + (seconds or 1e9)
+    end = time.monotonic() + (seconds or LONGEST_S)
     while time.monotonic() < end:
         chosen = plug_in(device, port)
         print(f"virtual sensor {device.serial_number} at virtual USB port {chosen}   (Ctrl-C unplugs)", flush=True)
@@ -54,18 +54,12 @@ def hold(device: "VirtualSensor", port: int | None, seconds: float) -> None:
             port = None
 
 
-def serve(device: "VirtualSensor", address: str, seconds: float) -> None:
+def serve(device: VirtualSensor, address: str, seconds: float) -> None:
     """Offer the sensor over the network until the time is over."""
-    import time
-
-    from gellight.simulator.usb.server import PORT, UsbipServer
-
     host, _, number = address.rpartition(":") if ":" in address else (address, "", str(PORT))
     if not number.isdecimal():
-        from gellight.base.errors import InputError
-
         raise InputError(f"--listen {address!r}: give HOST:PORT, for example 127.0.0.1:{PORT}")
     with UsbipServer({"1-1": device}, host=host, port=int(number)) as server:
         print(f"virtual sensor {device.serial_number} offered: sudo usbip --tcp-port {server.port} attach -r "
               f"{host} -b 1-1   (Ctrl-C ends)", flush=True)  # fmt: skip
-        time.sleep(seconds or 1e9)
+        time.sleep(seconds or LONGEST_S)

@@ -1,16 +1,11 @@
 """Puts a running sensor together: camera, calibration, reconstruction and, where it can be, the self-check."""
 
-from collections.abc import Iterator
-
-from gellight.base.errors import InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
-from gellight.calibration.preparing import apply_calibration
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import bundle_of
 from gellight.daemon.modes import Mode, frame_path, tactile_camera
-from gellight.frames.judging import SelfCheckResult
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import Watch
@@ -29,7 +24,6 @@ def open_session(settings: Settings) -> Daemon:
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), bundle=bundle)
     try:
         bundle.check_fits(camera.url, camera.image_shape)
-        apply_calibration(camera, bundle)
         judge = camera.selfcheck(bundle.pixel_size_mm)
         camera = tactile_camera(camera, bundle, settings.reconstruction)
         watched = settings.watch.enabled and Mode(settings.reconstruction.mode) is Mode.NETWORK
@@ -65,31 +59,3 @@ def reconstructor_for(bundle: Bundle, settings: Settings) -> Reconstructor:
     """Return the frame path of GelNet with `bundle`, set as `settings` say."""
     chosen = settings.reconstruction
     return Reconstructor(bundle, threads=chosen.threads, smoothing_px=chosen.smoothing_px, masked=chosen.masked)
-
-
-CHECKED_PRESSES = (
-    ("BALL", 1.0, 0.0, 0.0),
-    ("BALL", 1.0, -9.0, 4.0),
-    ("BALL", 1.0, 8.0, -6.0),
-    ("BALL", 0.5, 5.0, 5.0),
-    *((name, 0.8, 0.0, 0.0) for name in ("TSTEP", "SCROWN", "BALLVEX", "BALLCAVE", "WAVE")),
-    *((name, 0.8, 0.0, 0.0) for name in ("SINWAVE", "BSWAVE", "PCONVEX", "CCONVEX", "QUCAVE")),
-)
-"""object, depth, x, y in mm"""
-
-
-def check_presses(settings: Settings) -> Iterator[tuple[str, SelfCheckResult]]:
-    """Press what `CHECKED_PRESSES` lists into a simulated sensor; yield each press and how well it was measured.
-
-    Raises InputError for a sensor into which nothing can be pressed.
-    """
-    bundle = chosen_bundle(settings)
-    reconstructor = reconstructor_for(bundle, settings)
-    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
-        judge, stage = camera.selfcheck(bundle.pixel_size_mm), camera.stage
-        if judge is None or stage is None:
-            raise InputError(f"{camera.url} cannot be checked: only a simulated sensor (sim://) knows what is pressed")
-        for name, depth, x, y in CHECKED_PRESSES:
-            stage.press(name, depth, x, y)
-            result = judge.compare(reconstructor.reconstruct(camera.read()))
-            yield f"{name} {depth:g} mm at ({x:g}, {y:g})", result

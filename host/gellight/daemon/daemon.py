@@ -132,7 +132,7 @@ class Daemon:
         watch = Watch(bundle, rezero=self._watch.rezero) if self._watch else None
         judge = self._camera.selfcheck(bundle.pixel_size_mm) if self._selfcheck else None
         with self._replacing:
-            self._camera.adopt(bundle)
+            self._camera.adopt(bundle.controls, bundle.colours)
             if watch and self._watch:
                 watch.paused = self._watch.paused
             self._reconstructor, self._bundle, self._watch, self._selfcheck = replacement, bundle, watch, judge

@@ -9,13 +9,10 @@ import time
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
-
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore, StoredBundle
-from gellight.calibration.choices import Limits
-from gellight.calibration.preparing import apply_calibration
 from gellight.frames.camera import Camera
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing, RefusedError
@@ -67,7 +64,7 @@ def install(
     camera do not answer: the bundle is in service then, and they have to be told again.
     """
     check_sensor(bundle, sensor)
-    check_verified(bundle, limits or Limits())
+    (limits or Limits()).check(bundle)
     return _serve(store.add(bundle), store, running, camera)
 
 
@@ -94,7 +91,7 @@ def _serve(chosen: StoredBundle, store: BundleStore, running: Running | None, ca
     if ring is not None:
         remember(ring, bundle)
     if camera is not None:
-        apply_calibration(camera, bundle)
+        camera.adopt(bundle.controls, bundle.colours)
     return Installed(bundle=served, remembered=ring is not None)
 
 
@@ -104,23 +101,6 @@ def check_sensor(bundle: Bundle, sensor: str) -> None:
         raise BundleError(
             f"{bundle.source} is the bundle of sensor {bundle.manifest.sensor!r}, this is {sensor!r}: nothing was "
             "replaced; calibrate this sensor, or give the bundle of this one"
-        )
-
-
-def check_verified(bundle: Bundle, limits: Limits) -> None:
-    """Raise BundleError unless fresh presses have shown the bundle to be within the limits."""
-    figures = bundle.metrics.get("verification", {})
-    try:
-        depth_mm, normal_deg = float(figures["depth_mm"]), float(figures["normal_deg"])
-    except (TypeError, KeyError, ValueError) as error:
-        raise BundleError(
-            f"{bundle.source} was never verified on fresh presses: run `gellight calibrate`, whose last step does that"
-        ) from error
-    if not (depth_mm <= limits.depth_mm and normal_deg <= limits.normal_deg):
-        raise BundleError(
-            f"{bundle.source} did not pass its verification (depth {depth_mm * 1000:.0f} um, normals {normal_deg:.1f} "
-            f"degrees; allowed are {limits.depth_mm * 1000:.0f} um and {limits.normal_deg:g} degrees): nothing was "
-            "replaced; calibrate again"
         )
 
 
@@ -138,8 +118,7 @@ def remember(ring: LightRing, bundle: Bundle) -> None:
     try:
         _configure(ring, replace(configuration, bundle=identity))
     finally:
-        if bundle.manifest.led:
-            ring.wait_for_light(ring.set_leds(np.array([led.rgb for led in bundle.manifest.led], np.uint8)).light_id)
+        ring.light(bundle.colours)
 
 
 def _configure(ring: LightRing, configuration: Configuration) -> None:

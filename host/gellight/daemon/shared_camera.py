@@ -5,6 +5,10 @@ So it is here: a frame whose exposure began earlier is passed over.
 """
 
 import time
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError
 from gellight.base.mailbox import Mailbox
@@ -45,6 +49,14 @@ class SharedCamera(Camera):
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return the judge of the camera."""
         return self._camera.selfcheck(pixel_size_mm)
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside."""
+        return self._camera.status()
+
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the camera inside."""
+        self._camera.adopt(controls, colours)
 
     def read(self) -> CameraFrame:
         """Wait for a frame whose exposure began after this call; raises what ended the camera."""

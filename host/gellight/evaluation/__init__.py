@@ -1,8 +1,9 @@
-"""Figures about the product, for `bench`: speed as ratios, errors where the truth is known.
+"""Figures about the product, for `bench`, `selfcheck` and `calibrate objects`: speed as ratios, errors against a truth.
 
 bench.py              the frame path against the plain network
 analytic_surfaces.py  surfaces whose depth is known by a formula; the integrator on them
-synthetic.py          balls pressed into the simulated gel
+synthetic.py          the bundle of the simulated sensor; balls pressed into it
 simulated_presses.py  photometric stereo against GelNet on the same presses
+checked_presses.py    presses compared with the reference simulator
 object_errors.py      a bundle on the objects of the paper
 """

@@ -1,7 +1,7 @@
 """Measure what the README states: the time of the frame path and the depth scale of the integrator."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
+from gellight.evaluation.simulated_presses import Figures
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.pipeline import Reconstructor
@@ -87,7 +88,7 @@ def depth_scales() -> list[DepthScale]:
     return found
 
 
-def as_rows(results: list[FrameTimes] | list[DepthScale]) -> list[dict[str, object]]:
+def as_rows(results: Sequence[FrameTimes | DepthScale | Figures]) -> list[dict[str, object]]:
     """Turn results into plain dictionaries, for JSON."""
     return [asdict(result) for result in results]
 

@@ -1,20 +1,17 @@
 """The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
 
-import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from gellight.base.errors import CameraError, InputError
-from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
-from gellight.calibration.preparing import apply_calibration
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
-from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 
 BALL = "BALL"
@@ -24,16 +21,10 @@ _ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectError:
-    """Mean absolute errors on one object, against the simulator's truth."""
+class ObjectError(SurfaceErrors):
+    """The errors on one object, against the simulator's truth."""
 
     object_name: str
-    normal_deg: float
-    """mean angle between the normals over the whole map"""
-    contact_normal_deg: float
-    depth_mm: float
-    """mean absolute depth error over the whole map"""
-    contact_depth_mm: float
 
 
 def object_errors(
@@ -45,14 +36,13 @@ def object_errors(
     nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
     """
     bundle = load_bundle(source)
-    with open_camera(url, geometry=geometry) as camera:
+    with open_camera(url, geometry=geometry, bundle=bundle) as camera:
         if camera.stage is None:
             raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
-        apply_calibration(camera, bundle)
         camera.stage.take_over()
         for _ in range(_SETTLE_FRAMES):
             camera.read()
-        reconstructor = Reconstructor(_rezeroed(bundle, camera) if rezero else bundle)
+        reconstructor = Reconstructor(rezeroed(bundle, camera) if rezero else bundle)
         names = [name for name in camera.stage.objects if name != BALL]
         return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
 
@@ -64,47 +54,25 @@ def _lit_frame(camera: Camera, bundle: Bundle) -> CameraFrame:
         frame = camera.read()
         if frame.light is None or not len(wanted) or np.array_equal(frame.light, wanted):
             return frame
-        apply_calibration(camera, bundle)
+        camera.adopt(bundle.controls, bundle.colours)
     raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
 
 
-def _rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
-    """The bundle with the untouched gel as the camera sees it now."""
+def rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
+    """Return the bundle with the untouched gel as the camera sees it now, and all else as it was."""
     untouched = np.mean([_lit_frame(camera, bundle).image for _ in range(_REFERENCE_FRAMES)], axis=0)
-    with tempfile.TemporaryDirectory(prefix="gellight-rezeroed-") as folder:
-        return write_bundle(
-            Path(folder) / "bundle",
-            sensor=bundle.manifest.sensor,
-            reference=untouched,
-            reference_frames=_REFERENCE_FRAMES,
-            noise_grey=bundle.manifest.noise_grey,
-            pixel_size_mm=bundle.pixel_size_mm,
-            network=bundle.network,
-            follow_light=bundle.manifest.follow_light,
-            led=bundle.manifest.led,
-            metrics={},
-        )
+    return bundle.with_reference(untouched, frames=_REFERENCE_FRAMES)
 
 
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
     assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
     frame = _lit_frame(camera, reconstructor.bundle)
-    truth = frame.truth
-    assert truth is not None
-    felt = reconstructor.reconstruct(frame)
-    angles = angle_deg(felt.normal_map, normals(truth.gradient_map))
-    depth = np.abs(felt.depth_mm - truth.depth_mm)
-    return ObjectError(
-        object_name=name,
-        normal_deg=float(angles.mean()),
-        contact_normal_deg=float(angles[truth.contact].mean()),
-        depth_mm=float(depth.mean()),
-        contact_depth_mm=float(depth[truth.contact].mean()),
-    )
+    assert frame.truth is not None
+    error = surface_errors(reconstructor.reconstruct(frame), frame.truth)
+    return ObjectError(object_name=name, **asdict(error))
 
 
 def summary(errors: list[ObjectError]) -> ObjectError:
     """Return the means over the objects."""
-    names = [f.name for f in fields(ObjectError) if f.name != "object_name"]
-    return ObjectError(object_name="mean", **{n: float(np.mean([getattr(e, n) for e in errors])) for n in names})
+    return ObjectError(object_name="mean", **asdict(mean_errors(errors)))

@@ -1,11 +1,14 @@
 """What every camera of the host promises: frames, and beyond them what its sensor can do."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gellight.base.errors import CameraError
-from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.judging import FrameJudge
 from gellight.frames.timing import CameraTiming
@@ -93,9 +96,17 @@ class Camera(Protocol):
         """Return what is known of the device, ready for JSON; nothing where there is none."""
         return {}
 
-    def adopt(self, bundle: Bundle) -> None:
-        """Set and light the sensor as another bundle says; nothing where nothing can be set. Raises as opening does."""
-        return
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the sensor like this from now on: what is read next was exposed after that.
+
+        `controls` by name; those that are not named stay as they are. `colours` (12, 3) uint8 RGB of the LEDs, None:
+        dark; a camera without a ring keeps its light. May be called from any thread. Raises CameraError for a control
+        that the camera does not have or keep, InputError for a value out of range, BoardError where the ring does not
+        shine as asked.
+        """
+        set_controls(self, controls)
+        if self.ring is not None:
+            self.ring.light(colours)
 
     def close(self) -> None:
         """Release the device; reading afterwards raises CameraError."""
@@ -109,6 +120,17 @@ class Camera(Protocol):
     ) -> None:
         """Close the camera."""
         self.close()
+
+
+def set_controls(camera: Camera, controls: Mapping[str, float]) -> None:
+    """Set controls by name; CameraError for one that the camera does not have, before any is set."""
+    known = camera.controls.names() if camera.controls else ()
+    for name in controls:
+        if name not in known:
+            raise CameraError(f"{camera.url} has no control {name!r}, which the calibration needs: use the same camera")
+    for name, value in controls.items():
+        assert camera.controls is not None
+        camera.controls.set(name, value)
 
 
 def timing_of(camera: Camera, known: CameraTiming | None = None) -> CameraTiming:

@@ -11,7 +11,6 @@ answer is its slope. Three things make a frame cheap and quiet:
   and a frame without any significant pixel is exactly flat.
 """
 
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.base.errors import BundleError
+from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
 Floats = NDArray[np.float32]
 
@@ -82,8 +82,7 @@ class GradientNetwork:
         around = ndimage.uniform_filter(means, size=(3, 3, 1), mode="nearest")
         cells = ((np.abs(means) > limit) | (np.abs(around) > limit / 3)).any(axis=2)
         cells = ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_))
-        height, width = self.image_shape
-        return np.repeat(np.repeat(cells, _CELL, axis=0), _CELL, axis=1)[:height, :width]
+        return spread_blocks(cells, _CELL, self.image_shape)
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
         """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.
@@ -196,7 +195,4 @@ def _cell_means(difference: Floats, size: int) -> Floats:
     height, width = difference.shape[:2]
     if height % size or width % size:
         difference = np.pad(difference, ((0, -height % size), (0, -width % size), (0, 0)), mode="edge")
-    rows = functools.reduce(np.add, [difference[i::size] for i in range(size)])
-    cells = functools.reduce(np.add, [rows[:, i::size] for i in range(size)])
-    cells /= np.float32(size**2)
-    return cells
+    return block_means(difference, size)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.reconstruction.pixel_grid import block_means
+
 SIDES_PX = (1, 4, 12)
 """of the squares over which limits are set on means"""
 
@@ -38,13 +40,6 @@ def measure_noise(images: Sequence[NDArray[np.uint8]], mean: NDArray[np.float32]
         difference = image - mean
         difference -= difference.mean(axis=(0, 1))
         for side in squares:
-            squares[side] += float(np.mean(square_means(difference, side) ** 2)) * side**2
+            squares[side] += float(np.mean(block_means(difference, side) ** 2)) * side**2
     spread = {side: float(np.sqrt(total / (len(images) - 1))) for side, total in squares.items()}
     return ImageNoise(pixel_grey=spread[1], white_grey=max(spread.values()))
-
-
-def square_means(image: NDArray[np.generic], side: int) -> NDArray[np.float32]:
-    """(H, W, 3) -> (H/side, W/side, 3) means; rows and columns that are left over are left out."""
-    height, width = (size // side for size in image.shape[:2])
-    cut = image[: height * side, : width * side]
-    return np.asarray(cut.reshape(height, side, width, side, -1).mean(axis=(1, 3), dtype=np.float32))

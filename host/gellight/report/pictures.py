@@ -1,5 +1,6 @@
 """Pictures of maps, RGB: the same colour is the same depth in every picture, so pictures can be compared."""
 
+from math import floor, log10
 from pathlib import Path
 
 import cv2
@@ -45,7 +46,7 @@ def depth_bar(height: int, width: int, *, scale_um: float = DEPTH_SCALE_UM) -> P
     bar = _paper(height, width)
     ramp = np.linspace(scale_um / 1000, 0, height - 20)[:, None].repeat(18, axis=1)
     bar[10 : height - 10, :18] = depth_picture(ramp, scale_um=scale_um)
-    for tick in _ticks(scale_um):
+    for tick in np.arange(0, scale_um * 1.0001, round_step(scale_um, 10)):
         y = round(10 + (1 - tick / scale_um) * (height - 21))
         cv2.line(bar, (18, y), (23, y), _INK, 1)
         _write(bar, f"{tick:g}", (28, y + 5), _INK, 0.42)
@@ -79,8 +80,8 @@ def four_panels(frame: TactileFrame, *, scale_um: float = DEPTH_SCALE_UM) -> Pic
 
 
 def encode_png(picture: Picture) -> bytes:
-    """Encode a (H, W, 3) RGB picture as PNG."""
-    return cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
+    """Encode a (H, W, 3) RGB or (H, W) grey picture as PNG."""
+    return cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes()
 
 
 def write_png(path: Path, picture: Picture) -> None:
@@ -96,11 +97,10 @@ def _write(picture: Picture, text: str, place: tuple[int, int], colour: tuple[in
     cv2.putText(picture, text, place, _FONT, size, colour, 1, cv2.LINE_AA)
 
 
-def _ticks(scale_um: float) -> NDArray[np.float64]:
-    """Four to ten round numbers from 0 to the scale."""
-    decade = 10 ** np.floor(np.log10(scale_um))
-    step = next(s for s in (0.1 * decade, 0.2 * decade, 0.5 * decade, decade, 2 * decade) if scale_um / s <= 10.001)
-    return np.arange(0, scale_um * 1.0001, step)
+def round_step(span: float, most: int) -> float:
+    """Return the smallest step of 1, 2 or 5 times a power of ten that fits into `span` at most `most` times."""
+    decade = 10.0 ** floor(log10(span or 1.0))
+    return next(step for step in (decade * factor for factor in (0.1, 0.2, 0.5, 1, 2)) if span / step <= most + 1e-3)
 
 
 def _enlarged(picture: Picture) -> Picture:

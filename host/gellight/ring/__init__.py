@@ -3,6 +3,7 @@
 protocol.py      the messages; the C header is generated from here
 enumerations.py  their named values
 wire.py          packets: framing, checksum, records to bytes and back
+usb_numbers.py   how the board is known on USB
 transport.py     bytes to a board by URL: serial://, usb://, sim://
 light_ring.py    LightRing: typed commands, with retries
 light_groups.py  which LEDs shine together

@@ -95,3 +95,8 @@ class Check(IntFlag):
     STORE = 2
     LIGHT_PATH = 4
     STACK = 8
+
+
+ENUMS: tuple[type[IntEnum] | type[IntFlag], ...] = (
+    Status, SyncMode, Edge, Policy, State, Dark, ResetReason, BoardKind, Capability, Check)  # fmt: skip
+"""in the order of the schema"""

@@ -264,6 +264,24 @@ class LightRing:
         self.still = np.array(colours)
         return reply
 
+    def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = 1.0) -> int:
+        """Show a still light, (12, 3) uint8 RGB, and wait until the LEDs have latched it; None: make them dark.
+
+        Returns the number of the light, 0 for None. Raises BoardError where the board refuses the light, scales it to
+        its current limit, or does not latch it.
+        """
+        if colours is None:
+            self.blank()
+            return 0
+        reply = self.set_leds(colours)
+        if reply.scale != protocol.FULL_SCALE:
+            raise BoardError(
+                f"the current limit scales this light to {reply.scale / protocol.FULL_SCALE:.1%}, so it is not the "
+                "light that was asked for: dim it, or raise the limit with an external supply"
+            )
+        self.wait_for_light(reply.light_id, timeout_s)
+        return reply.light_id
+
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
         self.still = None

@@ -11,21 +11,9 @@ the schema travels in HELLO, whose layout never changes, so that any two version
 
 import zlib
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
 from typing import Annotated, NamedTuple
 
-from gellight.ring.enumerations import (
-    BoardKind,
-    Capability,
-    Check,
-    Dark,
-    Edge,
-    Policy,
-    ResetReason,
-    State,
-    Status,
-    SyncMode,
-)
+from gellight.ring.enumerations import ENUMS
 from gellight.ring.wire import (
     COLOUR_BYTES,
     LED_COUNT,
@@ -83,10 +71,6 @@ CONSTANTS = {
     "NO_STEP": NO_STEP,
     "FULL_SCALE": FULL_SCALE,
 }
-
-
-ENUMS: tuple[type[IntEnum] | type[IntFlag], ...] = (
-    Status, SyncMode, Edge, Policy, State, Dark, ResetReason, BoardKind, Capability, Check)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Ways to the board of the light ring, chosen by URL; what uses them cannot tell which.
+"""Ways to the board of the light ring, chosen by URL; they all behave alike.
 
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://SERIALNUMBER``: the port of the board with this number, or
 ``serial://`` of the only one there is. ``usb://`` or ``usb://SERIALNUMBER``: the same endpoints through pyusb, without
@@ -11,13 +11,11 @@ from typing import Any, Protocol
 
 from gellight.base.errors import BoardError
 from gellight.base.holders import holders_text
+from gellight.ring import usb_numbers as numbers
 
 logger = logging.getLogger(__name__)
 
-VENDOR, PRODUCT = 0x1209, 0x0001
 USB_TIMEOUT_MS = 1000
-OUT_ENDPOINT, IN_ENDPOINT, DATA_INTERFACE = 0x02, 0x82, 1
-SET_CONTROL_LINE_STATE = 0x22
 
 
 class Transport(Protocol):
@@ -56,7 +54,7 @@ def find_port(number: str) -> str:
     """Return the serial port of the board with a serial number, or of the only board if the number is empty."""
     from serial.tools import list_ports
 
-    boards = [port for port in list_ports.comports() if (port.vid, port.pid) == (VENDOR, PRODUCT)]
+    boards = [port for port in list_ports.comports() if (port.vid, port.pid) == (numbers.VENDOR, numbers.PRODUCT)]
     chosen = [port for port in boards if not number or port.serial_number == number]
     if len(chosen) == 1:
         return str(chosen[0].device)
@@ -121,34 +119,36 @@ class UsbTransport:
 
         self.url = url
         self._usb = usb
-        devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend) or [])
+        devices = list(
+            usb.core.find(find_all=True, idVendor=numbers.VENDOR, idProduct=numbers.PRODUCT, backend=backend) or []
+        )
         chosen = [device for device in devices if not number or device.serial_number == number]
         if len(chosen) != 1:
             raise BoardError(f"{len(chosen)} of {len(devices)} connected boards are {url}: check cable and number")
         self._device = chosen[0]
         try:
-            for interface in (0, DATA_INTERFACE):
+            for interface in (0, numbers.DATA_INTERFACE):
                 if self._device.is_kernel_driver_active(interface):
                     self._device.detach_kernel_driver(interface)
-            usb.util.claim_interface(self._device, DATA_INTERFACE)
-            self._lines(3)
+            usb.util.claim_interface(self._device, numbers.DATA_INTERFACE)
+            self._lines(numbers.DTR_AND_RTS)
         except usb.core.USBError as error:
             raise BoardError(f"cannot use {url} ({error}): install the udev rule or use serial://") from error
 
     def _lines(self, state: int) -> None:
-        self._device.ctrl_transfer(0x21, SET_CONTROL_LINE_STATE, state, 0, None, USB_TIMEOUT_MS)
+        self._device.ctrl_transfer(0x21, numbers.SET_CONTROL_LINE_STATE, state, 0, None, USB_TIMEOUT_MS)
 
     def write(self, data: bytes) -> None:
         """Send all bytes."""
         try:
-            self._device.write(OUT_ENDPOINT, data, USB_TIMEOUT_MS)
+            self._device.write(numbers.OUT_ENDPOINT, data, USB_TIMEOUT_MS)
         except self._usb.core.USBError as error:
             raise BoardError(f"the board at {self.url} takes no bytes ({error}): plug it in again") from error
 
     def read(self, timeout_s: float) -> bytes:
         """Take one USB packet."""
         try:
-            return bytes(self._device.read(IN_ENDPOINT, 64, max(1, int(timeout_s * 1e3))))
+            return bytes(self._device.read(numbers.IN_ENDPOINT, 64, max(1, int(timeout_s * 1e3))))
         except self._usb.core.USBTimeoutError:
             return b""
         except self._usb.core.USBError as error:
@@ -161,34 +161,3 @@ class UsbTransport:
         except self._usb.core.USBError as error:
             logger.debug("the board went before it was closed: %s", error)
         self._usb.util.dispose_resources(self._device)
-
-
-class VirtualTransport:
-    """An emulated board in this process, on virtual time: a timeout passes in no time. For tests and experiments."""
-
-    url = "virtual"
-
-    def __init__(self, board: Any) -> None:
-        """Take an `EmulatedBoard`, wait for its USB, and raise DTR."""
-        self.board = board
-        if not board.run_until(lambda: board.host.configured, 200_000):
-            raise BoardError(f"the firmware did not enumerate: {board.faults or 'no fault was noticed'}")
-        board.host.open()
-        board.run_until(lambda: board.host.opened, 100_000)
-
-    def write(self, data: bytes) -> None:
-        """Queue the bytes for the bus."""
-        self.board.host.send(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        """Let virtual time pass until bytes arrive."""
-        self.board.run_until(lambda: self.board.host.received, timeout_s * 1e6)
-        data = bytes(self.board.host.received)
-        self.board.host.received.clear()
-        return data
-
-    def close(self) -> None:
-        """Drop DTR and give the board time to notice."""
-        if self.board.powered:
-            self.board.host.close()
-            self.board.run(5_000)

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, GellightError
-from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing, Ping, connect
@@ -57,14 +56,11 @@ class Setup:
     """How a sensor is to be set and lit."""
 
     options: CaptureOptions
-    """of the URL and, where it does not say, of the bundle"""
-    bundle: Bundle | None
-    """None: the LEDs stay dark"""
-
-    @classmethod
-    def of(cls, given: CaptureOptions, bundle: Bundle | None) -> "Setup":
-        """Return what a URL and a bundle say together; InputError where the bundle's settings are out of range."""
-        return cls(given.over(bundle.manifest.camera if bundle else {}), bundle)
+    """of the URL and, where it does not say, of the calibration"""
+    colours: NDArray[np.uint8] | None
+    """(12, 3) RGB of the LEDs; None: dark"""
+    shape: tuple[int, int] | None = None
+    """(H, W) that the frames should have, where the URL does not say"""
 
 
 class Connection:
@@ -84,7 +80,7 @@ class Connection:
             self.camera = V4l2Camera(
                 sensor.camera.path,
                 setup.options,
-                shape=setup.bundle.image_shape if setup.bundle else None,
+                shape=setup.shape,
                 url=url,
                 kernel=around.kernel,
                 sysfs=around.sysfs,
@@ -93,7 +89,7 @@ class Connection:
             _darken(self.ring)
             raise
         try:
-            self._light(setup.bundle)
+            self._light(setup.colours)
         except BaseException:
             self.close()
             raise
@@ -119,15 +115,11 @@ class Connection:
             )
         return ring
 
-    def _light(self, bundle: Bundle | None) -> None:
-        """Light the LEDs as they were when the bundle was made, and wait until they are."""
-        if self.ring is None or bundle is None:
-            return
-        if not bundle.manifest.led:
-            logger.warning("%s does not tell the colours of its LEDs: they stay dark", bundle.source)
-            return
-        self._colours = np.array([led.rgb for led in bundle.manifest.led], np.uint8)
-        self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
+    def _light(self, colours: NDArray[np.uint8] | None) -> None:
+        """Show these colours, and wait until the LEDs have latched them; None: make them dark."""
+        self._colours = colours
+        if self.ring is not None:
+            self.ring.light(colours)
 
     def _hear(self, ping: Ping) -> None:
         self._heard_s = self._clock()
@@ -150,17 +142,14 @@ class Connection:
         why, self._gone_dark = self._gone_dark, None
         if why is not None and self._colours is not None:
             logger.warning("the board made its LEDs dark (%s); they are lit again", why.name.replace("_", " ").lower())
-            self.ring.wait_for_light(self.ring.set_leds(self._colours).light_id)
+            self.ring.light(self._colours)
             self._lit_s = self._clock()
 
     def apply(self, setup: Setup) -> None:
         """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
         options = setup.options
         self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
-        if self.ring is not None and not (setup.bundle and setup.bundle.manifest.led):
-            self._colours = None
-            self.ring.blank()
-        self._light(setup.bundle)
+        self._light(setup.colours)
         self._lit_s = self._clock()
 
     def newest(self) -> CameraFrame:

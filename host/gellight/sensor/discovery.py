@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gellight.base.errors import CameraError
-from gellight.ring.transport import PRODUCT, VENDOR
+from gellight.ring.usb_numbers import PRODUCT, VENDOR
 from gellight.sensor.v4l2.errors import UnpluggedError
 
 SYSFS, DEV = Path("/sys"), Path("/dev")
@@ -102,7 +102,7 @@ class Discovery:
         return f"sensor://{sensor.name if len(named) == 1 else sensor.port}"
 
     def only(self) -> Sensor:
-        """Return the one sensor there is; CameraError says what else is there and how to name it."""
+        """Return the one sensor there is; CameraError lists what else is there and how to name it."""
         if len(self.sensors) == 1:
             return self.sensors[0]
         if self.sensors:

@@ -25,7 +25,7 @@ SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies")
 def examine(
     name: str | None = None, *, surroundings: Surroundings, folder: Path, rules: Path = udev.FOLDER
 ) -> Iterator[Finding]:
-    """Check the computer, then every sensor, or what `name` says: a serial number, a USB port, a camera's node.
+    """Check the computer, then every sensor, or the one that `name` is: a serial number, a USB port, a camera's node.
 
     `folder` is where recordings go.
     """
@@ -89,7 +89,7 @@ def check_clock(sysfs: Path) -> Iterator[Finding]:
 
 
 def check_found(found: Discovery, name: str | None) -> Iterator[Finding]:
-    """Tell which sensors there are, and what cannot be told apart."""
+    """List the sensors, and those that cannot be distinguished."""
     for text in found.ambiguities:
         what, _, remedy = text.rpartition(": ")
         yield problem("sensors", what, remedy)
@@ -105,7 +105,7 @@ def check_found(found: Discovery, name: str | None) -> Iterator[Finding]:
 
 
 def check_permission(node: Node) -> Finding:
-    """Look whether this user may use a node, and whether somebody else does."""
+    """Check that this user may use a node and that no other program has it open."""
     if not os.access(node.path, os.R_OK | os.W_OK):
         return problem(
             "permission", f"you may not use {node.path}",
@@ -120,7 +120,7 @@ def check_permission(node: Node) -> Finding:
 
 
 def check_speed(found: Discovery, sensor: Sensor) -> Iterator[Finding]:
-    """Look at the speed of the connection and at who shares the bus."""
+    """Check the speed of the connection, and look for other cameras on the bus."""
     usb = sensor.camera.usb
     if usb is None:
         return

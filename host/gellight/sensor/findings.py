@@ -1,4 +1,4 @@
-"""What the checks of `doctor` find: each finding says what it means and what to do."""
+"""What the checks of `doctor` find: each finding has a level, a text and a remedy."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum

@@ -8,8 +8,12 @@ with rising sequence numbers, so nothing that was taken before is ever taken for
 import logging
 import os
 import threading
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
@@ -18,8 +22,9 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.connection import Connection, Setup, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
+from gellight.sensor.v4l2.controls import KNOBS
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
-from gellight.sensor.v4l2.kernel import LinuxKernel
+from gellight.sensor.v4l2.kernel import LINUX
 from gellight.sensor.v4l2.options import CaptureOptions, parse_url
 from gellight.sensor.v4l2.stream import Counts
 
@@ -59,8 +64,11 @@ class SensorCamera(Camera):
         self.stage = None
         self._sensor, self._by_serial = sensor, by_serial
         self._given = options or CaptureOptions()
-        self._setup = Setup.of(self._given, bundle)
-        self._surroundings = surroundings or Surroundings(kernel=LinuxKernel())
+        self._setup = Setup(self._given, None)
+        if bundle is not None:
+            _warn_of_dark(url, bundle.colours)
+            self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
+        self._surroundings = surroundings or Surroundings(kernel=LINUX)
         self._clock = self._surroundings.kernel.clock
         self._closing = threading.Event()
         self._past = Counts()
@@ -78,14 +86,20 @@ class SensorCamera(Camera):
         self._offset = self._last + 1
         self._first: int | None = None
 
-    def adopt(self, bundle: Bundle) -> None:
-        """Set and light the sensor as another bundle of the same image size says, from now on.
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the sensor like this from now on; controls that the URL names stay as it says.
 
         Frames are of the new light after that; a sensor that is away gets it when it is back. Raises CameraError,
         BoardError or InputError; then the sensor is set as before, or looked for.
         """
-        before, self._setup = self._setup, Setup.of(self._given, bundle)
+        before = self._setup
         connection = self._connection  # the thread that reads may let go of it at any time
+        _warn_of_dark(self.url, colours)
+        unknown = sorted(set(controls) - set(KNOBS))
+        if unknown:
+            raise CameraError(f"{self.url} has no control {unknown[0]!r} (known are: {', '.join(KNOBS)}): leave it out")
+        recorded = {**before.options.model_dump(include=before.options.model_fields_set), **controls}
+        self._setup = replace(before, options=self._given.over(recorded), colours=colours)
         if connection is None:
             return
         try:
@@ -197,7 +211,7 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
 
     Raises CameraError, BoardError or InputError, naming what is there and what to do.
     """
-    around = surroundings or Surroundings(kernel=LinuxKernel())
+    around = surroundings or Surroundings(kernel=LINUX)
     place, options = parse_url(url)
     if not place:
         raise InputError(
@@ -214,6 +228,11 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
     return SensorCamera(
         sensor, options, bundle=bundle, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
     )
+
+
+def _warn_of_dark(url: str, colours: NDArray[np.uint8] | None) -> None:
+    if colours is None:
+        logger.warning("%s: the calibration does not tell the colours of its LEDs: they stay dark", url)
 
 
 def _camera_alone(found: Discovery, path: str) -> Sensor:

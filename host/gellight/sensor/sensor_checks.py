@@ -97,8 +97,8 @@ def check_rate(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
 
 
 def check_stamps(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
-    """Look how far the time stamps wander: the light of a frame is told by them, within `stamp_error_us`."""
-    found, allowed_s = cadence(pictures), camera.dating.stamp_error_s
+    """Check that the time stamps jitter by less than `stamp_error_us`: labels of light allow for no more."""
+    found, allowed_s = cadence(pictures), camera.stamp_meaning.stamp_error_s
     text = f"jitter of the time stamps {found.wander_s * 1e3:.2f} ms (95 %), at most {found.farthest_s * 1e3:.2f} ms"
     if found.farthest_s > allowed_s:
         return warning(

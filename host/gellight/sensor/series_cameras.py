@@ -6,19 +6,20 @@ as lost: the sequence numbers go on as if the camera had rested meanwhile.
 
 import logging
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.judging import FrameJudge
 from gellight.frames.series import ExposureSeries
 from gellight.frames.timing import CameraTiming
-from gellight.reconstruction.photometric.static_scene import block_means, repetition_limit
+from gellight.reconstruction.photometric.static_scene import BLOCK_PX, repetition_limit
+from gellight.reconstruction.pixel_grid import block_means
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.lighting.hold import MOST_ATTEMPTS, Hold, still_lit
 
@@ -73,9 +74,9 @@ class RingCamera(Camera):
         """Return what is known of the camera inside."""
         return self._camera.status()
 
-    def adopt(self, bundle: Bundle) -> None:
-        """Let the camera inside go by another bundle."""
-        self._camera.adopt(bundle)
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the camera inside."""
+        self._camera.adopt(controls, colours)
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return the judge of the camera."""
@@ -266,5 +267,5 @@ def as_series(
 
 
 def _small(image: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
-    """(3, H / 16, W / 16) means over blocks of every other pixel."""
-    return block_means(np.ascontiguousarray(np.moveaxis(image[::2, ::2], 2, 0), np.float32))
+    """(H / 16, W / 16, 3) means over blocks of every other pixel."""
+    return block_means(image[::2, ::2], BLOCK_PX)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gellight.base.errors import InputError
+from gellight.base.writing import make_folder, write_file
 
 RULE = Path(__file__).parent / "60-gellight.rules"
 FOLDER = Path("/etc/udev/rules.d")
@@ -35,9 +36,8 @@ def install(*, folder: Path = FOLDER, run: Callable[[Sequence[str]], None] = _ru
     """
     target = folder / RULE.name
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(RULE.read_bytes())
-        target.chmod(0o644)
+        make_folder(folder)
+        write_file(target, RULE.read_bytes())
     except OSError as error:
         raise InputError(
             f"cannot write {target} ({os.strerror(error.errno or 0)}): run `sudo {Path(sys.argv[0]).resolve()} "

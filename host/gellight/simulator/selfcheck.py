@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
 from gellight.frames.judging import SelfCheckResult
+from gellight.reconstruction.pixel_grid import block_means
 from sim_reference.camera import CameraResponse, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import normals, ring_irradiance, ring_light
@@ -97,21 +98,19 @@ class SelfCheck:
 
     def _integral_error_mm(self, frame: TactileFrame) -> float:
         x_mm, y_mm = (size * SHRINK for size in self._pixel_size_mm)
-        reference = integrate(blocks(frame.gradient_map), (x_mm, y_mm))
-        difference = blocks(frame.depth_mm) - reference
+        reference = integrate(_shrunken(frame.gradient_map), (x_mm, y_mm))
+        difference = _shrunken(frame.depth_mm) - reference
         return float(np.abs(difference - np.median(difference)).mean())
 
     def _picture_error_grey(self, frame: TactileFrame) -> float:
         light = frame.camera_frame.light
         lit = (ring_light(self._small) if light is None else light / 255.0) * self._led_gain[:, None]
-        depth, gradient = blocks(frame.depth_mm), blocks(frame.gradient_map)
+        depth, gradient = _shrunken(frame.depth_mm), _shrunken(frame.gradient_map)
         surface = Surface(depth, gradient, np.zeros(depth.shape, bool))
         rendered = linear_grey(ring_irradiance(surface, self._small, lit), self.response)
-        return float(np.abs(rendered - blocks(frame.camera_frame.image)).mean())
+        return float(np.abs(rendered - _shrunken(frame.camera_frame.image)).mean())
 
 
-def blocks(image: NDArray[np.generic]) -> NDArray[np.float64]:
-    """Return the means of blocks of `SHRINK` x `SHRINK` pixels: (H, W, ...) -> (H/4, W/4, ...)."""
-    height, width = image.shape[0] // SHRINK, image.shape[1] // SHRINK
-    cut = np.asarray(image[: height * SHRINK, : width * SHRINK], dtype=np.float64)
-    return np.asarray(cut.reshape(height, SHRINK, width, SHRINK, *image.shape[2:]).mean(axis=(1, 3)))
+def _shrunken(image: NDArray[np.generic]) -> NDArray[np.float64]:
+    """(H, W, ...) to a quarter of the size, by means."""
+    return np.asarray(block_means(image.astype(np.float64), SHRINK))

@@ -28,9 +28,9 @@ from gellight.base.errors import CameraError, ConfigError, InputError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.ring.emulator.child import SimulatedBoard
-from gellight.ring.emulator.waveform import LED_COUNT
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
+from gellight.ring.wire import LED_COUNT
 from gellight.simulator.scene import Array, Press, Scene
 from gellight.simulator.selfcheck import SelfCheck
 from gellight.simulator.shutter import Shutter, row_weights

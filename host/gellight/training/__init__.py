@@ -1,8 +1,11 @@
 """From labelled presses to a network.
 
-presses.py     ball presses and their labels; the table that GelNet learns from
-training.py    GelNet trained in a child process, and written as a bundle
-baselines.py   what simpler models reach on the same presses
-validation.py  errors of a bundle on labelled presses
-labelling/     contact circles without clicks
+presses.py           ball presses and their labels; the table that GelNet learns from
+child.py             a module of gelnet run in a child process
+training.py          GelNet trained on the table, and written as a bundle
+polynomial.py        polynomials of several variables, and their fit
+baselines.py         what simpler models reach on the same presses
+validation.py        errors of a bundle on labelled presses
+cross_validation.py  the same on presses that were not trained on
+labelling/           contact circles without clicks
 """

@@ -5,7 +5,6 @@ cell of colour change, blind to the place. The polynomial has a closed form and 
 must beat to be worth its training.
 """
 
-import itertools
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.base.errors import InputError
+from gellight.training.polynomial import powers_up_to, ridge, terms_of
 from gellight.training.presses import PressTable
 
 Array = NDArray[np.float64]
@@ -22,6 +22,12 @@ _CELL_GREY = 6.0
 _CELLS = 64
 """a side: from -192 to 192 grey levels"""
 _COLOUR_DEGREE, _PLACE_DEGREE, _DEGREE = 4, 2, 5
+_POWERS = [
+    powers
+    for powers in powers_up_to(_DEGREE, 5)
+    if 1 <= sum(powers[:3]) <= _COLOUR_DEGREE and sum(powers[3:]) <= _PLACE_DEGREE
+]
+"""of the three colour changes, at least one of them, and the two places"""
 _RIDGE = 1e-3
 _FITTED_ROWS = 60_000
 _STEEPEST = 0.97
@@ -112,8 +118,7 @@ def fit_polynomial(table: PressTable, *, reference: Floats | None = None) -> Pol
         raise InputError("the colours of the presses never change in one channel: check the light")
     terms /= scale
     sine = slopes / np.sqrt(1 + (slopes**2).sum(axis=1, keepdims=True))
-    square = terms.T @ terms / len(terms) + _RIDGE * np.eye(terms.shape[1])
-    weights = np.linalg.solve(square, terms.T @ sine / len(terms)) / scale[:, None]
+    weights = ridge(terms, sine, _RIDGE) / scale[:, None]
     return Polynomial(weights=weights, least=colour.min(axis=0), most=colour.max(axis=0), gain=gain)
 
 
@@ -126,30 +131,7 @@ def ratio_gain(reference: Floats) -> Floats:
 def _terms(colour: NDArray[np.floating], x: Array | Floats, y: Array | Floats, size: tuple[int, int]) -> Array:
     """(N, K) products of powers of colour change (at least one) and place."""
     width, height = size
-    place = np.stack([2 * x / width - 1, 2 * y / height - 1], axis=1)
-    colours = {powers: _product(colour / _GREY, powers) for powers in _powers(3, _COLOUR_DEGREE) if sum(powers) >= 1}
-    places = {powers: _product(place, powers) for powers in _powers(2, _PLACE_DEGREE)}
-    terms = np.empty((sum(_kept(first, second) for first in colours for second in places), len(colour)))
-    pairs = ((first, second) for first in colours for second in places if _kept(first, second))
-    for row, (first, second) in zip(terms, pairs, strict=True):
-        np.multiply(colours[first], places[second], out=row)
-    return terms.T
-
-
-def _kept(colour: tuple[int, ...], place: tuple[int, ...]) -> bool:
-    return sum(colour) + sum(place) <= _DEGREE
-
-
-def _powers(variables: int, degree: int) -> list[tuple[int, ...]]:
-    return [powers for powers in itertools.product(range(degree + 1), repeat=variables) if sum(powers) <= degree]
-
-
-def _product(values: NDArray[np.floating], powers: tuple[int, ...]) -> Array:
-    result = np.ones(len(values))
-    for column, power in enumerate(powers):
-        for _ in range(power):
-            result *= values[:, column]
-    return result
+    return terms_of([*(colour / _GREY).T, 2 * x / width - 1, 2 * y / height - 1], _POWERS)
 
 
 def _slopes(sine: Array) -> Floats:

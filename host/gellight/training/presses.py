@@ -9,11 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.light_drift import light_drift
 
@@ -77,6 +79,13 @@ class PressTable:
     """(N,) index of the press each row comes from"""
     image_size: tuple[int, int]
     """(W, H) px"""
+
+    @classmethod
+    def of(cls, bundle: Bundle) -> Self:
+        """Return the table that a bundle was trained on; BundleError where it keeps none."""
+        arrays = bundle.presses()
+        width, height = (int(size) for size in arrays["image_size"])
+        return cls(rows=arrays["rows"], image=arrays["image"], image_size=(width, height))
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return the arrays as they are stored in an npz file."""

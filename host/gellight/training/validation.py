@@ -1,15 +1,15 @@
 """The error of a calibration bundle on labelled ball presses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, Contact
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.integration import angle_deg, integrate, normals
@@ -22,13 +22,38 @@ from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle,
 Floats = NDArray[np.float32]
 
 
+class Maps(Protocol):
+    """What a press is judged by, as a tactile frame has it."""
+
+    @property
+    def normal_map(self) -> Floats:
+        """(H, W, 3)"""
+
+    @property
+    def depth_mm(self) -> Floats:
+        """(H, W)"""
+
+    @property
+    def contact(self) -> Contact:
+        """Where the gel was found to be touched."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineMaps:
+    """The maps that a baseline makes of one image."""
+
+    normal_map: Floats
+    depth_mm: Floats
+    contact: Contact
+
+
 @dataclass(frozen=True, kw_only=True)
 class PressError:
-    """What was felt of one press, against its label."""
+    """The maps of one press against its label."""
 
     image: str
     angle_deg: Floats
-    """(N,) angle between the felt and the true normal at each pixel inside the labelled circle"""
+    """(N,) angle between the measured and the true normal at each pixel inside the labelled circle"""
     depth_mae_mm: float
     """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
     contact_iou: float
@@ -40,12 +65,51 @@ class PressError:
         return float(self.angle_deg.mean())
 
 
-def evaluate(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> dict[str, Any]:
-    """Measure a calibration on labelled presses, as labelled, with the very frame path that the sensor runs.
+@dataclass(frozen=True, kw_only=True)
+class AngleFigures:
+    """How angles are spread over pixels, deg."""
 
-    Returns normal_error_deg {mean, median, p95} over all pixels inside the circles, depth_mae_mm, contact_iou, and
-    images, a list of {image, pixels, normal_error_deg, depth_mae_mm, contact_iou}. Raises InputError for images of
-    another size.
+    mean: float
+    median: float
+    p95: float
+
+    @classmethod
+    def of(cls, angle_deg: Floats) -> Self:
+        """Take the figures of (N,) angles."""
+        median, p95 = np.percentile(angle_deg, [50, 95])
+        return cls(mean=float(angle_deg.mean()), median=float(median), p95=float(p95))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageFigures:
+    """The errors inside the circle of one image."""
+
+    image: str
+    pixels: int
+    normal_error_deg: AngleFigures
+    depth_mae_mm: float
+    contact_iou: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressFigures:
+    """The errors on several presses, in which every pixel counts the same."""
+
+    normal_error_deg: AngleFigures
+    depth_mae_mm: float
+    contact_iou: float
+    """mean over the images"""
+    images: tuple[ImageFigures, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """Return the figures by name."""
+        return asdict(self)
+
+
+def evaluate(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> PressFigures:
+    """Measure a calibration on labelled presses with the frame path that the sensor runs.
+
+    Raises InputError for images of another size.
     """
     return summarised(press_errors(bundle, presses, ball))
 
@@ -57,88 +121,69 @@ def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[P
     # Without the mask: a pixel of the contact circle counts whether or not its colour changed. Over the picture, as the
     # circles are drawn: with a lens, labels and slopes are distorted alike.
     reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
-    return [_press_error(reconstructor, press, ball, number) for number, press in enumerate(presses)]
+    return [press_error(press, ball, reconstructor.reconstruct(frame_of(press))) for press in presses]
 
 
-def _press_error(reconstructor: Reconstructor, press: Press, ball: Ball, number: int) -> PressError:
-    image = read_image(press.image)
-    felt = reconstructor.reconstruct(
-        CameraFrame(image=image, time_s=0.0, sequence=number, source=str(press.image)),
-    )
-    return press_error(press, ball, Felt(normal_map=felt.normal_map, depth_mm=felt.depth_mm, contact=felt.contact.mask))
+def frame_of(press: Press) -> CameraFrame:
+    """Return the image of a press as a camera frame."""
+    return CameraFrame(image=read_image(press.image), time_s=0.0, sequence=0, source=str(press.image))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Felt:
-    """What is felt of one image, whatever its label says."""
-
-    normal_map: Floats
-    """(H, W, 3)"""
-    depth_mm: NDArray[np.floating]
-    """(H, W)"""
-    contact: NDArray[np.bool_]
-    """(H, W)"""
-
-
-def felt_by(
+def maps_of(
     baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
-) -> list[Felt]:
+) -> list[BaselineMaps]:
     """Reconstruct each press with the slopes of a baseline: drift, smoothing, depth, contact as in the frame path."""
-    felt, smoother = [], Smoother()
+    maps, smoother = [], Smoother()
     for press in presses:
         difference = read_image(press.image).astype(np.float32) - reference
         if follow_light:
             difference -= light_drift(difference)
         slopes, noise = smoother.narrow(baseline.gradient_map(difference))
-        depth_mm = integrate(slopes, ball.pixel_size_mm)
+        depth_mm = np.asarray(integrate(slopes, ball.pixel_size_mm), np.float32)
         gradient_map = smoother.of_surface(depth_mm, ball.pixel_size_mm, slopes, noise)
         contact = find_contact(depth_mm, ball.pixel_size_mm)
-        felt.append(Felt(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact.mask))
-    return felt
+        maps.append(BaselineMaps(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact))
+    return maps
 
 
 def baseline_errors(
     baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
 ) -> list[PressError]:
     """Do as `press_errors` with the slopes of a baseline."""
-    felt = felt_by(baseline, presses, reference, ball, follow_light=follow_light)
-    return [press_error(press, ball, answer) for press, answer in zip(presses, felt, strict=True)]
+    maps = maps_of(baseline, presses, reference, ball, follow_light=follow_light)
+    return [press_error(press, ball, found) for press, found in zip(presses, maps, strict=True)]
 
 
-def press_error(press: Press, ball: Ball, felt: Felt) -> PressError:
+def press_error(press: Press, ball: Ball, maps: Maps) -> PressError:
     """Compare normals, depth and contact patch with a label."""
-    shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
-    inside = contact_circle(press, shape)
+    shape = (maps.depth_mm.shape[0], maps.depth_mm.shape[1])
+    inside, patch = contact_circle(press, shape), maps.contact.mask
     true_normals = normals(sphere_gradient(press, ball, shape))
-    depth_error = felt.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    depth_error = maps.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(
         image=press.image.name,
-        angle_deg=angle_deg(felt.normal_map[inside], true_normals[inside]),
+        angle_deg=angle_deg(maps.normal_map[inside], true_normals[inside]),
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
-        contact_iou=float((felt.contact & inside).sum() / (felt.contact | inside).sum()),
+        contact_iou=float((patch & inside).sum() / (patch | inside).sum()),
     )
 
 
-def summarised(errors: Sequence[PressError]) -> dict[str, Any]:
-    """Sum up: every pixel counts the same."""
-    pixels = [len(error.angle_deg) for error in errors]
-    return {
-        "normal_error_deg": _figures(np.concatenate([error.angle_deg for error in errors])),
-        "depth_mae_mm": float(np.average([error.depth_mae_mm for error in errors], weights=pixels)),
-        "contact_iou": float(np.mean([error.contact_iou for error in errors])),
-        "images": [
-            {
-                "image": error.image,
-                "pixels": len(error.angle_deg),
-                "normal_error_deg": _figures(error.angle_deg),
-                "depth_mae_mm": error.depth_mae_mm,
-                "contact_iou": error.contact_iou,
-            }
-            for error in errors
-        ],
-    }
-
-
-def _figures(angle: Floats) -> dict[str, float]:
-    median, p95 = np.percentile(angle, [50, 95])
-    return {"mean": float(angle.mean()), "median": float(median), "p95": float(p95)}
+def summarised(errors: Sequence[PressError]) -> PressFigures:
+    """Sum up the errors of several presses."""
+    images = tuple(
+        ImageFigures(
+            image=error.image,
+            pixels=len(error.angle_deg),
+            normal_error_deg=AngleFigures.of(error.angle_deg),
+            depth_mae_mm=error.depth_mae_mm,
+            contact_iou=error.contact_iou,
+        )
+        for error in errors
+    )
+    pixels = [image.pixels for image in images]
+    return PressFigures(
+        normal_error_deg=AngleFigures.of(np.concatenate([error.angle_deg for error in errors])),
+        depth_mae_mm=float(np.average([image.depth_mae_mm for image in images], weights=pixels)),
+        contact_iou=float(np.mean([image.contact_iou for image in images])),
+        images=images,
+    )

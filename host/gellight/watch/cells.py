@@ -1,10 +1,10 @@
 """Images on cells of 8 x 8 pixels, which a comparison needs no finer."""
 
-import functools
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from gellight.reconstruction.pixel_grid import block_means, gel_points_mm
 
 Cells = NDArray[np.float32]
 """(h, w, 3) RGB, grey levels, one value a cell"""
@@ -19,12 +19,7 @@ def grid(image_shape: tuple[int, int]) -> tuple[int, int]:
 
 def cell_means(image: NDArray[np.uint8] | NDArray[np.float32]) -> Cells:
     """Return the (h, w, 3) mean of each cell of an (H, W, 3) image, grey levels."""
-    height, width = grid((image.shape[0], image.shape[1]))
-    whole = image[: height * CELL_PX, : width * CELL_PX]
-    kind = np.uint16 if whole.dtype == np.uint8 else np.float32
-    rows = functools.reduce(np.add, [whole[i::CELL_PX].astype(kind) for i in range(CELL_PX)])
-    sums = functools.reduce(np.add, [rows[:, i::CELL_PX] for i in range(CELL_PX)])
-    return np.asarray(sums, np.float32) / np.float32(CELL_PX**2)
+    return block_means(image, CELL_PX)
 
 
 def spread(cells: Cells, image_shape: tuple[int, int]) -> NDArray[np.float32]:
@@ -39,8 +34,5 @@ def positions_mm(
     image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(h, w) x and y of the centre of each cell, mm from the image centre, y down."""
-    height, width = grid(image_shape)
-    x = (np.arange(width) * CELL_PX + (CELL_PX - image_shape[1]) / 2) * pixel_size_mm[0]
-    y = (np.arange(height) * CELL_PX + (CELL_PX - image_shape[0]) / 2) * pixel_size_mm[1]
-    columns, rows = np.meshgrid(x, y)
-    return columns, rows
+    points = block_means(gel_points_mm(image_shape, pixel_size_mm), CELL_PX)
+    return points[..., 0], points[..., 1]

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import tomli_w
 
+from gellight.base import writing
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import LedSetting, load_bundle, pack_bundle, save_bundle, write_bundle
 from tests.helpers.linear_sensor import linear_bundle, linear_network, reference_image
+from tests.helpers.sensor_bench import lit_bundle
 
 SHAPE = (24, 32)
 
@@ -139,15 +141,15 @@ def test_a_file_in_the_place_of_a_bundle_is_replaced_only_when_told(tmp_path: Pa
 def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool) -> None:
     target = bundle if overwrite else bundle.parent / "other"
     before = sorted(str(p) for p in bundle.parent.rglob("*"))
-    write = Path.write_bytes
+    flush = os.fsync
 
-    def full(path: Path, content: bytes) -> int:
-        if path.name == "network.onnx":
-            write(path, content[:10])
+    def full(handle: int) -> None:
+        if Path(f"/proc/self/fd/{handle}").readlink().name == "network.onnx":
+            os.ftruncate(handle, 10)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, content)
+        flush(handle)
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(BundleError, match=r"not written \(No space left on device\): free some space"):
         linear_bundle(target, SHAPE, overwrite=overwrite)
     assert sorted(str(p) for p in bundle.parent.rglob("*")) == before
@@ -155,6 +157,9 @@ def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.Mon
 
 
 def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def cannot(one: bytes, other: bytes) -> None:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+
     rename = Path.rename
 
     def refuse(path: Path, target: Path) -> Path:
@@ -162,6 +167,7 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
             raise OSError(errno.EACCES, os.strerror(errno.EACCES))
         return rename(path, target)
 
+    monkeypatch.setattr(writing, "_rename_exchange", cannot)
     monkeypatch.setattr(Path, "rename", refuse)
     with pytest.raises(BundleError, match="check the folder and its permissions"):
         linear_bundle(bundle, (48, 64), overwrite=True)
@@ -331,3 +337,18 @@ def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
 def test_manifests_are_toml_without_nulls(bundle: Path) -> None:
     assert "created = 20" in (bundle / "manifest.toml").read_text()
     assert tomli_w.dumps(load_bundle(bundle).manifest.model_dump()) == (bundle / "manifest.toml").read_text()
+
+
+def test_a_bundle_tells_the_controls_and_the_colours_of_its_sensor_and_not_how_the_camera_is_opened(
+    bundle: Path, tmp_path: Path
+) -> None:
+    plain = load_bundle(bundle)
+    assert plain.controls == {}
+    assert plain.colours is None
+    full = lit_bundle(tmp_path / "lit")
+    assert full.controls == {"exposure_us": 8000.0, "white_balance_k": 5000.0}
+    assert full.colours is not None
+    assert full.colours[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 200, 0], [0, 0, 90]]
+    rewrite_manifest(tmp_path / "lit", "exposure_us = 8000", 'exposure_us = "long"')
+    with pytest.raises(BundleError, match=r"camera\.exposure_us = 'long' is no number: calibrate the sensor again"):
+        _ = load_bundle(tmp_path / "lit").controls

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.bundle.limits import Limits
 from gellight.calibration.ball_radius import likely_radius_mm
-from gellight.calibration.choices import Limits, RoutineOptions
+from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.coverage import advice, coverage
 from gellight.calibration.display import Display
 from gellight.calibration.live_error import LiveError

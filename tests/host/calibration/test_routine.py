@@ -13,9 +13,9 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import load_bundle
+from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
-from gellight.calibration.choices import Limits, RoutineOptions
-from gellight.calibration.preparing import apply_calibration
+from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.routine import Routine
 from gellight.evaluation.object_errors import object_errors, summary
 from gellight.frames.camera import Camera
@@ -152,7 +152,7 @@ def test_what_exists_is_not_overwritten_unasked(calibrated: tuple[Path, dict[str
 def test_a_bundle_needs_the_controls_it_was_made_with(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     write_png(tmp_path / "a.png", np.zeros((240, 320, 3), np.uint8))
     with pytest.raises(CameraError, match="no control 'exposure_us'"):
-        apply_calibration(ImageCamera([tmp_path / "a.png"]), load_bundle(calibrated[0] / "bundle"))
+        open_camera(tmp_path / "a.png", bundle=load_bundle(calibrated[0] / "bundle"))
 
 
 class Clumsy(VirtualHand):

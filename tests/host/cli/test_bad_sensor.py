@@ -5,10 +5,10 @@ import json
 import os
 import pty
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
+from subprocess import PIPE
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,8 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.opencv_camera import OpenCvCamera
+from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.sensor_bench import Bench
-
-GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
 
 
 class OtherFirmware:
@@ -73,8 +72,7 @@ def test_a_ring_that_is_not_there_or_in_use_is_told(tmp_path: Path) -> None:
     code = (
         f"import serial, sys; p = serial.Serial({port!r}, exclusive=True); print('open', flush=True); sys.stdin.read()"
     )
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        assert other.stdout is not None
+    with started([sys.executable, "-c", code], stdin=PIPE, stdout=PIPE) as other:
         other.stdout.readline()
         with pytest.raises(BoardError, match=rf"in use by \S+ \(process {other.pid}\).*: end that programme"):
             open_transport(port)
@@ -181,10 +179,6 @@ def test_opencv_itself_delivers_rgb_frames_until_the_camera_ends(tmp_path: Path)
 # ---- gellight run ----
 
 
-def gellight(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*GELLIGHT, *arguments], capture_output=True, text=True, timeout=100, check=False)
-
-
 def test_a_run_without_a_sensor_ends_with_status_2_and_one_line() -> None:
     run = gellight("run", "--sensor", "sensor://GL0404", "--frames", "3")
     assert run.returncode == 2
@@ -194,18 +188,14 @@ def test_a_run_without_a_sensor_ends_with_status_2_and_one_line() -> None:
 
 
 def test_a_run_of_any_sensor_tells_its_status_and_a_termination_ends_it_properly() -> None:
-    run = subprocess.Popen(
-        [*GELLIGHT, "run", "--sensor", "sim://?object=BALL&depth=1", "--no-dashboard", "--json"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert run.stdout is not None
-    status = json.loads(run.stdout.readline())
-    assert status["sensor"].startswith("sim://")
-    assert {"frames", "fps", "lost", "error", "camera"} <= set(status)
-    run.send_signal(signal.SIGTERM)
-    assert run.wait(timeout=30) == 128 + signal.SIGTERM
-    assert run.stderr is not None
-    assert "Traceback" not in run.stderr.read()
+    command = [*GELLIGHT, "run", "--sensor", "sim://?object=BALL&depth=1", "--no-dashboard", "--json"]
+    with started(command, stdout=PIPE, stderr=PIPE, text=True) as run:
+        status = json.loads(run.stdout.readline())
+        assert status["sensor"].startswith("sim://")
+        assert {"frames", "fps", "lost", "error", "camera"} <= set(status)
+        run.send_signal(signal.SIGTERM)
+        assert run.wait(timeout=30) == 128 + signal.SIGTERM
+        assert "Traceback" not in run.stderr.read()
 
 
 def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(
@@ -213,10 +203,10 @@ def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("GELLIGHT_SENSOR_URL", raising=False)
-    assert run_verb.settings_of(None, None, None).sensor.url == "auto"
-    assert run_verb.settings_of("sim://", None, 0).sensor.url == "sim://"
+    assert run_verb.settings_of(None, {}).sensor.url == "auto"
+    assert run_verb.settings_of("sim://", {"dashboard.port": 0}).sensor.url == "sim://"
     Path("gellight.toml").write_text('[sensor]\nurl = "sensor://GL0001"\n')
-    assert run_verb.settings_of(None, None, None).sensor.url == "sensor://GL0001"
+    assert run_verb.settings_of(None, {}).sensor.url == "sensor://GL0001"
 
 
 def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
@@ -238,15 +228,15 @@ def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.Mo
     settings = load_settings({"sensor.url": "auto", "sensor.calibration": str(bundle.source)}, environment={},
                              folder=tmp_path, user_folder=tmp_path)  # fmt: skip
     with assembly.open_session(settings) as daemon:
-        first = run_verb.follow(daemon, 5, as_json=False)
+        first = run_verb.follow(daemon, 5)
         assert first["frames"] == 5
         bench.unplug("1-2")
         while "reconnecting" not in str(daemon.status()["error"]):
             time.sleep(0.01)
-        run_verb.tell(daemon.status(), as_json=False)
+        run_verb.print_status(daemon.status(), as_json=False)
         assert "reconnecting to sensor GL0001" in capsys.readouterr().err
         bench.plug("1-3", "GL0001")
-        second: Any = run_verb.follow(daemon, 5, as_json=False)
+        second: Any = run_verb.follow(daemon, 5)
         assert second["camera"]["reconnections"] == 1
         assert second["error"] is None
     assert bench.all_dark()

@@ -14,12 +14,15 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.calibrate import _ball_text, _read, _which_ball, app
+from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
+from gellight.cli.calibrate.verbs import app
 from gellight.reconstruction.integration import angle_deg
 from gellight.simulator.scene import Press, Scene
-from gellight.training import training
+from gellight.training import child, cross_validation
+from gellight.training.child import run_module
+from gellight.training.cross_validation import cross_validate
 from gellight.training.presses import Ball, read_presses
-from gellight.training.training import TrainingOptions, cross_validate, read_reference, run_module
+from gellight.training.training import TrainingOptions, read_reference
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.places import REAL_IMAGES
@@ -89,10 +92,10 @@ def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: 
 
 @pytest.mark.parametrize(("named", "warned"), [(3.0, True), (4.0, False), (5.0, True)])
 def test_a_ball_that_the_light_contradicts_is_warned_of(pressed: Path, named: float, warned: bool) -> None:
-    given = _read(pressed / "presses.csv", str(pressed / "untouched"), named, 0.2352)
-    told = "".join(_ball_text({**_which_ball(*given, None), "ball_radius_mm": named}))
-    assert bool(told) is warned
-    assert not warned or float(told.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
+    recorded = Recorded(pressed / "presses.csv", str(pressed / "untouched"), named, 0.2352)
+    warning = "".join(ball_warning(which_ball(*recorded.read(), None)["likely_ball_radius_mm"], named))
+    assert bool(warning) is warned
+    assert not warned or float(warning.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
 
 
 def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:
@@ -170,7 +173,7 @@ def test_refined_labels_are_in_the_bundle(pressed: Path, tmp_path: Path) -> None
 
 def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[set[str], set[str]]] = []
-    fit, errors_of = training.fit, training.press_errors
+    fit, errors_of = cross_validation.fit, cross_validation.press_errors
 
     def spying_fit(presses, *rest, **options):  # type: ignore[no-untyped-def]
         seen.append(({press.image.name for press in presses}, set()))
@@ -180,8 +183,8 @@ def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, mon
         seen[-1][1].update(press.image.name for press in presses)
         return errors_of(bundle, presses, ball)
 
-    monkeypatch.setattr(training, "fit", spying_fit)
-    monkeypatch.setattr(training, "press_errors", spying_errors)
+    monkeypatch.setattr(cross_validation, "fit", spying_fit)
+    monkeypatch.setattr(cross_validation, "press_errors", spying_errors)
     ball, reference = Ball(radius_mm=4, pixel_size_mm=0.2352), read_reference(pressed / "untouched")
     presses = read_presses(pressed / "presses.csv", ball=ball, image_shape=reference.image_shape)
     cross_validate(presses, reference, ball, folds=2, options=TrainingOptions(epochs=1, width=4))
@@ -223,15 +226,15 @@ def test_one_press_is_not_enough_and_the_child_says_so(pressed: Path, tmp_path: 
 
 def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
     result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--recipe", "slow")
-    assert result.exit_code == 2
-    assert "fast, thorough, paper" in result.output
+    assert isinstance(result.exception, InputError)
+    assert "recipe 'slow': give one of fast, thorough, paper" in str(result.exception)
 
 
 def test_without_torch_the_error_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    find = training.importlib.util.find_spec
-    monkeypatch.setattr(training.importlib.util, "find_spec", lambda name: None if name == "torch" else find(name))
+    find = child.importlib.util.find_spec
+    monkeypatch.setattr(child.importlib.util, "find_spec", lambda name: None if name == "torch" else find(name))
     with pytest.raises(TrainingError, match=r'pip install "gellight\[train\]"'):
-        run_module("gelnet.train", [], training.silent)
+        run_module("gelnet.train", [], child.silent)
 
 
 def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,7 +248,7 @@ def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyP
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        training._run_child([sys.executable, "-c", script], interrupt)
+        child._run_child([sys.executable, "-c", script], interrupt)
     with pytest.raises(ProcessLookupError):
         os.kill(children[0], 0)
 
@@ -260,7 +263,7 @@ def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyP
 )
 def test_a_child_that_fails_says_why(script: str, message: str) -> None:
     with pytest.raises(TrainingError, match=message):
-        training._run_child([sys.executable, "-c", script], training.silent)
+        child._run_child([sys.executable, "-c", script], child.silent)
 
 
 def test_noise_of_one_image_is_the_noise_of_many(pressed: Path) -> None:
@@ -276,7 +279,7 @@ def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.skipif(not REAL.is_dir(), reason="needs the real presses beside the checkout")
+@pytest.mark.real_images
 def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
     given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png", "--refine", "--folds", "3"]

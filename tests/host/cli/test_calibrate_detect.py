@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
-from gellight.cli.calibrate import app
+from gellight.cli.calibrate.verbs import app
 from gellight.frames.image_files import read_image
 from gellight.simulator.scene import Press, Scene
 from gellight.training.presses import Ball, read_presses

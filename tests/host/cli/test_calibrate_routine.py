@@ -2,8 +2,6 @@
 
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -11,19 +9,15 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import CameraError, InputError
-from gellight.cli.calibrate_routine import _begun, _tools
-from gellight.cli.calibrate_screen import _read_lines, obey, screen
+from gellight.cli.calibrate.routine import Target, Tools
+from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
 from tests.helpers.begun_calibration import begun_in, identity
-
-
-def gellight(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", "calibrate", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+from tests.helpers.children import gellight
 
 
 def test_resuming_nothing_is_told_in_one_line(tmp_path: Path) -> None:
-    done = gellight(tmp_path, "--auto", "--resume")
+    done = gellight("calibrate", "--auto", "--resume", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.strip() == (
         "gellight: there is no interrupted calibration in calibration.state: leave --resume out, or give its --folder"
@@ -44,13 +38,13 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -
 
 
 def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
-    assert _tools(None, None, 6.0, None) == {"cylinder_diameter_mm": 6.0}
+    assert Tools(cylinder_diameter_mm=6.0).chosen(None) == {"cylinder_diameter_mm": 6.0}
     begin = identity(ball_mm=2.5, pins_mm=2.0)
     begun_in(tmp_path, begin)
-    assert _begun(tmp_path, resume=False, restart=True) is None
-    assert _begun(tmp_path, resume=True, restart=False) == begin
+    assert Target(folder=tmp_path, restart=True).begun() is None
+    assert Target(folder=tmp_path, resume=True).begun() == begin
     given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
-    assert _tools(begin, 3.0, None, None) == given
+    assert Tools(ball_radius_mm=3.0).chosen(begin) == given
 
 
 def test_restarting_throws_away_no_folder_of_another_program(tmp_path: Path) -> None:

@@ -1,22 +1,16 @@
 """`gellight demo` and `gellight selfcheck` as a user runs them."""
 
 import json
-import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
-GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
-
-
-def gellight(*arguments: str, timeout_s: float = 200) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*GELLIGHT, *arguments], capture_output=True, text=True, timeout=timeout_s, check=False)
+from tests.helpers.children import GELLIGHT, gellight, started
 
 
 def test_a_bounded_demo_ends_with_its_statistics() -> None:
@@ -71,16 +65,12 @@ def test_images_of_another_size_than_the_calibration_are_refused(tmp_path: Path)
 
 
 def test_ctrl_c_ends_the_demo_quietly() -> None:
-    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    demo = subprocess.Popen(
-        [*GELLIGHT, "demo", "--no-browser", "--port", "0"], stderr=subprocess.PIPE, text=True, env=environment
-    )
-    assert demo.stderr is not None
-    assert "http://127.0.0.1:" in demo.stderr.readline()
-    time.sleep(1.0)
-    demo.send_signal(signal.SIGINT)
-    assert demo.wait(timeout=30) == 0
-    assert "Traceback" not in demo.stderr.read()
+    with started([*GELLIGHT, "demo", "--no-browser", "--port", "0"], stderr=PIPE, text=True) as demo:
+        assert "http://127.0.0.1:" in demo.stderr.readline()
+        time.sleep(1.0)
+        demo.send_signal(signal.SIGINT)
+        assert demo.wait(timeout=30) == 0
+        assert "Traceback" not in demo.stderr.read()
 
 
 def test_the_selfcheck_passes_on_the_shipped_calibration() -> None:
@@ -106,10 +96,3 @@ def test_the_selfcheck_needs_a_sensor_that_knows_the_truth(tmp_path: Path) -> No
     run = gellight("selfcheck", "--sensor", str(tmp_path))
     assert run.returncode == 2
     assert "only a simulated sensor" in run.stderr
-
-
-def test_the_help_is_quick_because_nothing_heavy_is_imported() -> None:
-    heavy = ("cv2", "numpy", "scipy", "onnxruntime", "aiohttp", "pydantic")
-    code = f"import sys\nfrom gellight.cli.main import app\nprint([name for name in {heavy!r} if name in sys.modules])"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"

@@ -1,8 +1,8 @@
 """The command itself: its version, and how it ends."""
 
 import importlib.metadata
-from collections.abc import Iterator
-from typing import Any
+import sys
+from pathlib import Path
 
 import pytest
 import typer
@@ -12,7 +12,10 @@ from typer.testing import CliRunner
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli import main
+from gellight.cli.lazy import LazyVerb
 from gellight.cli.run import warn_of_foreign_bundle
+from tests.helpers.children import run
+from tests.helpers.verbs import verbs
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:
@@ -20,16 +23,46 @@ def test_the_version_is_that_of_the_installed_package() -> None:
     assert (result.exit_code, result.output) == (0, f"gellight {importlib.metadata.version('gellight')}\n")
 
 
-def verbs(command: Any) -> Iterator[Any]:
-    yield command
-    for name in getattr(command, "commands", {}):
-        yield from verbs(command.commands[name])
+ALL = list(verbs(typer.main.get_command(main.app)))
+LAZY = [verb for group in ALL for verb in getattr(group, "commands", {}).values() if isinstance(verb, LazyVerb)]
+
+
+@pytest.mark.parametrize("verb", LAZY, ids=lambda verb: verb.home)
+def test_a_group_shows_of_a_verb_the_first_paragraph_of_its_help(verb: LazyVerb) -> None:
+    assert " ".join(verb.load().help.split("\n\n")[0].split()) == verb.help
+
+
+HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "own"),
+    [
+        ("--help", HEAVY | {"pydantic"} | {f"gellight.cli.{name}" for name in ("demo", "ring", "calibrate")}),
+        ("--version", HEAVY | {"pydantic"}),
+        ("find --help", HEAVY),
+        ("install-udev --help", HEAVY),
+        ("config show", HEAVY),
+        ("config --help", HEAVY),
+        ("firmware --help", HEAVY),
+        ("ring --help", HEAVY - {"numpy"}),
+    ],
+)
+def test_a_verb_imports_only_what_it_needs(arguments: str, own: set[str], tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom gellight.cli.main import run\n"
+        "try:\n    run()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "print(*sys.modules, file=sys.stderr)"
+    )
+    done = run([sys.executable, "-c", code, *arguments.split()], cwd=tmp_path, check=True)
+    imported = done.stderr.split()
+    assert "gellight.cli.main" in imported
+    assert own.isdisjoint(imported)
 
 
 def test_the_help_of_every_option_is_shown_as_it_is_written() -> None:
     """Square brackets would be taken for markup and vanish, and a default that is told in them too."""
-    found = list(verbs(typer.main.get_command(main.app)))
-    texts = [each.help for verb in found for each in (verb, *verb.params)]
+    texts = [each.help for verb in ALL for each in (verb, *verb.params)]
     assert len(texts) > 100
     assert [text for text in texts if text and Text.from_markup(text).plain != text] == []
 

@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import GellightError
 from gellight.cli.main import app
-from gellight.ring.emulator.chip import EmulatedBoard
 from gellight.ring.firmware.build import committed_image
-from gellight.ring.transport import VirtualTransport
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 
 class WatchedTransport(VirtualTransport):
@@ -26,9 +25,9 @@ class WatchedTransport(VirtualTransport):
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[EmulatedBoard]:
+def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[BenchBoard]:
     """A board that every URL names."""
-    emulated = EmulatedBoard(committed_image())
+    emulated = BenchBoard(committed_image())
     monkeypatch.setattr("gellight.ring.light_ring.open_transport", lambda _: WatchedTransport(emulated))
     yield emulated
     assert emulated.faults == []
@@ -38,11 +37,11 @@ def gellight(*arguments: str) -> Result:
     return CliRunner().invoke(app, arguments)
 
 
-def shown(board: EmulatedBoard) -> list[list[list[int]]]:
+def shown(board: BenchBoard) -> list[list[list[int]]]:
     return [board.timeline[k].colours.tolist() for k in range(len(board.timeline))]
 
 
-def test_info_tells_who_the_board_is_and_how_warm(board: EmulatedBoard) -> None:
+def test_info_tells_who_the_board_is_and_how_warm(board: BenchBoard) -> None:
     board.set_temperature(41.0)
     told = json.loads(gellight("ring", "info", "--json").stdout)
     assert told["board"] == board.unique_id.hex().upper()
@@ -53,14 +52,14 @@ def test_info_tells_who_the_board_is_and_how_warm(board: EmulatedBoard) -> None:
     assert "nothing wrong" in text
 
 
-def test_set_lights_all_leds_and_leaves_them_dark(board: EmulatedBoard) -> None:
+def test_set_lights_all_leds_and_leaves_them_dark(board: BenchBoard) -> None:
     done = gellight("ring", "set", "102030", "--seconds", "0.01")
     assert (done.exit_code, done.stdout) == (0, "lit, 103 mA\n")  # 12 + 12 * 20 * (16 + 32 + 48) / 255, rounded up
     assert [[0x10, 0x20, 0x30]] * 12 in shown(board)
     assert not board.timeline.at(board.now_us).any()
 
 
-def test_group_lights_only_the_leds_that_are_named(board: EmulatedBoard) -> None:
+def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
     gellight("ring", "group", "0-2,7", "--colour", "ff0000", "--seconds", "0.01")
     board_lit = np.array([colours for colours in shown(board) if np.any(colours)][-1])
     assert np.flatnonzero(board_lit.any(axis=1)).tolist() == [0, 1, 2, 7]
@@ -79,7 +78,7 @@ def test_group_lights_only_the_leds_that_are_named(board: EmulatedBoard) -> None
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line_and_lights_nothing(
-    board: EmulatedBoard, arguments: tuple[str, ...], said: str
+    board: BenchBoard, arguments: tuple[str, ...], said: str
 ) -> None:
     done = gellight("ring", *arguments)
     assert isinstance(done.exception, GellightError)
@@ -106,6 +105,7 @@ def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gellight.cli import simulated_board
     from gellight.ring.emulator import child
 
     started: list[child.SimulatedBoard] = []
@@ -116,7 +116,7 @@ def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) ->
             started.append(self)
             threading.Timer(0.2, self._process.kill).start()
 
-    monkeypatch.setattr(child, "SimulatedBoard", Noted)
+    monkeypatch.setattr(simulated_board, "SimulatedBoard", Noted)
     done = gellight("sim", "--seconds", "30")
     assert "has ended" in str(done.exception)
     assert not started[0].running

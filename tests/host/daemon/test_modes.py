@@ -1,8 +1,6 @@
 """The modes as a user runs them, on the simulated sensor: board, ring, rolling shutter, exposure and all."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -10,15 +8,11 @@ from gellight.base.errors import GellightError
 from gellight.base.settings import ReconstructionSettings, SensorSettings, Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.daemon.assembly import open_session
-from gellight.evaluation.simulated_presses import _Bench, object_presses
+from gellight.evaluation.simulated_presses import Bench, object_presses
 from gellight.simulator.scene import Press
+from tests.helpers.children import gellight
 
-GELLIGHT = [sys.executable, "-c", "from gellight.cli.main import run; run()"]
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
-
-
-def gellight(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*GELLIGHT, *arguments], capture_output=True, text=True, timeout=200, check=False)
 
 
 def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
@@ -75,7 +69,7 @@ def test_an_existing_bundle_is_not_overwritten(tmp_path) -> None:
 
 
 def test_a_second_look_under_other_lights_halves_the_error_of_the_first() -> None:
-    bench = _Bench(load_bundle("synthetic"), 1.0, 31)
+    bench = Bench(load_bundle("synthetic"), 1.0, 31)
     rows = bench.measure("a ball", [Press("BALL", 0.9, 5.0, 3.0)])
     assert [row.exposures for row in rows] == [1, 4, 12, 4, 12]
     assert rows[0].over_network == 1.0
@@ -92,4 +86,4 @@ def test_the_bench_presses_every_object_once_and_needs_the_simulated_sensor(tmp_
     presses = object_presses(np.random.default_rng(0))
     assert len({press.object_name for press in presses}) == 10
     with pytest.raises(GellightError, match="not of the simulated sensor"):
-        _Bench(linear_bundle(tmp_path / "b"), 1.0, 0)
+        Bench(linear_bundle(tmp_path / "b"), 1.0, 0)

@@ -16,7 +16,6 @@ from gellight.design import parts
 from gellight.design.designs import parts_of
 from gellight.design.geometry import design_file, read_geometry
 from gellight.opening import open_camera
-from gellight.report import charts
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
 GEOMETRY = SensorGeometry()
@@ -134,23 +133,3 @@ def test_the_design_is_the_sensor_that_is_simulated(tmp_path: Path) -> None:
     with open_camera("sim://?programme=0&board=0", geometry=settings.geometry.overrides()) as camera:
         assert camera.image_shape == (48, 64)
         assert camera.read().light[1].tolist() == [0, 255, 0]
-
-
-def test_charts_and_maps_are_sound() -> None:
-    curves = [charts.Series("a & b", [0, 1, 2], [1.0, float("nan"), 100.0]), charts.Series("", [0, 2], [3, 4])]
-    for log in (False, True):
-        chart = charts.line_chart(curves, charts.Axes(title="<title>", x="x", y="y", log=log, marks=((1, "here"),)))
-        ElementTree.fromstring(chart[: chart.index("</svg>") + 6])
-    labels = charts.Axes(title="map", x="incident angle", y="lights")
-    heat = charts.heat_map([[1.0, 40.0]], ["3"], ["5", "13"], labels, largest=30)
-    ElementTree.fromstring(heat)
-    assert charts.heat_colour(0) == "#3160b4"
-    assert charts.heat_colour(2) == "#a50f26"
-
-
-def test_a_png_holds_the_image(tmp_path: Path) -> None:
-    import cv2
-
-    image = np.random.default_rng(0).integers(0, 256, (7, 5, 3), dtype=np.uint8)
-    (tmp_path / "image.png").write_bytes(charts.png(image))
-    assert (cv2.imread(str(tmp_path / "image.png"))[..., ::-1] == image).all()

@@ -3,10 +3,10 @@
 import pytest
 
 from gellight.training.training import TrainingOptions
-from tests.benchmarks.measured_response import RESPONSES, measure
+from tests.benchmarks.measured_response import measure
 
 
-@pytest.mark.skipif(not RESPONSES.is_dir(), reason="needs the measured responses beside the checkout")
+@pytest.mark.real_images
 def test_a_calibration_without_a_click_feels_objects_it_never_saw() -> None:
     figures = measure("polycalib", presses=12, options=TrainingOptions(recipe="fast"))
     assert figures["circles_found"] == 12

@@ -281,7 +281,7 @@ def test_find_lists_sensors_and_what_is_left_over(clinic: Clinic, monkeypatch: p
     clinic.usb.plug("1-7", serial="CAM", ids=WEBCAM, cameras=1)
     clinic.usb.plug("1-8", serial="RING", rings=1)
     usb = clinic.usb
-    monkeypatch.setattr("gellight.sensor.discovery.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
+    monkeypatch.setattr("gellight.cli.find.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
     shown = invoke("find")
     assert shown.exit_code == 0
     assert "sensor://GL0001   USB 1-2, camera " in shown.output
@@ -295,13 +295,13 @@ def test_find_lists_sensors_and_what_is_left_over(clinic: Clinic, monkeypatch: p
 
 def test_find_says_what_to_do_where_nothing_is_plugged_in(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:
     usb = clinic.usb
-    monkeypatch.setattr("gellight.sensor.discovery.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
+    monkeypatch.setattr("gellight.cli.find.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
     assert isinstance(invoke("find").exception, CameraError)
 
 
 def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:
     findings = [doctor.ok("disk", "1 GB"), doctor.problem("usb", "slow", "use another cable")]
-    monkeypatch.setattr("gellight.sensor.doctor.examine", lambda name, surroundings, folder: iter(findings))
+    monkeypatch.setattr("gellight.cli.doctor.examine", lambda name, surroundings, folder: iter(findings))
     shown = invoke("doctor")
     assert shown.exit_code == 1
     assert shown.output.splitlines()[1:] == ["problem  usb         slow", f"{'':21}-> use another cable"]

@@ -8,9 +8,11 @@ import pytest
 
 from gellight.base.errors import BoardError, CameraError, GellightError
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
+from gellight.bundle.manifest import CAPTURE_OPTIONS
 from gellight.frames.camera import ReconnectingError
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2.errors import BusyError, DeniedError
+from gellight.sensor.v4l2.options import CaptureOptions
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.sensor_bench import BOARD, Bench, lit_bundle
 
@@ -60,13 +62,13 @@ def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnectio
     )  # fmt: skip
     with bench.open("auto", bundle) as camera:
         camera.read()
-        camera.adopt(other)
+        camera.adopt(other.controls, other.colours)
         assert camera.read().time_s - camera.timing.stamp_error_s > bench.rings[0].lit_s
         assert device.controls[c.EXPOSURE].value == 160
         assert (bench.rings[0].lit == [led.rgb for led in darker]).all()
         bench.rings[0].refusal = BoardError("over the current limit")
         with pytest.raises(BoardError):
-            camera.adopt(bundle)
+            camera.adopt(bundle.controls, bundle.colours)
         bench.unplug("1-2")
         with pytest.raises(ReconnectingError):
             camera.read()
@@ -82,15 +84,35 @@ def test_a_sensor_that_was_opened_dark_is_dark_again_when_a_bundle_cannot_be_ado
     device = bench.plug("1-2", "GL0001")
     with bench.open(f"auto?{SIZE}&exposure_us=4000") as camera:
 
-        def fail(light_id: int) -> None:
-            raise BoardError("the board did not say that it is lit")
+        def fail(colours: np.ndarray | None) -> None:
+            bench.rings[0].lit = np.zeros((12, 3), np.uint8) if colours is None else colours
+            if colours is not None:
+                raise BoardError("the board did not say that it is lit")
 
-        bench.rings[0].wait_for_light = fail  # type: ignore[method-assign]
+        bench.rings[0].light = fail  # type: ignore[method-assign]
         with pytest.raises(BoardError, match="did not say that it is lit"):
-            camera.adopt(bundle)
+            camera.adopt(bundle.controls, bundle.colours)
         assert not bench.rings[0].lit.any()
         assert device.controls[c.EXPOSURE].value == 40
         assert camera.read().sequence == 0
+
+
+def test_what_the_url_says_holds_when_others_are_adopted_and_unknown_controls_are_refused(bench: Bench) -> None:
+    device = bench.plug("1-2", "GL0001")
+    with bench.open(f"auto?{SIZE}&exposure_us=4000") as camera:
+        camera.adopt({"exposure_us": 9000, "white_balance_k": 4000}, None)
+        assert device.controls[c.EXPOSURE].value == 40
+        assert device.controls[c.WHITE_BALANCE].value == 4000
+        camera.adopt({}, np.full((12, 3), 7, np.uint8))
+        assert device.controls[c.WHITE_BALANCE].value == 4000, "what is not named stays"
+        assert (bench.rings[0].lit == 7).all()
+        with pytest.raises(CameraError, match="no control 'focus'"):
+            camera.adopt({"focus": 3}, None)
+        assert (bench.rings[0].lit == 7).all(), "what is refused changes nothing"
+
+
+def test_a_bundle_tells_capture_options_and_controls_apart_as_the_cameras_do() -> None:
+    assert set(CaptureOptions.model_fields) - set(c.KNOBS) == CAPTURE_OPTIONS
 
 
 def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Bundle) -> None:
@@ -100,7 +122,7 @@ def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(benc
         bench.unplug("1-2")
         with pytest.raises(ReconnectingError):
             camera.read()
-        camera.adopt(bundle)
+        camera.adopt(bundle.controls, bundle.colours)
         bench.plug("1-3", "GL0001")
         camera.read()
         assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
@@ -305,9 +327,9 @@ def test_a_bundle_that_does_not_tell_its_light_is_told(
     )  # fmt: skip
     with bench.open("auto", unlit) as camera:
         assert not bench.rings[0].lit.any()
-        camera.adopt(bundle)
+        camera.adopt(bundle.controls, bundle.colours)
         assert bench.rings[0].lit.any()
-        camera.adopt(unlit)
+        camera.adopt(unlit.controls, unlit.colours)
         assert not bench.rings[0].lit.any(), "the light of another bundle is not left on"
     assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
 

@@ -9,7 +9,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.selfcheck import SMOOTH, STEEP, SelfCheck, blocks
+from gellight.simulator.selfcheck import SMOOTH, STEEP, SelfCheck
 from gellight.simulator.simulated_camera import SimulatedCamera, open_simulated
 
 
@@ -80,9 +80,3 @@ def test_a_frame_without_truth_cannot_be_compared(judge: SelfCheck, frame: Tacti
     blind = replace(frame, camera_frame=replace(frame.camera_frame, truth=None))
     with pytest.raises(InputError, match="carries no truth"):
         judge.compare(blind)
-
-
-def test_blocks_are_means() -> None:
-    picture = np.arange(8 * 8 * 3, dtype=np.float64).reshape(8, 8, 3)
-    assert blocks(picture).shape == (2, 2, 3)
-    assert blocks(picture)[0, 0] == pytest.approx(picture[:4, :4].mean(axis=(0, 1)))

@@ -192,3 +192,18 @@ def test_closing_the_camera_darkens_and_ends_the_board() -> None:
     assert ring is not None
     with pytest.raises(BoardError):
         ring.set_leds(np.zeros((12, 3), np.uint8))
+
+
+def test_it_adopts_the_controls_and_the_colours_of_a_calibration() -> None:
+    with open_quiet("&noise=0") as camera:
+        green = np.zeros((12, 3), np.uint8)
+        green[4:8, 1] = 200
+        camera.adopt({"exposure_us": 4000}, green)
+        assert camera.controls.read("exposure_us") == 4000
+        assert camera.ring.still.tolist() == green.tolist()
+        with pytest.raises(CameraError, match="no control 'focus', which the calibration needs"):
+            camera.adopt({"gain": 2.0, "focus": 1}, None)
+        assert camera.controls.read("gain") == 1, "what is refused changes nothing"
+        assert camera.ring.still.tolist() == green.tolist()
+        camera.adopt({}, None)
+        assert camera.ring.still is None

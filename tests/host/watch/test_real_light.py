@@ -17,7 +17,7 @@ REAL = REAL_IMAGES / "gelsight_mini_ball"
 NOISE_GREY = 2.0
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="needs the real images beside the repository")
+@pytest.mark.real_images
 def test_real_presses_are_touches_and_no_faults(tmp_path: Path) -> None:
     untouched = read_image(REAL / "background.png")
     bundle = write_bundle(

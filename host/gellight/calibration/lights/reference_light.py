@@ -16,7 +16,8 @@ from gellight.base.errors import BundleError
 from gellight.calibration.lights.ring_fit import STEP_PX, coarse_points, flat_light, own_light
 from gellight.reconstruction.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.photometric.static_scene import BLOCK_PX, block_means
+from gellight.reconstruction.photometric.static_scene import BLOCK_PX
+from gellight.reconstruction.pixel_grid import plane_means
 from gellight.ring.light_groups import colour_triples, single_leds
 
 Array = NDArray[np.float64]
@@ -146,7 +147,7 @@ def fit_pattern(levels: Array) -> tuple[Array, float]:
     The residual is that of means of 8 x 8 pixels, which leave little of the noise of the pictures.
     """
     # Means first, logarithms then: the logarithm of noise is not 0 on average.
-    logs = np.log(np.maximum(block_means(levels.astype(np.float32)).astype(np.float64), 0.5))
+    logs = np.log(np.maximum(plane_means(levels.astype(np.float32), BLOCK_PX).astype(np.float64), 0.5))
     common = logs.mean(axis=0)
     tall, wide = (chebyshev.chebvander(_block_places(pixels), DEGREE) for pixels in levels.shape[1:])
     down, across = np.linalg.pinv(tall), np.linalg.pinv(wide)
@@ -158,7 +159,7 @@ def fit_pattern(levels: Array) -> tuple[Array, float]:
 
 
 def _block_places(pixels: int) -> Array:
-    """Centres of the blocks of `block_means` along an axis of so many pixels, which is from -1 to 1."""
+    """Centres of the blocks of `plane_means` along an axis of so many pixels, which is from -1 to 1."""
     centres = np.arange(pixels // BLOCK_PX) * BLOCK_PX + (BLOCK_PX - 1) / 2
     return np.asarray(2 * centres / (pixels - 1) - 1)
 

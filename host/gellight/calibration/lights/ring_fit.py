@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.photometric.solver import Points, light_rows
+from gellight.reconstruction.pixel_grid import gel_points_mm
 
 Array = NDArray[np.float64]
 STEP_PX = 16
@@ -69,11 +70,8 @@ def _with(ring: RingGeometry, values: Array) -> RingGeometry:
 
 def coarse_points(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> tuple[Array, Array]:
     """x and y in mm of every 16th pixel of every 16th row."""
-    height, width = image_shape
-    x = (np.arange(0, width, STEP_PX) - (width - 1) / 2) * pixel_size_mm[0]
-    y = (np.arange(0, height, STEP_PX) - (height - 1) / 2) * pixel_size_mm[1]
-    across, down = np.meshgrid(x, y)
-    return across.ravel(), down.ravel()
+    x, y = np.moveaxis(gel_points_mm(image_shape, pixel_size_mm)[::STEP_PX, ::STEP_PX], 2, 0).reshape(2, -1)
+    return x, y
 
 
 def flat_light(x_mm: Array, y_mm: Array, ring: RingGeometry) -> Array:

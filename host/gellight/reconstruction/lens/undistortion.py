@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.lens.model import Lens
+from gellight.reconstruction.pixel_grid import gel_points_mm
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -75,14 +76,6 @@ class Undistortion:
     def _resampled(self, gradient_map: Floats, window: tuple[slice, slice], how: int) -> Floats:
         x, y = self._x[window], self._y[window]
         return np.asarray(cv2.remap(gradient_map, x, y, how, borderMode=cv2.BORDER_REPLICATE), np.float32)
-
-
-def gel_points_mm(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> NDArray[np.float64]:
-    """(H, W, 2) x, y of each undistorted pixel, mm from the middle."""
-    height, width = image_shape
-    x = (np.arange(width) - (width - 1) / 2) * pixel_size_mm[0]
-    y = (np.arange(height) - (height - 1) / 2) * pixel_size_mm[1]
-    return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 def _leaning(slopes: Floats, turn: Floats) -> Floats:

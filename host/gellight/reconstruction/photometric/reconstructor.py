@@ -38,6 +38,7 @@ from gellight.reconstruction.photometric.solver import (
     solve_robustly,
 )
 from gellight.reconstruction.pipeline import Watch, far_from_touch
+from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, spread_blocks
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 
 STAGES = ("signals", "slopes", "depth", "refined", "still", "normals", "contact")
@@ -74,7 +75,7 @@ class PhotometricReconstructor:
         self._smoother = Smoother(smoothing_px)
         self.contact_threshold_mm = contact_threshold_mm
         self._shape = model.image_shape
-        self._points = gel_points(self._shape, bundle.pixel_size_mm)
+        self._points = flat_gel(self._shape, bundle.pixel_size_mm)
         self._references = model.references(kind).astype(np.float32).reshape(len(model.colours), -1)
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
@@ -161,17 +162,12 @@ class PhotometricReconstructor:
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
-        height, width = (n // _CELL * _CELL for n in self._shape)
-        cells = (
-            gradient_map[:height, :width].reshape(height // _CELL, _CELL, width // _CELL, _CELL, 2).mean(axis=(1, 3))
-        )
+        cells = block_means(gradient_map, _CELL)
         # The length of the scaled normal is the exposure in units of that of the light model.
         brightness = max(float(np.median(scaled[2, ::97])), 1e-3)
         noise = float(signals.deviation.max()) * self._slope_noise / brightness / _CELL
         standing = (np.abs(cells) > _SIGNIFICANT * noise).any(axis=2)
-        touched = np.zeros(self._shape, np.bool_)
-        touched[:height, :width] = np.repeat(np.repeat(standing, _CELL, axis=0), _CELL, axis=1)
-        return touched
+        return spread_blocks(standing, _CELL, self._shape)
 
     def _refined(self, scaled: Floats, depth: Floats, signals: Signals) -> tuple[Floats, Bools, Floats]:
         """Solve again where gel is not flat or a light is missing; return scaled normals, lights used, predictions."""
@@ -211,13 +207,10 @@ class PhotometricReconstructor:
         return 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
 
 
-def gel_points(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:
-    """Return the flat gel's point in every pixel, row by row, float32."""
-    height, width = image_shape
-    x = (np.arange(width) - (width - 1) / 2) * pixel_size_mm[0]
-    y = (np.arange(height) - (height - 1) / 2) * pixel_size_mm[1]
-    across, down = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
-    return Points(across.ravel(), down.ravel(), np.zeros(height * width, np.float32))
+def flat_gel(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:
+    """Return the point of the untouched gel in every pixel, row by row, float32."""
+    x, y = np.moveaxis(gel_points_mm(image_shape, pixel_size_mm).astype(np.float32), 2, 0).reshape(2, -1)
+    return Points(x, y, np.zeros_like(x))
 
 
 def _flat_solution(rows: NDArray[np.floating]) -> tuple[Floats, float]:

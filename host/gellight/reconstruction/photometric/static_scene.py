@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.photometric.light_model import Bools, Floats
+from gellight.reconstruction.pixel_grid import block_means, plane_means
 
 BLOCK_PX = 8
 LIMIT_DEVIATIONS = 7.0
@@ -25,14 +26,6 @@ MOVED_BLOCKS = 8
 """so many blocks have to misfit: what moves is larger, a steep edge is smaller"""
 
 
-def block_means(planes: Floats) -> Floats:
-    """(C, H, W) -> (C, H / 8, W / 8), what is cut off at the borders left out."""
-    height, width = (n // BLOCK_PX * BLOCK_PX for n in planes.shape[1:])
-    rows = sum((planes[:, i:height:BLOCK_PX, :width] for i in range(1, BLOCK_PX)), planes[:, :height:BLOCK_PX, :width])
-    columns = sum((rows[..., i::BLOCK_PX] for i in range(1, BLOCK_PX)), rows[..., ::BLOCK_PX])
-    return np.asarray(columns / np.float32(BLOCK_PX**2))
-
-
 def change_of_repetition(first: NDArray[np.uint8], last: NDArray[np.uint8]) -> float:
     """Return the largest change of any block between two (H, W, 3) pictures under one light, grey levels.
 
@@ -40,7 +33,7 @@ def change_of_repetition(first: NDArray[np.uint8], last: NDArray[np.uint8]) -> f
     """
     difference = np.subtract(last, first, dtype=np.float32)
     difference -= light_drift(difference)
-    return float(np.abs(block_means(np.ascontiguousarray(np.moveaxis(difference, 2, 0)))).max())
+    return float(np.abs(block_means(difference, BLOCK_PX)).max())
 
 
 def repetition_limit(noise_grey: float) -> float:
@@ -57,9 +50,9 @@ def misfit(
     edge of a shadow a mean is of two scenes.
     """
     lights = len(signals)
-    whole = block_means(valid.reshape(lights, *shape).astype(np.float32)).min(axis=0) == 1
-    wrong = np.abs(block_means((signals - predicted).reshape(lights, *shape)))
-    level = block_means(predicted.reshape(lights, *shape))
+    whole = plane_means(valid.reshape(lights, *shape).astype(np.float32), BLOCK_PX).min(axis=0) == 1
+    wrong = np.abs(plane_means((signals - predicted).reshape(lights, *shape), BLOCK_PX))
+    level = plane_means(predicted.reshape(lights, *shape), BLOCK_PX)
     allowed = LIMIT_DEVIATIONS * deviation[:, None, None] / BLOCK_PX + MODEL_ERROR * np.abs(level)
     worst = np.sort((wrong / allowed)[:, whole].max(axis=0, initial=0.0))
     return float(worst[-MOVED_BLOCKS]) if len(worst) >= MOVED_BLOCKS else 0.0

@@ -1,6 +1,5 @@
 """``sim://``: a board in a child process, seen from the host as a stream of bytes and a timeline of light."""
 
-import json
 import logging
 import os
 import select
@@ -16,9 +15,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from gellight.base.errors import BoardError
-from gellight.ring.emulator.waveform import LED_COUNT, Light, LightTimeline
+from gellight.ring.emulator.waveform import Light, LightTimeline
+from gellight.ring.wire import LED_COUNT
 
 logger = logging.getLogger(__name__)
 START_S = 30.0
@@ -28,6 +29,23 @@ STOP_S = 5.0
 STANDSTILL_S = 10.0
 """emulation that gets no further for so long has hung"""
 KEPT_POINTS = 4096
+
+
+class Report(BaseModel):
+    """One line that the process of the board prints; what it does not report is None."""
+
+    now_us: float | None = None
+    """how far virtual time had come"""
+    at_s: float = 0.0
+    """at this time of `time.monotonic`"""
+    ready_at: str | None = None
+    """the board is ready; path of its terminal, "" where its bytes go through the socket"""
+    light_us: float | None = None
+    """virtual time at which the LEDs latched"""
+    colours: str = ""
+    """these colours, as 72 hexadecimal digits"""
+    faults: list[str] | None = None
+    """what the firmware did wrong, at the end"""
 
 
 class SimulatedBoard:
@@ -49,8 +67,6 @@ class SimulatedBoard:
         self.timeline = LightTimeline()
         self.faults: list[str] = []
         self.path = ""
-        self.lag_us = 0.0
-        """virtual time that was lost because emulation is slower than the wall clock"""
         self._passed: deque[tuple[float, float]] = deque([(time.monotonic(), 0.0)], KEPT_POINTS)
         """how far virtual time had come (us) at times of `time.monotonic` (s)"""
         self._started = False
@@ -154,23 +170,20 @@ class SimulatedBoard:
     def _listen(self) -> None:
         for line in self._process.stdout or ():
             with self._lock:
-                self._note(json.loads(line))
+                self._note(Report.model_validate_json(line))
                 self._lock.notify_all()
         with self._lock:
             self._lock.notify_all()
         self._ready.set()
 
-    def _note(self, told: dict[str, object]) -> None:
-        if "now_us" in told:
-            self._passed.append((float(str(told["at_s"])), float(str(told["now_us"]))))
-        if "lag_us" in told:
-            self.lag_us = float(str(told["lag_us"]))
-        if "ready" in told:
-            self.path = str(told["pty"])
-            self._started = True
+    def _note(self, report: Report) -> None:
+        if report.now_us is not None:
+            self._passed.append((report.at_s, report.now_us))
+        if report.ready_at is not None:
+            self.path, self._started = report.ready_at, True
             self._ready.set()
-        if "light_us" in told:
-            colours = np.frombuffer(bytes.fromhex(str(told["colours"])), np.uint8).reshape(LED_COUNT, 3)
-            self.timeline.append(Light(float(str(told["light_us"])), colours))
-        if "faults" in told:
-            self.faults = [str(fault) for fault in told["faults"]]  # type: ignore[attr-defined]
+        if report.light_us is not None:
+            colours = np.frombuffer(bytes.fromhex(report.colours), np.uint8).reshape(LED_COUNT, 3)
+            self.timeline.append(Light(report.light_us, colours))
+        if report.faults is not None:
+            self.faults = report.faults

@@ -9,19 +9,20 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from gellight.base.errors import BoardError
+from rp2040py.rp2040 import RP2040
+from rp2040py.simulator import Simulator
+
 from gellight.ring.emulator import registers
 from gellight.ring.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.ring.emulator.usb_host import UsbHost
 from gellight.ring.emulator.waveform import LightTimeline, WaveformDecoder
 from gellight.ring.firmware.image import boot2_crc
 
-LED_PIN, TRIGGER_PIN = 2, 3
-FLASH_BASE, FLASH_BYTES = 0x10000000, 2 << 20
+LED_PIN = 2
+FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
-USB_INTERRUPT = 5
-PIO0 = 0x50200
-"""window (address >> 12)"""
+PIO0, USB = 0x50200, 0x50110
+"""windows (address >> 12)"""
 NEVER_DUE = 1 << 62
 """of the emulator's PIO: no state machine runs, or all of them wait"""
 MOST_FAULTS = 50
@@ -56,25 +57,20 @@ class _Log:
 class EmulatedBoard:
     """A board with power; `run` lets virtual time pass."""
 
-    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, flash: bytes | None = None) -> None:
-        """Flash an image (or take over a whole flash) and switch the power on."""
-        try:
-            import rp2040py  # noqa: F401
-        except ImportError as error:
-            raise BoardError("the simulated board needs rp2040py: pip install rp2040py==0.3.6") from error
+    usb_block = registers.UsbGuard
+
+    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
+        """Flash an image and switch the power on."""
         self.unique_id = unique_id
-        self.flash = bytearray(flash or image.ljust(FLASH_BYTES, b"\xff"))
+        self.flash = bytearray(image.ljust(FLASH_BYTES, b"\xff"))
         self.faults: list[str] = []
         self.timeline = LightTimeline()
         self.waveform = WaveformDecoder(self.timeline, self.fault)
         self.resets = 0
         self.in_bootloader = False
-        self.cut_after: int | None = None
-        """power fails after so many bytes of flash were erased or programmed"""
-        self.powered = False
-        self.temperature_c = ROOM_C
-        self._past_ns = 0.0
-        self.power_on()
+        self._past_ns = self._chip_ns = 0.0
+        """before the last start of the chip, and since then"""
+        self._start()
 
     def fault(self, text: str) -> None:
         """Note something that real silicon or real LEDs would not forgive."""
@@ -86,34 +82,11 @@ class EmulatedBoard:
         """Virtual time since the first power-on."""
         return (self._past_ns + self._chip_ns) / 1e3
 
-    @property
-    def uptime_us(self) -> float:
-        """Virtual time since the last start of the chip: what the firmware's own clock shows."""
-        return self._chip_ns / 1e3
-
-    _chip_ns = 0.0
-
-    def power_on(self) -> None:
-        """Start the chip; RAM, scratch registers and the colours of the LEDs are lost."""
-        self.powered = True
-        self._start()
-
-    def power_off(self) -> None:
-        """Take the power away from chip and LEDs; the flash keeps what it has."""
-        self._past_ns += self._chip_ns
-        self._chip_ns = 0.0
-        self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
-        self.powered = False
-        self.waveform.lose_power(self._past_ns)
-
     def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
-        from rp2040py.rp2040 import RP2040
-        from rp2040py.simulator import Simulator
-
         chip = self.chip = RP2040()
         chip.logger = _Log(self.fault)
         chip.load_bootrom(rom_words())
-        chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(self.temperature_c)
+        chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(ROOM_C)
         chip.flash[:FLASH_BYTES] = self.flash
         self._simulator = Simulator(rp2040=chip)
         chip.on_break = self._rom_function
@@ -140,10 +113,7 @@ class EmulatedBoard:
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
         blocks[PIO0] = registers.Guard(blocks[PIO0].inner, self._pio_held, self.fault)
-        self._usb = registers.UsbGuard(
-            chip.usb_ctrl, lambda: self._held(24), self.fault, chip.clock,
-            lambda on: chip.set_interrupt(USB_INTERRUPT, on))  # fmt: skip
-        blocks[0x50110] = self._usb
+        blocks[USB] = self.usb_block(chip, partial(self._held, registers.RESET_BITS[USB]), self.fault)
 
     def _held(self, bit: int) -> bool:
         return bool(self.resets_block.held >> bit & 1)
@@ -191,29 +161,8 @@ class EmulatedBoard:
             self.fault("interrupts were on while the flash did not answer")
         offset, count = (values[0], values[1]) if number == Function.RE else (values[0], values[2])
         for i in range(count):
-            if self.cut_after is not None and self.cut_after <= 0:
-                self._cut = self._halted = True
-                return
-            if self.cut_after is not None:
-                self.cut_after -= 1
             old = self.chip.flash[offset + i]
             self.chip.flash[offset + i] = 0xFF if number == Function.RE else old & self.chip.read_uint8(values[1] + i)
-
-    _cut = False
-
-    def set_temperature(self, temperature_c: float) -> None:
-        """Warm the chip; it stays so warm when it starts anew."""
-        self.temperature_c = temperature_c
-        self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
-
-    def set_trigger(self, high: bool) -> None:
-        """Drive the trigger pin."""
-        self._wake_pio()
-        self.chip.gpio[TRIGGER_PIN].set_input_value(high)
-
-    def suspend(self) -> None:
-        """Let the bus fall silent."""
-        self._usb.suspend()
 
     def run(self, duration_us: float) -> None:
         """Let virtual time pass."""
@@ -228,7 +177,7 @@ class EmulatedBoard:
             left_us = end_us - self.now_us
             if left_us <= 0:
                 return False
-            if self.in_bootloader or not self.powered:
+            if self.in_bootloader:
                 self._chip_ns += left_us * 1e3
             else:
                 self._run_slice(left_us * 1e3)
@@ -253,9 +202,6 @@ class EmulatedBoard:
                 break
         if self._watchdog_fired:
             self._restart()
-        elif self._cut:
-            self._cut, self.cut_after = False, None
-            self.power_off()
 
     def _sleep_cycles(self, core: Any, pio: Any, end_ns: float) -> int:
         if core.pending_interrupts & core.enabled_interrupts:
@@ -280,7 +226,7 @@ class EmulatedBoard:
         self._pio_busy = pio.next_due_fp < NEVER_DUE
 
     def _wake_pio(self) -> None:
-        """Give the PIO the cycles that passed while it had nothing to do, before somebody gives it something."""
+        """Give the PIO the cycles that passed while it had nothing to do, before it is given something to do."""
         if not self._pio_busy:
             self._pio_ns, self._pio_busy = self._chip_ns, True
             self.chip.pio[0].advance(self._pio_behind)

@@ -1,23 +1,21 @@
 """The simulated board in a process of its own, its virtual clock held to the wall clock.
 
 Bytes of the serial port go through a socket that the parent hands over, or through a pseudo-terminal. On standard
-output the process tells, one JSON object a line, when it is ready and what the LEDs latched.
+output the process prints a `Report` a line: when it is ready, how far virtual time has come, what the LEDs latched.
 """
 
 import argparse
 import contextlib
-import json
 import os
 import select
 import signal
 import sys
 import time
 import tty
-from pathlib import Path
 from types import FrameType
 
+from gellight.ring.emulator.child import Report
 from gellight.ring.emulator.chip import UNIQUE_ID, EmulatedBoard
-from gellight.ring.firmware import uf2
 from gellight.ring.firmware.build import committed_image
 
 SLICE_US = 2_000.0
@@ -50,13 +48,13 @@ class Bytes:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send, or lose what nobody reads."""
+        """Send; what the other end does not read is lost."""
         with contextlib.suppress(OSError):
             os.write(self.descriptor, data)
 
 
 class PseudoTerminal(Bytes):
-    """A terminal that real pyserial opens; DTR is up while somebody holds it open."""
+    """A terminal that real pyserial opens; DTR is up while a program holds it open."""
 
     def __init__(self) -> None:
         """Make the pair of terminals; ours stays open."""
@@ -71,7 +69,7 @@ class PseudoTerminal(Bytes):
         self._poll.register(controlling, select.POLLIN)
 
     def read(self) -> bytes:
-        """Return what is there; a hang-up means that nobody has it open."""
+        """Return what is there; a hang-up means that no program has it open."""
         events = dict(self._poll.poll(0)).get(self.descriptor, 0)
         self.connected = not events & select.POLLHUP
         if not events & select.POLLIN:
@@ -89,28 +87,31 @@ class Pace:
         """Begin with virtual time 0 now."""
         self._board = board
         self.epoch_s = time.monotonic() - board.now_us / 1e6
-        self.lag_us = 0.0
 
     def due_us(self) -> float:
         """Return how much virtual time is to pass now."""
         due = (time.monotonic() - self.epoch_s) * 1e6 - self._board.now_us
         if due > MOST_LAG_US:
-            self.lag_us += due - MOST_LAG_US
             self.epoch_s += (due - MOST_LAG_US) / 1e6
             return MOST_LAG_US
         return due
 
 
-def tell(**what: object) -> None:
+def tell(report: Report) -> None:
     """Print one line for the parent, in one piece: a signal may end the process at any moment."""
-    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.write(report.model_dump_json(exclude_none=True) + "\n")
     sys.stdout.flush()
+
+
+def tell_time(board: EmulatedBoard) -> None:
+    """Report how far virtual time has come."""
+    tell(Report(now_us=board.now_us, at_s=time.monotonic()))
 
 
 def serve(board: EmulatedBoard, stream: Bytes) -> None:
     """Run until the stream ends."""
     pace = Pace(board)
-    told, opened, lag_us, progress_us = 0, False, 0.0, 0.0
+    told, opened, progress_us = 0, False, 0.0
     while not stream.finished:
         data = stream.read()
         if stream.connected != opened:
@@ -126,16 +127,13 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             board.host.received.clear()
         elif due_us < SLICE_US:
             select.select([stream.descriptor] if opened else [], [], [], IDLE_S)
-        if pace.lag_us != lag_us:
-            lag_us = pace.lag_us
-            tell(lag_us=lag_us)
         while told < len(board.timeline):
             light = board.timeline[told]
-            tell(light_us=light.time_us, colours=light.colours.tobytes().hex())
+            tell(Report(light_us=light.time_us, colours=light.colours.tobytes().hex()))
             told += 1
         if board.now_us - progress_us >= PROGRESS_US:
             progress_us = board.now_us
-            tell(now_us=progress_us, at_s=time.monotonic())
+            tell_time(board)
 
 
 def _stop(_signal: int, _frame: FrameType | None) -> None:
@@ -147,21 +145,19 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m gellight.ring.emulator.process", description=__doc__)
     parser.add_argument("--socket", type=int, help="number of the file descriptor of a connected socket")
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
-    parser.add_argument("--image", type=Path, help="UF2 file instead of the firmware that comes with this package")
     parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _stop)
-    image = uf2.unpack(chosen.image.read_bytes()) if chosen.image else committed_image()
-    board = EmulatedBoard(image, unique_id=chosen.unique_id)
+    board = EmulatedBoard(committed_image(), unique_id=chosen.unique_id)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)
-    path = stream.path if isinstance(stream, PseudoTerminal) else ""
-    tell(ready=True, pty=path, now_us=board.now_us, at_s=time.monotonic(), serial=board.host.text("serial"))
+    tell_time(board)
+    tell(Report(ready_at=stream.path if isinstance(stream, PseudoTerminal) else ""))
     try:
         serve(board, stream)
     finally:
-        tell(faults=board.faults)
+        tell(Report(faults=board.faults))
 
 
 if __name__ == "__main__":

@@ -59,23 +59,31 @@ class Resets(Window):
             super().write_uint32(offset, value)
 
 
-class Pll(Window):
-    """PLL_USB: locks when it has power and a feedback divider."""
+class ClockWindow(Window):
+    """Registers on which the frequency of clk_sys depends."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """Tell when the frequency may have changed."""
-        super().__init__({0x0: 1, 0x4: 0x2D, 0xC: 0x77000})
+    def __init__(self, changed: Callable[[], None], initial: dict[int, int] | None = None) -> None:
+        """Call `changed` whenever the frequency may have changed."""
+        super().__init__(initial)
         self._changed = changed
-
-    def read_uint32(self, offset: int) -> int:
-        """CS carries the lock bit."""
-        locked = offset == 0 and not self.values[4] & 0x21 and self.values.get(8)
-        return super().read_uint32(offset) | (1 << 31 if locked else 0)
 
     def write_uint32(self, offset: int, value: int) -> None:
         """Set a register and recompute."""
         super().write_uint32(offset, value)
         self._changed()
+
+
+class Pll(ClockWindow):
+    """PLL_USB: locks when it has power and a feedback divider."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Be off, as after a reset."""
+        super().__init__(changed, {0x0: 1, 0x4: 0x2D, 0xC: 0x77000})
+
+    def read_uint32(self, offset: int) -> int:
+        """CS carries the lock bit."""
+        locked = offset == 0 and not self.values[4] & 0x21 and self.values.get(8)
+        return super().read_uint32(offset) | (1 << 31 if locked else 0)
 
     @property
     def hz(self) -> float:
@@ -86,13 +94,8 @@ class Pll(Window):
         return CRYSTAL_HZ / (self.values[0] & 63) * self.values[8] / post if post else 0.0
 
 
-class Clocks(Window):
+class Clocks(ClockWindow):
     """Clock generators: every switch succeeds at once."""
-
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """Tell when clk_sys may have changed."""
-        super().__init__()
-        self._changed = changed
 
     def read_uint32(self, offset: int) -> int:
         """SELECTED shows the source that was chosen."""
@@ -101,11 +104,6 @@ class Clocks(Window):
         if offset == 0x44:
             return int(1 << (self.values.get(0x3C, 0) & 1))
         return super().read_uint32(offset)
-
-    def write_uint32(self, offset: int, value: int) -> None:
-        """Set a register and recompute."""
-        super().write_uint32(offset, value)
-        self._changed()
 
     def system_hz(self, pll: Pll) -> float:
         """Frequency of clk_sys; a stopped source leaves the ring oscillator, as the data sheet's resuscitation."""
@@ -149,30 +147,23 @@ class Guard:
 
 
 class UsbGuard(Guard):
-    """The USB controller with what the emulator leaves out: start of frame and suspend (data sheet 4.1)."""
+    """The USB controller with what the emulator leaves out: the start of a frame (data sheet 4.1)."""
 
-    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None], clock: Any,
-                 interrupt: Callable[[bool], None]) -> None:  # fmt: skip
-        """Let a frame begin each millisecond of the emulator's clock; raise the interrupt line by `interrupt`."""
-        super().__init__(inner, held, report)
-        self._clock, self._interrupt = clock, interrupt
-        self._suspended = False
+    def __init__(self, chip: Any, held: Callable[[], bool], report: Callable[[str], None]) -> None:
+        """Let a frame begin each millisecond of the emulator's clock."""
+        super().__init__(chip.usb_ctrl, held, report)
+        self._clock = chip.clock
         self._frame_read = 0
-        self._alarm = clock.create_alarm(self._begin_frame)
-
-    def suspend(self) -> None:
-        """The host has been silent for 3 ms."""
-        self._suspended = True
-        self._interrupt(True)
+        self._alarm = self._clock.create_alarm(self._begin_frame)
 
     def read_uint32(self, offset: int) -> int:
-        """SOF_RD, which ends its interrupt, and the suspend bit of INTS are ours."""
+        """Read through, but for SOF_RD: the number of the frame; reading it ends the interrupt."""
         value = super().read_uint32(offset)
-        if offset == 0x48:
-            self._frame_read = self._frame
-            self._set_raw(False)
-            return self._frame_read & 0x7FF
-        return value | 1 << 14 if offset == 0x98 and self._suspended else value
+        if offset != 0x48:
+            return value
+        self._frame_read = self._frame
+        self._set_raw(False)
+        return self._frame_read & 0x7FF
 
     @property
     def _frame(self) -> int:
@@ -193,11 +184,7 @@ class UsbGuard(Guard):
             self._alarm.schedule((self._frame + 1) * FRAME_NS - self._clock.nanos + 1)
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
-        """Writing SUSPENDED to SIE_STATUS ends the interrupt."""
-        if offset == 0x50 and value & 1 << 4 and self._suspended:
-            self._suspended = False
-            self._interrupt(False)
-            value &= ~(1 << 4)
+        """Write through; with the interrupt of SOF enabled in INTE, wait for the next frame."""
         super().write_uint32_atomic(offset, value, alias)
         if offset == 0x90 and self.inner._int_enable & SOF:
             self._await_frame()
@@ -220,7 +207,7 @@ class FlashBus(Window):
         self._answers.clear()
 
     def read_uint32(self, offset: int) -> int:
-        """DR0 gives what came back, SR tells what there is."""
+        """DR0 gives what came back; SR whether there is any."""
         if offset == 0x28:
             return 0x6 | (0x8 if self._answers else 0)
         if offset == 0x60:

@@ -6,10 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-GET_DESCRIPTOR, SET_ADDRESS, SET_CONFIGURATION = 6, 5, 9
-SET_LINE_CODING, SET_CONTROL_LINE_STATE = 0x20, 0x22
-DEVICE, CONFIGURATION, STRING = 1, 2, 3
-BULK, ENDPOINT_DESCRIPTOR = 2, 5
+from gellight.ring import usb_numbers as numbers
+
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
 ENDPOINT0_BYTES = 64
 SIE_CTRL, PULL_UP = 0x4C, 1 << 16
@@ -52,7 +50,8 @@ class UsbHost:
         self.configured = False
         self.opened = False
         self.received = bytearray()
-        self._pending = bytearray()
+        self.unsent = bytearray()
+        """what the device has not taken yet"""
         self.descriptors: dict[str, bytes] = {}
         self._connect_callbacks()
 
@@ -75,13 +74,8 @@ class UsbHost:
 
     def send(self, data: bytes) -> None:
         """Queue bytes for the bulk OUT endpoint."""
-        self._pending += data
+        self.unsent += data
         self._pump()
-
-    @property
-    def unsent(self) -> int:
-        """Bytes that the device has not taken yet."""
-        return len(self._pending)
 
     def control(self, request_type: int, request: int, value: int, index: int, length: int,
                 done: Callable[[bytes | None], None], data: bytes = b"") -> None:  # fmt: skip
@@ -93,12 +87,15 @@ class UsbHost:
 
     def open(self, baud: int = 115200) -> None:
         """Do what opening the serial port does: line coding, then DTR and RTS."""
-        self.control(0x21, SET_LINE_CODING, 0, 0, 7, lambda _: None, struct.pack("<IBBB", baud, 0, 0, 8))
-        self.control(0x21, SET_CONTROL_LINE_STATE, 3, 0, 0, lambda _: self._set_opened(True))
+        self.control(0x21, numbers.SET_LINE_CODING, 0, 0, 7, lambda _: None, struct.pack("<IBBB", baud, 0, 0, 8))
+        self._set_lines(numbers.DTR_AND_RTS)
 
     def close(self) -> None:
         """Do what closing the port does: DTR and RTS fall."""
-        self.control(0x21, SET_CONTROL_LINE_STATE, 0, 0, 0, lambda _: self._set_opened(False))
+        self._set_lines(0)
+
+    def _set_lines(self, state: int) -> None:
+        self.control(0x21, numbers.SET_CONTROL_LINE_STATE, state, 0, 0, lambda _: self._set_opened(bool(state)))
 
     def _set_opened(self, opened: bool) -> None:
         self.opened = opened
@@ -112,22 +109,22 @@ class UsbHost:
             self._report("USB: clk_usb is off, a real controller would not answer")
         self.configured = self.opened = False
         self._toggles = {2: 0}
-        self._descriptor("first", DEVICE, 0, 64)
-        self.control(0, SET_ADDRESS, ADDRESS, 0, 0, lambda _: None)
-        self._descriptor("device", DEVICE, 0, 18)
-        self._descriptor("head", CONFIGURATION, 0, 9)
-        self._descriptor("configuration", CONFIGURATION, 0, 255)
+        self._descriptor("first", numbers.DEVICE, 0, 64)
+        self.control(0, numbers.SET_ADDRESS, ADDRESS, 0, 0, lambda _: None)
+        self._descriptor("device", numbers.DEVICE, 0, 18)
+        self._descriptor("head", numbers.CONFIGURATION, 0, 9)
+        self._descriptor("configuration", numbers.CONFIGURATION, 0, 255)
         for index, name in enumerate(("languages", "manufacturer", "product", "serial")):
-            self._descriptor(name, STRING, index, 255)
-        self.control(0, SET_CONFIGURATION, 1, 0, 0, self._configured)
+            self._descriptor(name, numbers.STRING, index, 255)
+        self.control(0, numbers.SET_CONFIGURATION, 1, 0, 0, self._configured)
 
     def _descriptor(self, name: str, kind: int, index: int, length: int) -> None:
-        language = 0x409 if kind == STRING and index else 0
+        language = 0x409 if kind == numbers.STRING and index else 0
 
         def keep(data: bytes | None) -> None:
             self.descriptors[name] = data or b""
 
-        self.control(0x80, GET_DESCRIPTOR, kind << 8 | index, language, length, keep)
+        self.control(0x80, numbers.GET_DESCRIPTOR, kind << 8 | index, language, length, keep)
 
     def _configured(self, _: bytes | None) -> None:
         self.configured = True
@@ -135,16 +132,12 @@ class UsbHost:
             self._report("USB: the pull-up is off, a real host would not see the device")
         rest = self.descriptors["configuration"]
         while rest:
-            if rest[1] == ENDPOINT_DESCRIPTOR and rest[3] & 3 == BULK:
+            if rest[1] == numbers.ENDPOINT and rest[3] & 3 == numbers.BULK:
                 if rest[2] & 0x80:
                     self.in_endpoint = rest[2] & 15
                 else:
                     self.out_endpoint = rest[2]
             rest = rest[rest[0] :] if rest[0] else b""
-
-    def text(self, name: str) -> str:
-        """Return a string descriptor."""
-        return self.descriptors.get(name, b"")[2:].decode("utf-16le")
 
     # ---- the bus ----
 
@@ -209,9 +202,9 @@ class UsbHost:
             self._status_out()
 
     def _pump(self) -> None:
-        if self.configured and self._out_room and self._pending:
-            count = min(self._out_room, len(self._pending))
-            packet = bytes(self._pending[:count])
-            del self._pending[:count]
+        if self.configured and self._out_room and self.unsent:
+            count = min(self._out_room, len(self.unsent))
+            packet = bytes(self.unsent[:count])
+            del self.unsent[:count]
             self._out_room = 0
             self._usb.endpoint_read_done(self.out_endpoint, packet)

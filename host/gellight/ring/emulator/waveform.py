@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-LED_COUNT = 12
+from gellight.ring.wire import LED_COUNT
+
 BITS = 24 * LED_COUNT
 LATCH_NS = 280_000.0
 WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.0), "T1L": (580.0, 600.0)}
@@ -82,7 +83,6 @@ class WaveformDecoder:
         self.bits: list[Bit] = []
         """of the last frame that was latched"""
         self.frame_starts_us: list[float] = []
-        self.wire_end_us = 0.0
         self._report = report
         self._frame: list[Bit] = []
         self._rise_ns = self._fall_ns = 0.0
@@ -103,12 +103,6 @@ class WaveformDecoder:
         """Let the LEDs latch if the line has been low for long enough."""
         if self._frame and not self._high and now_ns - self._fall_ns >= LATCH_NS:
             self._latch()
-
-    def lose_power(self, now_ns: float) -> None:
-        """Go dark at once, whatever was on its way."""
-        self.settle(now_ns)
-        self._frame, self._high = [], False
-        self.timeline.append(Light(max(now_ns / 1e3, self.timeline[-1].time_us if len(self.timeline) else 0), DARK))
 
     def _rise(self, time_ns: float) -> None:
         self.settle(time_ns)
@@ -132,7 +126,6 @@ class WaveformDecoder:
         if len(bits) != BITS:
             self._report(f"WS2812B: a frame of {len(bits)} bits, not {BITS}: torn")
         self.bits = bits
-        self.wire_end_us = self._fall_ns / 1e3
         octets = np.packbits(np.array([bit.high_ns > ONE_NS for bit in bits[:BITS]], np.uint8))
         wire = np.zeros(3 * LED_COUNT, np.uint8)
         wire[: len(octets)] = octets

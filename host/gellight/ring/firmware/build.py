@@ -1,6 +1,5 @@
 """Compile the firmware: one command, the same bytes from the same compiler, no SDK."""
 
-import contextlib
 import hashlib
 import importlib.util
 import shutil
@@ -11,13 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gellight.base.errors import InputError
+from gellight.base.writing import write_file
 from gellight.ring.firmware import uf2
 from gellight.ring.firmware.image import flash_image
 
 IMAGE = Path(__file__).parent / "gellight-rp2040.uf2"
 CHECKOUT = Path(__file__).parents[4]
-ZIG_VERSION = "0.17.0"
-"""of the compiler that built the committed image"""
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
 _COMMON = (
     "-std=c11", "-Os", "-g0", "-ffreestanding", "-nostdlib", "-fno-common", "-fno-jump-tables",
@@ -92,12 +90,8 @@ def write_image(image: bytes, path: Path = IMAGE) -> str:
     file = uf2.pack(image)
     digest = hashlib.sha256(file).hexdigest()
     for target, content in ((path, file), (path.with_suffix(".sha256"), f"{digest}  {path.name}\n".encode())):
-        temporary = target.with_name(f".{target.name}.part")
         try:
-            temporary.write_bytes(content)
-            temporary.replace(target)
+            write_file(target, content)
         except OSError as error:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
             raise InputError(f"cannot write {target} ({error.strerror}): choose another place") from error
     return digest

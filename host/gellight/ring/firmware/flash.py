@@ -4,7 +4,8 @@ import logging
 import os
 import struct
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +30,18 @@ TOUCH_BAUD = 1200
 
 def drives(patterns: Iterable[str] = DRIVES) -> list[Path]:
     """Return where boards in their boot loader are mounted."""
-    found = []
-    for pattern in patterns:
-        root, _, rest = pattern.partition("*")
-        for path in Path(root).glob("*" + rest):
-            mark = path / MARK
-            if mark.is_file() and BOARD_MARK in mark.read_text(errors="replace"):
-                found.append(path)
-    return found
+    return [path for pattern in patterns for path in Path("/").glob(pattern.lstrip("/")) if _is_boot_loader(path)]
+
+
+def _is_boot_loader(drive: Path) -> bool:
+    """Whether a drive is that of an RP2040 in its boot loader."""
+    mark = drive / MARK
+    return mark.is_file() and BOARD_MARK in mark.read_text(errors="replace")
 
 
 def copy_uf2(image: bytes, drive: Path) -> None:
     """Copy an image to the drive of a boot loader, which starts it."""
-    mark = drive / MARK
-    if not mark.is_file() or BOARD_MARK not in mark.read_text(errors="replace"):
+    if not _is_boot_loader(drive):
         raise InputError(f"{drive} is not the drive of an RP2040 in its boot loader ({MARK} is missing)")
     image_crc(image)
     try:
@@ -62,17 +61,6 @@ def touch(port: str) -> None:
         serial.Serial(port, TOUCH_BAUD, exclusive=True).close()
     except OSError as error:
         raise BoardError(f"cannot open {port} ({error}): is the board plugged in and the port free?") from error
-
-
-def wait_for(find: Callable[[], Any], what: str, wait_s: float = WAIT_S) -> Any:
-    """Return what `find` finds within a time; BoardError if it finds nothing."""
-    end = time.monotonic() + wait_s
-    while time.monotonic() < end:
-        found = find()
-        if found:
-            return found
-        time.sleep(0.1)
-    raise BoardError(f"{what} did not appear within {wait_s:.0f} s: hold BOOTSEL while you plug the board in")
 
 
 class Picoboot:
@@ -135,34 +123,31 @@ class Picoboot:
         self._usb.util.dispose_resources(self._device)
 
 
-def flash_board(image: bytes, *, port: str | None = None, patterns: Iterable[str] = DRIVES, backend: Any = None,
+def flash_board(image: bytes, *, port: str | None = None, patterns: Sequence[str] = DRIVES, backend: Any = None,
                 wait_s: float = WAIT_S) -> str:  # fmt: skip
     """Flash the board behind a serial port, or the one that waits in its boot loader; return how it was done."""
     if port:
         touch(port)
-    kinds = tuple(patterns)
-
-    def find() -> Any:
-        mounted = drives(kinds)
-        return mounted or _picoboot(backend)
-
-    found = wait_for(find, "a board in its boot loader", wait_s)
-    if isinstance(found, list):
-        copy_uf2(image, found[0])
-        return f"copied to {found[0]}"
-    try:
-        found.flash(image)
-        found.reboot()
-    finally:
-        found.close()
-    return "written by PICOBOOT"
+    end = time.monotonic() + wait_s
+    while time.monotonic() < end:
+        mounted = drives(patterns)
+        if mounted:
+            copy_uf2(image, mounted[0])
+            return f"copied to {mounted[0]}"
+        board = _picoboot(backend)
+        if board is not None:
+            with closing(board):
+                board.flash(image)
+                board.reboot()
+            return "written by PICOBOOT"
+        time.sleep(0.1)
+    raise BoardError(f"no boot loader of a board appeared within {wait_s:.0f} s: hold BOOTSEL while you plug it in")
 
 
 def _picoboot(backend: Any) -> Picoboot | None:
+    """Return the board that waits in its boot loader, None while there is none that can be used."""
     try:
         return Picoboot(backend=backend)
-    except BoardError:
-        return None
     except Exception as error:  # pyusb raises its own NoBackendError where libusb is missing
         logger.debug("no PICOBOOT: %s", error)
         return None

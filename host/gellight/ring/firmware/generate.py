@@ -1,11 +1,13 @@
 """Write the C header and the document of the protocol from `gellight.ring.protocol`."""
 
 import re
+import struct
 from enum import IntEnum, IntFlag
 from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.ring import protocol
+from gellight.ring.enumerations import ENUMS
 from gellight.ring.wire import Record, layout
 
 HEADER = Path("firmware/core/protocol.h")
@@ -24,7 +26,7 @@ def header() -> str:
         f"/* Generated from host/gellight/ring/protocol.py by `{COMMAND_LINE}`; do not edit. */",
         "#ifndef GELLIGHT_PROTOCOL_H\n#define GELLIGHT_PROTOCOL_H\n\n#include <stdint.h>",
         "\n".join(_constants()),
-        *(_enum(enum) for enum in protocol.ENUMS),
+        *(_enum(enum) for enum in ENUMS),
         _codes(),
         "/* Records lie in packets as they are: little endian, without gaps, at any address. */\n"
         "#define RECORD __attribute__((packed, may_alias))",
@@ -108,7 +110,7 @@ def document() -> str:
         "## Records",
         *(_describe(record) for record in protocol.records()),
         "## Enumerations",
-        *(_members(enum) for enum in protocol.ENUMS),
+        *(_members(enum) for enum in ENUMS),
         "## Constants\n\n" + "\n".join(f"- `{name}` = {value}" for name, value in protocol.CONSTANTS.items()),
     ]
     return "\n\n".join(parts) + "\n"
@@ -123,13 +125,9 @@ def _describe(record: type[Record]) -> str:
     for name, scalar, meaning in layout(record):
         kind = f"{scalar.c_type}[{scalar.length}]" if scalar.length else scalar.c_type
         rows.append(f"| {offset} | `{name}` | {kind.replace('_t', '')} | {meaning} |")
-        offset += _width(scalar.code)
+        offset += struct.calcsize(f"<{scalar.code}")
     table = "| offset | field | type | meaning |\n|---|---|---|---|\n" + "\n".join(rows)
     return f"### {record.__name__}\n\n{(record.__doc__ or '').strip()} {offset} bytes.\n\n{table}"
-
-
-def _width(code: str) -> int:
-    return int(code[:-1]) if code.endswith("s") else {"B": 1, "H": 2, "I": 4, "i": 4, "Q": 8}[code]
 
 
 def _members(enum: type[IntEnum] | type[IntFlag]) -> str:

@@ -14,13 +14,14 @@ _END = 0x0AB16F30
 _FAMILY_PRESENT = 0x2000
 
 
-def pack(image: bytes, *, base: int = FLASH_BASE) -> bytes:
+def pack(image: bytes) -> bytes:
     """Wrap a flash image, filled up with zeros to whole pages of 256 bytes."""
     image += bytes(-len(image) % PAYLOAD)
     count = len(image) // PAYLOAD
     blocks = []
     for number in range(count):
-        head = _HEAD.pack(*_MAGIC, _FAMILY_PRESENT, base + PAYLOAD * number, PAYLOAD, number, count, RP2040_FAMILY)
+        address = FLASH_BASE + PAYLOAD * number
+        head = _HEAD.pack(*_MAGIC, _FAMILY_PRESENT, address, PAYLOAD, number, count, RP2040_FAMILY)
         payload = image[PAYLOAD * number : PAYLOAD * (number + 1)]
         blocks.append((head + payload).ljust(BLOCK - 4, b"\0") + _END.to_bytes(4, "little"))
     return b"".join(blocks)

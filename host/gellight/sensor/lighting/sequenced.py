@@ -6,7 +6,7 @@ with SequencedCamera(camera, colour_triples(colours)) as sequenced:
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -139,6 +139,14 @@ class SequencedCamera(Camera):
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return the judge of the camera inside."""
         return self._camera.selfcheck(pixel_size_mm)
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside."""
+        return self._camera.status()
+
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the camera inside."""
+        self._camera.adopt(controls, colours)
 
     def read(self) -> CameraFrame:
         """Return the next frame with its label; what the camera and the board raise comes through."""

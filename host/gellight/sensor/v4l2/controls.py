@@ -1,7 +1,7 @@
 """Exposure, gain and white balance of a V4L2 camera, by number, for the names change with the kernel.
 
-What is automatic is switched off before its value is set, for while it is on the driver ignores the value or reports
-another. Every value is read back from the device; one that does not hold is an error, not a warning.
+An automatic is switched off before its value is set: while it is on, the driver ignores the value or reports another.
+Every value is read back from the device; one that does not hold is an error, not a warning.
 """
 
 import errno
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from gellight.base.errors import CameraError, InputError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import explained, told
+from gellight.sensor.v4l2.errors import explaining, explanation
 from gellight.sensor.v4l2.formats import Ask
 
 _USER, _CAMERA = 0x00980900, 0x009A0900
@@ -31,7 +31,7 @@ POWER_LINE_VALUES = {0: 0, 50: 1, 60: 2}
 
 @dataclass(frozen=True)
 class Knob:
-    """A named control: its number, the number and value that end its automatic, and its unit."""
+    """A control by the name that users know: its number, what switches its automatic off, and its unit."""
 
     number: int
     automatic: int
@@ -46,7 +46,7 @@ KNOBS = {
     "white_balance_k": Knob(WHITE_BALANCE, WHITE_BALANCE_AUTO, 0, 1.0),
 }
 FIXED = ((DYNAMIC_RATE, 0, "the dynamic frame rate"), (FOCUS_AUTO, 0, "the automatic focus"))
-"""what is off in a sensor, whatever its bundle says: number, value, words"""
+"""what is off in every sensor: number, value, name for messages"""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class V4l2Controls:
         """Use `ask` for ioctls; `path` is for messages."""
         self._ask, self._path = ask, path
         self._changing = threading.RLock()
-        """held while a value is set, so that nobody finds it changed and not yet noted"""
+        """held while a value is set, so that no other thread sees it changed and not yet noted"""
         self._wanted: dict[int, tuple[str, float, int]] = {}
         """number -> name, scale and the value that was set"""
         self.period_us = float("inf")
@@ -83,12 +83,14 @@ class V4l2Controls:
 
     def has(self, number: int) -> bool:
         """Whether the camera has a control that is not disabled."""
+        description = v.ControlDescription(id=number)
         try:
-            return not self._describe(number).flags & v.CTRL_DISABLED
-        except CameraError as error:
-            if _cause(error) in (errno.EINVAL, errno.ENOTTY):
+            self._ask(v.QUERYCTRL, description)
+        except OSError as error:
+            if error.errno in (errno.EINVAL, errno.ENOTTY):
                 return False
-            raise
+            raise explanation(self._path, "to describe a setting", error) from error
+        return not description.flags & v.CTRL_DISABLED
 
     def range(self, name: str) -> tuple[float, float, float]:
         """Return smallest and largest value and the step; CameraError for a control that is not there."""
@@ -116,9 +118,7 @@ class V4l2Controls:
         if not low <= value <= high:
             raise InputError(f"{name} = {value:g}: {self._path} takes {low:g} to {high:g} in steps of {step:g}")
         self._manual(name, knob)
-        steps = round((value - low) / step)
-        if low + steps * step > high + 1e-6:
-            steps -= 1
+        steps = min(round((value - low) / step), int((high - low + 1e-6) / step))
         raw = round((low + steps * step) / knob.scale)
         self._put(knob.number, raw, name, knob.scale)
         if name == "exposure_us":
@@ -144,7 +144,7 @@ class V4l2Controls:
                 raise CameraError(exposure_too_long(self.exposure_us, self.period_us))
 
     def _set_power_line(self, hz: int) -> None:
-        """Set the filter against mains flicker; one that cannot be off stays as it is, for inside there is none."""
+        """Set the filter against mains flicker; one that cannot be off stays on, as a sensor has no flicker inside."""
         if self.has(POWER_LINE) and (hz or not self._describe(POWER_LINE).minimum):
             self._put(POWER_LINE, POWER_LINE_VALUES[hz], "the power line filter")
 
@@ -164,7 +164,7 @@ class V4l2Controls:
             )
 
     def locked(self) -> dict[str, bool]:
-        """Tell for each automatic that this camera has whether it is off."""
+        """Return for each automatic that this camera has whether it is off."""
         automatic = {f"automatic {name}": (knob.automatic, knob.manual) for name, knob in KNOBS.items()}
         automatic |= {words: (number, value) for number, value, words in FIXED}
         return {words: self.get(number) == value for words, (number, value) in automatic.items() if self.has(number)}
@@ -172,7 +172,7 @@ class V4l2Controls:
     def get(self, number: int) -> int:
         """Return the value of a control by number."""
         control = v.Control(id=number)
-        with told(self._path, "to tell a setting"):
+        with explaining(self._path, "to tell a setting"):
             self._ask(v.G_CTRL, control)
         return int(control.value)
 
@@ -198,7 +198,7 @@ class V4l2Controls:
             self._ask(v.S_CTRL, v.Control(id=number, value=value))
         except OSError as error:
             if error.errno not in REFUSALS:
-                raise explained(self._path, f"to set {text}", error) from error
+                raise explanation(self._path, f"to set {text}", error) from error
             raise CameraError(
                 f"{self._path} refuses {text} ({os.strerror(error.errno)}): choose another value, or a camera whose "
                 "settings can be fixed"
@@ -212,7 +212,7 @@ class V4l2Controls:
 
     def _describe(self, number: int) -> v.ControlDescription:
         description = v.ControlDescription(id=number)
-        with told(self._path, "to describe a setting"):
+        with explaining(self._path, "to describe a setting"):
             self._ask(v.QUERYCTRL, description)
         return description
 
@@ -223,7 +223,3 @@ def exposure_too_long(exposure_us: float, period_us: float) -> str:
         f"an exposure of {exposure_us / 1e3:g} ms is longer than the frame period of {period_us / 1e3:.4g} ms: set "
         f"exposure_us to at most {period_us:.0f}, or fps to at most {1e6 / exposure_us:.3g}, and brighten the LEDs"
     )
-
-
-def _cause(error: CameraError) -> int | None:
-    return error.__cause__.errno if isinstance(error.__cause__, OSError) else None

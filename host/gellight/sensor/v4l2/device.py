@@ -4,25 +4,23 @@ import errno
 import os
 from ctypes import Structure
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Self
 
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.controls import V4l2Controls
-from gellight.sensor.v4l2.errors import no_camera, told
+from gellight.sensor.v4l2.errors import explaining, no_camera
 from gellight.sensor.v4l2.formats import RATE_TOLERANCE, Mode, Offer, Wanted, choose, not_offered, offers
-from gellight.sensor.v4l2.kernel import Kernel, LinuxKernel
+from gellight.sensor.v4l2.kernel import LINUX, Kernel
 from gellight.sensor.v4l2.stream import BUFFERS, Stream
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """Who the driver says the device is."""
+    """What the driver reports about the device."""
 
     driver: str
     card: str
-    bus: str
     captures: bool
     """it delivers pictures; a UVC camera's second node, for example, delivers only data about them"""
 
@@ -30,12 +28,12 @@ class Identity:
 class Device:
     """An open device node; a context manager that closes it."""
 
-    def __init__(self, path: str, *, kernel: Kernel | None = None) -> None:
+    def __init__(self, path: str, *, kernel: Kernel = LINUX) -> None:
         """Open `path`; raises UnpluggedError, DeniedError, BusyError, or CameraError for what is no camera."""
         self.path = path
-        self.kernel: Kernel = kernel or LinuxKernel()
+        self.kernel = kernel
         self._stream: Stream | None = None
-        with told(path, "to open"):
+        with explaining(path, "to open"):
             self._descriptor = self.kernel.open(path)
         try:
             self.identity = self._identify()
@@ -50,13 +48,13 @@ class Device:
 
     def ask(self, request: int, argument: Structure) -> None:
         """Do one ioctl; OSError as the kernel raises it, or of a descriptor that was closed."""
-        if self._descriptor < 0:  # another thread may still hold the controls of a camera that was let go of
+        if self._descriptor < 0:  # another thread may still hold the controls of a camera that was closed
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         self.kernel.ioctl(self._descriptor, request, argument)
 
     def _identify(self) -> Identity:
         found = v.Capability()
-        with told(self.path, "to say what it is"):
+        with explaining(self.path, "to say what it is"):
             try:
                 self.ask(v.QUERYCAP, found)
             except OSError as error:
@@ -68,23 +66,22 @@ class Device:
         return Identity(
             driver=found.driver.decode(errors="replace"),
             card=found.card.decode(errors="replace"),
-            bus=found.bus_info.decode(errors="replace"),
             captures=able & needed == needed,
         )
 
     def offers(self) -> tuple[Offer, ...]:
         """List what the camera offers."""
-        with told(self.path, "to list its formats"):
+        with explaining(self.path, "to list its formats"):
             return offers(self.ask)
 
     def configure(self, wanted: Wanted) -> Mode:
         """Set format, size and rate and return them as they are now; CameraError lists the offers where none fits."""
         offered = self.offers()
-        _, mode = choose(offered, wanted, path=self.path)
+        mode = choose(offered, wanted, path=self.path)
         picture = v.Format(type=v.CAPTURE)
         picture.fmt.pix.width, picture.fmt.pix.height = mode.width, mode.height
         picture.fmt.pix.pixelformat, picture.fmt.pix.field = v.code_of(mode.letters), v.FIELD_NONE
-        with told(self.path, "to take a format"):
+        with explaining(self.path, "to take a format"):
             self.ask(v.S_FMT, picture)
         pix = picture.fmt.pix
         if (v.fourcc(pix.pixelformat), pix.width, pix.height) != (mode.letters, mode.width, mode.height):
@@ -99,10 +96,10 @@ class Device:
     def _set_rate(self, fps: float) -> float:
         """Ask for a rate (0: whatever it is) and return the one that holds."""
         parameters = v.StreamParameters(type=v.CAPTURE, numerator=1000, denominator=round(fps * 1000))
-        with told(self.path, "to take a frame rate"):
+        with explaining(self.path, "to take a frame rate"):
             self.ask(v.S_PARM if fps else v.G_PARM, parameters)
         if not parameters.numerator or not parameters.denominator:
-            raise CameraError(f"{self.path} does not tell its frame rate: give one that it offers with ?fps=")
+            raise CameraError(f"{self.path} does not report its frame rate: give one that it offers with ?fps=")
         return float(round(parameters.denominator / parameters.numerator, 3))
 
     def start(self, *, buffers: int = BUFFERS) -> Stream:
@@ -131,7 +128,6 @@ class Device:
         """Return the device."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:  # fmt: skip
+    def __exit__(self, *_: object) -> None:
         """Close the device."""
         self.close()

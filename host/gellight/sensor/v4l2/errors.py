@@ -1,4 +1,4 @@
-"""What can be wrong with a V4L2 camera, told apart because the cure differs."""
+"""The errors of V4L2 cameras: one for each remedy."""
 
 import errno
 import os
@@ -10,7 +10,7 @@ from gellight.base.holders import holders_text
 
 GONE = {errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN}
 _DISTURBED = {errno.EIO, errno.EPROTO, errno.EPIPE, errno.ETIMEDOUT, errno.EILSEQ, errno.EOVERFLOW}
-"""what USB says of a transfer that went wrong"""
+"""of a USB transfer that went wrong"""
 
 
 class UnpluggedError(CameraError):
@@ -30,16 +30,16 @@ class DeniedError(CameraError):
 
 
 class CorruptPictureError(ValueError):
-    """A picture is not whole; the text says how. It is counted, and the next one taken."""
+    """A picture is not whole, and why; it is counted, and the next one is taken."""
 
 
 @contextmanager
-def told(path: str, doing: str) -> Iterator[None]:
-    """Turn an OSError of the kernel into the error of this module that says what to do."""
+def explaining(path: str, doing: str) -> Iterator[None]:
+    """Raise an OSError of the kernel as the error of this module that names the remedy."""
     try:
         yield
     except OSError as error:
-        raise explained(path, doing, error) from error
+        raise explanation(path, doing, error) from error
 
 
 def no_camera(path: str) -> str:
@@ -47,7 +47,7 @@ def no_camera(path: str) -> str:
     return f"{path} is no V4L2 camera: `gellight find` lists those that are there"
 
 
-def explained(path: str, doing: str, error: OSError) -> CameraError:
+def explanation(path: str, doing: str, error: OSError) -> CameraError:
     """Return the error that belongs to an errno."""
     if error.errno == errno.ENOENT:
         return UnpluggedError(f"no camera at {path}: plug it in, or let `gellight find` list what is there")

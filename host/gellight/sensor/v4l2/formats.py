@@ -12,7 +12,7 @@ Ask = Callable[[int, Structure], None]
 """an ioctl on one open device; raises OSError"""
 
 DECODABLE = ("MJPG", "YUYV", "RGB3", "GREY")
-"""in order of preference: MJPG lets several sensors share one bus, and grey cannot tell the lights apart"""
+"""in order of preference: MJPG lets several sensors share one bus; grey, the last choice, has no colours"""
 USUAL_FPS = 30.0
 RATE_TOLERANCE = 0.01
 """share by which a rate may differ from the one that is asked for"""
@@ -28,7 +28,7 @@ class Offer:
     height: int
     """the largest, where a range is offered"""
     rates: tuple[float, ...]
-    """frames per second, highest first; empty where the camera does not tell"""
+    """frames per second, highest first; empty where the camera does not list them"""
     smallest: tuple[int, int] | None = None
     """(width, height) of the smallest, where a range is offered"""
     step: tuple[int, int] = (1, 1)
@@ -45,7 +45,7 @@ class Offer:
         )
 
     def rate_near(self, fps: float) -> float:
-        """Return the offered rate nearest to `fps`; `fps` itself where the camera does not tell its rates."""
+        """Return the offered rate nearest to `fps`; `fps` itself where the camera lists none."""
         if not self.rates:
             return fps
         if self.any_rate:
@@ -92,28 +92,19 @@ class Mode:
 
 def offers(ask: Ask) -> tuple[Offer, ...]:
     """List everything the camera offers, in its own order."""
-    return tuple(
-        offer
-        for letters in _pixel_formats(ask)
-        for size in _sizes(ask, letters)
-        for offer in [_with_rates(ask, letters, size)]
-    )
+    return tuple(_with_rates(ask, size) for letters in _pixel_formats(ask) for size in _sizes(ask, letters))
 
 
-def choose(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> tuple[Offer, Mode]:
-    """Return the best offer that is what was wanted; CameraError lists what is offered where none is."""
-    fitting = [
-        (offer, mode)
-        for offer in offered
-        if offer.letters in ([wanted.letters] if wanted.letters else DECODABLE)
-        for mode in [_mode_of(offer, wanted)]
-        if mode is not None
-    ]
+def choose(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> Mode:
+    """Return the best mode that is what was wanted; CameraError lists what is offered where none is."""
+    letters = (wanted.letters,) if wanted.letters else DECODABLE
+    modes = [_mode_of(offer, wanted) for offer in offered if offer.letters in letters]
+    fitting = [mode for mode in modes if mode is not None]
     if not fitting or (wanted.letters or DECODABLE[0]) not in DECODABLE:
         raise CameraError(not_offered(offered, wanted, path=path))
     usual = wanted.fps or USUAL_FPS
-    return min(fitting, key=lambda pair: (_rank(pair[1].letters), -_area(pair[1]) if not wanted.width else 0,
-                                          abs(pair[1].fps - usual)))  # fmt: skip
+    return min(fitting, key=lambda mode: (DECODABLE.index(mode.letters), -mode.width * mode.height,
+                                          abs(mode.fps - usual)))  # fmt: skip
 
 
 def not_offered(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> str:
@@ -125,14 +116,6 @@ def not_offered(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> str:
         f"{path} does not offer {wanted}; it offers {listed}{f' (and {other}, not decoded)' if other else ''}: choose "
         "one of these with ?width=&height=&format=&fps=, and the calibration bundle that was made with it"
     )
-
-
-def _rank(letters: str) -> int:
-    return DECODABLE.index(letters)
-
-
-def _area(mode: Mode) -> int:
-    return mode.width * mode.height
 
 
 def _mode_of(offer: Offer, wanted: Wanted) -> Mode | None:
@@ -178,8 +161,8 @@ def _sizes(ask: Ask, letters: str) -> list[Offer]:
     return found
 
 
-def _with_rates(ask: Ask, letters: str, size: Offer) -> Offer:
-    code, rates, any_rate = v.code_of(letters), set(), False
+def _with_rates(ask: Ask, size: Offer) -> Offer:
+    code, rates, any_rate = v.code_of(size.letters), set(), False
     for entry in _entries(
         ask, v.ENUM_FRAMEINTERVALS,
         lambda index: v.FrameInterval(index=index, pixel_format=code, width=size.width, height=size.height),

@@ -1,15 +1,16 @@
-"""Whether a JPEG is whole: OpenCV's decoder returns a picture all the same, and reports only on standard error.
+"""Decode a JPEG and check that it is whole: OpenCV's decoder returns a picture whatever is missing.
 
-The decoder works through minimum coded units (MCU: the blocks of all three colours of one place). Three faults show:
+The decoder works through minimum coded units (MCU: the blocks of all colours at one place). Three faults are found:
 
 - Too much data, as where two pictures were spliced, or too little. The picture is decoded a little taller than it is,
-  with zeros behind its data. Zeros make MCUs that are all alike, whatever was before them. They have to begin below the
-  picture, and soon.
-- In a picture with restart markers everything heals at the next one. So all of these have to be there, in their order.
-- Between them, data that is missing leaves the last MCUs at exactly mid-grey.
+  with zeros behind its data. Zeros give MCUs that are all alike. These have to begin below the picture, within the
+  surplus that is tolerated: inside the picture data is missing, farther below there was too much.
+- A missing restart marker. After a loss the decoder goes on at the next marker, so that nothing shows below the
+  picture. All markers have to be there, in their order.
+- Too little data between two markers. The decoder leaves the MCUs without data at mid-grey.
 
-Sound pictures pass: cameras do put a few bytes too many before a marker, or fill up with zeros. And they are decoded
-without a word: a decoder that runs out of data, or finds more than it needs, prints a line for every picture.
+Two habits of sound cameras are no fault: a few bytes too many before a marker, and zeros behind the data. Sound
+pictures are decoded without the line on standard error that the decoder prints where data is missing or left over.
 """
 
 import re
@@ -26,7 +27,7 @@ Image = NDArray[np.uint8]
 _START, _END = b"\xff\xd8", b"\xff\xd9"
 _HUFFMAN_FRAMES, _TABLES, _RESTART, _SCAN = (0xC0, 0xC1), 0xC4, 0xDD, 0xDA
 _USUAL_TABLE = bytes.fromhex("10 0002010303020403050504040000017d 01")
-"""beginning of the usual table of brightness (ITU-T T.81, table K.5), where 00 stands for a coefficient of one bit"""
+"""beginning of the usual brightness table (ITU-T T.81, table K.5); in it, the code 00 is a coefficient of one bit"""
 _FLAGS = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 _SMALL = cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION
 _SMALL_SCALE = 8
@@ -35,19 +36,19 @@ _BLOCK_ZEROS = 24
 """bytes of zeros that make a block in the usual tables: 2 bits, and 3 for each of 63 coefficients"""
 _UNFILLED = 128
 _CONTRAST = 16
-"""grey levels by which an MCU differs from the one beside it that was left over; less, and it may be as it was seen"""
+"""an MCU at mid-grey was left without data where its neighbour differs from mid-grey by more than this, grey levels"""
 _FILLING_BYTES = 4096
 """some cameras fill their last packet with anything"""
 _TOLERATED_MCUS = 16
-"""surplus that is no fault: some cameras put up to ten bytes too many before a marker, and an MCU of three colours
+"""a surplus that is no fault: some cameras put up to ten bytes too many before a marker, and an MCU of three colours
 takes at least 14 bits"""
 _CANDIDATES = 4
-"""of so many MCUs in a row at least two are not cut off at the right"""
+"""of so many MCUs one after the other, at least two are not cut off by the right edge"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """What the header of a JPEG says of the data behind it."""
+    """What the header of a JPEG states about the data behind it."""
 
     shape: tuple[int, int]
     """(H, W), pixels"""
@@ -181,7 +182,7 @@ def _check_restarts(data: bytes, layout: Layout) -> None:
 
 
 def _gaps(image: Image, layout: Layout) -> bool:
-    """Whether an MCU before a restart marker was left over; one like its neighbour may be as it was seen."""
+    """Whether an MCU before a restart marker was left without data; beside a grey one, grey may be what was seen."""
     last = np.arange(layout.restart - 1, layout.rows * layout.columns, layout.restart)
     left = last[_unfilled(image, last, layout)]
     below = left + layout.columns  # decoded anew after the marker; in the last row there is only what lies above
@@ -191,7 +192,7 @@ def _gaps(image: Image, layout: Layout) -> bool:
 
 
 def _unfilled(image: Image, places: NDArray[np.intp], layout: Layout) -> NDArray[np.bool_]:
-    """(N,) whether MCUs, by their number, were left over."""
+    """(N,) whether MCUs, by their number, were left without data."""
     return np.asarray((_middles(image, places, layout) == _UNFILLED).all(axis=(1, 2, 3)))
 
 

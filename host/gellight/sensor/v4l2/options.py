@@ -30,10 +30,10 @@ class CaptureOptions(BaseModel):
     power_line_hz: Literal["0", "50", "60"] = "0"
     """mains frequency whose flicker the camera is to avoid; 0: inside a sensor there is none"""
     delay_us: float | None = Field(default=None, ge=0, le=1e6)
-    """from the end of the first row's exposure to its time stamp, see timing.py"""
+    """from the end of the first row's exposure to its time stamp, see stamps.py"""
     readout_us: float | None = Field(default=None, ge=0, le=1e6)
     stamp_error_us: float | None = Field(default=None, ge=0, le=1e6)
-    """by which a time stamp may be off, either way; `gellight doctor` tells how far they wander"""
+    """by which a time stamp may be off, either way; `gellight doctor` measures their jitter"""
     buffers: int = Field(default=4, ge=3, le=16)
     ring: str | None = Field(default=None, min_length=1)
     """URL of the light ring, for a camera and a ring that share no USB parent"""

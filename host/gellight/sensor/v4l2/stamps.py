@@ -1,18 +1,19 @@
-"""When a picture's exposure began, from what the driver's time stamp means.
+"""When the exposure of a picture began, from what the driver's time stamp means.
 
-What a stamp means differs:
+A stamp is one of these:
 
-- `start`: the stamp is the start of the exposure. Drivers of sensors say so by a flag, and uvcvideo with hardware time
-  stamps (its module parameter `hwtimestamps`), which come from the camera's own clock.
-- `first packet`: uvcvideo says the same by flag, but stamps the first USB packet of the picture. A rolling shutter
-  sends its first row when that row's exposure has ended, so the exposure began one exposure earlier, or `delay_us` more
-  where the camera compresses or stores the picture first.
-- `end`: the stamp is the end of the frame: one readout and one exposure after its start.
-- `arrival`: no stamp that can be true; the time at which the picture was taken from the driver stands in for `end`.
+- the start of the exposure: drivers of sensors say so by a flag. So does uvcvideo with hardware time stamps (its module
+  parameter `hwtimestamps`), which come from the camera's own clock.
+- the first USB packet of the picture: what uvcvideo stamps otherwise, with the same flag. A rolling shutter sends its
+  first row when that row's exposure has ended. So the exposure began one exposure earlier, or `delay_us` more where the
+  camera compresses or stores the picture first.
+- the end of the frame: one readout and one exposure after its start.
+- false: not on the right clock, or not later than the one before. Then the time at which the picture was taken from the
+  driver stands in for the end of the frame.
 
-`delay_us` and `readout_us` are not known to the driver: they are measured against the light ring. Without them the
-delay is taken as 0, and the readout as a whole frame period where it is needed. How far a stamp may be off is
-`stamp_error_us`; `cadence` shows what stamps really do.
+The driver does not know `delay_us` and `readout_us`: they are measured against the light ring. Without them the delay
+is taken as 0 and the readout as a whole frame period. `stamp_error_us` bounds how far a stamp may be off; `cadence`
+measures how regularly stamps really come.
 """
 
 from collections.abc import Sequence
@@ -26,18 +27,17 @@ from gellight.sensor.v4l2.stream import Picture
 
 STAMP_ERROR_S = 0.002
 """of a stamp whose meaning is known, where nothing else is said: scheduling of the USB and of the interrupt"""
-START, FIRST_PACKET, END, ARRIVAL = "start", "first packet", "end", "arrival"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timing:
-    """How to get from a stamp to the start of the exposure of the first row."""
+class StampMeaning:
+    """How a camera's stamps and the start of the first row's exposure are related, as the camera is set now."""
 
     hardware_stamps: bool
     """a stamp that is said to be the start of the exposure is that, not the first packet"""
     period_s: float
     exposure_s: float | None = None
-    """None where the camera does not tell: then a whole period is taken, the longest it can be"""
+    """None where the camera does not report it: then a whole period is taken, the longest it can be"""
     delay_s: float | None = None
     """None where it was not measured: then 0 is taken, the shortest it can be"""
     readout_s: float | None = None
@@ -45,36 +45,31 @@ class Timing:
     stamp_error_s: float = STAMP_ERROR_S
     """that a stamp may be off by, either way"""
 
-    def meaning(self, picture: Picture) -> str:
-        """Return what the stamp of a picture means."""
-        if not picture.stamp_is_sound:
-            return ARRIVAL
-        if not picture.stamp_is_start:
-            return END
-        return START if self.hardware_stamps else FIRST_PACKET
+    @property
+    def _longest(self) -> tuple[float, float]:
+        """Exposure and readout, s; a whole period where one is not known."""
+        exposure_s = self.period_s if self.exposure_s is None else self.exposure_s
+        return exposure_s, self.period_s if self.readout_s is None else self.readout_s
 
     def start_s(self, picture: Picture) -> float:
         """Return when the exposure of the first row began, s on the clock of `time.monotonic`."""
-        exposure_s = self.period_s if self.exposure_s is None else self.exposure_s
-        readout_s = self.period_s if self.readout_s is None else self.readout_s
-        delay_s = self.delay_s or 0.0
-        meaning = self.meaning(picture)
-        if meaning == START:
-            return picture.stamp_s - delay_s
-        if meaning == FIRST_PACKET:
-            return picture.stamp_s - exposure_s - delay_s
-        end_s = picture.stamp_s if meaning == END else picture.arrived_s
-        return end_s - readout_s - exposure_s - delay_s
+        (exposure_s, readout_s), delay_s = self._longest, self.delay_s or 0.0
+        if not picture.stamp_is_sound:
+            return picture.arrived_s - readout_s - exposure_s - delay_s
+        if not picture.stamp_is_start:
+            return picture.stamp_s - readout_s - exposure_s - delay_s
+        return picture.stamp_s - delay_s - (0.0 if self.hardware_stamps else exposure_s)
 
-    def for_light(self) -> CameraTiming:
-        """Return what the labels of frames go by: a whole period of doubt for each time that was not measured.
+    def camera_timing(self) -> CameraTiming:
+        """Return the times that tell the light of a frame, with a whole period of doubt for each that is not known.
 
         Cameras hold a picture back for at most about a period; a camera that stamps the start needs no delay.
         """
+        exposure_s, readout_s = self._longest
         unknown = [self.exposure_s, self.readout_s, 0.0 if self.hardware_stamps else self.delay_s].count(None)
         return CameraTiming(
-            exposure_s=self.period_s if self.exposure_s is None else self.exposure_s,
-            readout_s=self.period_s if self.readout_s is None else self.readout_s,
+            exposure_s=exposure_s,
+            readout_s=readout_s,
             period_s=self.period_s,
             stamp_error_s=self.stamp_error_s + unknown * self.period_s,
         )

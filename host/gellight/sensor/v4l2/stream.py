@@ -1,18 +1,19 @@
 """Buffers shared with the driver: the newest picture comes out, everything else is counted.
 
 The driver fills queued buffers in order and throws pictures away while none is queued. So the newest filled buffer is
-the newest picture only as long as one buffer was still empty; when all are full, all may be old, and the next picture
-is waited for. A reader as slow as it may be never gets an old one.
+the newest picture only while another buffer is still empty. When all are full, all may be old, and the stream waits for
+the next picture. So even a slow reader never gets an old one.
 """
 
 import errno
 from dataclasses import asdict, dataclass
+from mmap import mmap
 
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, told
+from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining
 from gellight.sensor.v4l2.formats import Ask
-from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel, Memory
+from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel
 
 BUFFERS, FEWEST_BUFFERS = 4, 2
 BAD_LIMIT = 60
@@ -48,7 +49,7 @@ class Counts:
     lost: int = 0
     """never came: gaps in the sequence"""
     duplicated: int = 0
-    """came again, by sequence or time; not delivered"""
+    """the same sequence number or time came again; not delivered"""
     identical: int = 0
     """delivered, yet byte for byte the picture before: the camera repeats itself or sees no light at all"""
     damaged: int = 0
@@ -72,12 +73,12 @@ class Stream:
         The driver may give more or fewer buffers. Nothing stays mapped where it fails.
         """
         self._kernel, self._descriptor, self._ask, self._path = kernel, descriptor, ask, path
-        self._memory: list[Memory] = []
+        self._memory: list[mmap] = []
         self._last: tuple[int, float] | None = None
         self._last_data = b""
         self.counts = Counts()
         try:
-            with told(path, "to start its stream"):
+            with explaining(path, "to start its stream"):
                 self._start(buffers)
         except BaseException:
             self._unmap()
@@ -131,7 +132,7 @@ class Stream:
         raise StalledError(f"the camera at {self._path} is there but {why}: it is started anew, or unplug it")
 
     def plugged(self) -> bool:
-        """Ask the driver whether the camera is still there: a poll error alone does not tell."""
+        """Ask the driver whether the camera is still there: a poll error alone does not show that."""
         try:
             self._ask(v.QUERYCAP, v.Capability())
         except OSError as error:
@@ -165,12 +166,12 @@ class Stream:
             if error.errno == errno.EIO and self.plugged():
                 self.counts.damaged += 1
                 return None
-            with told(self._path, "to deliver a picture"):
+            with explaining(self._path, "to deliver a picture"):
                 raise
         return buffer
 
     def _requeue(self, buffer: v.Buffer) -> None:
-        with told(self._path, "to take a buffer back"):
+        with explaining(self._path, "to take a buffer back"):
             self._ask(v.QBUF, v.Buffer(index=buffer.index, type=v.CAPTURE, memory=v.MMAP))
 
     def _judge(self, buffer: v.Buffer) -> Picture | None:
@@ -208,7 +209,7 @@ class Stream:
         return True
 
     def close(self) -> None:
-        """Stop; the buffers go back to the driver. What is unplugged is let go of in silence."""
+        """Stop; the buffers go back to the driver. A camera that was unplugged is no error."""
         for request, argument in (
             (v.STREAMOFF, v.Int(v.CAPTURE)),
             (v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP)),
@@ -219,5 +220,5 @@ class Stream:
                 self._ask(request, argument)
             except OSError as error:
                 if error.errno not in GONE:
-                    with told(self._path, "to stop its stream"):
+                    with explaining(self._path, "to stop its stream"):
                         raise

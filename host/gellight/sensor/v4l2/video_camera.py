@@ -11,9 +11,9 @@ from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.errors import CorruptPictureError, StalledError
 from gellight.sensor.v4l2.formats import Offer
-from gellight.sensor.v4l2.kernel import Kernel
-from gellight.sensor.v4l2.options import CaptureOptions, parse_url
-from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, Timing, hardware_stamps
+from gellight.sensor.v4l2.kernel import LINUX, Kernel
+from gellight.sensor.v4l2.options import CaptureOptions
+from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, StampMeaning, hardware_stamps
 from gellight.sensor.v4l2.stream import BAD_LIMIT, Picture
 
 FIRST_FRAME_S = 5.0
@@ -33,7 +33,7 @@ class V4l2Camera(Camera):
         *,
         shape: tuple[int, int] | None = None,
         url: str | None = None,
-        kernel: Kernel | None = None,
+        kernel: Kernel = LINUX,
         sysfs: Path = Path("/sys"),
     ) -> None:
         """Open, set and start the camera at `path`.
@@ -65,10 +65,10 @@ class V4l2Camera(Camera):
         return self._device.path
 
     @property
-    def dating(self) -> Timing:
+    def stamp_meaning(self) -> StampMeaning:
         """How the start of an exposure follows from a time stamp, as the camera is set now."""
         error_s = _seconds(self._options.stamp_error_us)
-        return Timing(
+        return StampMeaning(
             hardware_stamps=self._hardware_stamps,
             period_s=1 / self.mode.fps,
             exposure_s=_seconds(self.controls.exposure_us),
@@ -80,7 +80,7 @@ class V4l2Camera(Camera):
     @property
     def timing(self) -> CameraTiming:
         """Exposure, readout and period as they are now, with the doubt about each frame's start."""
-        return self.dating.for_light()
+        return self.stamp_meaning.camera_timing()
 
     @property
     def offers(self) -> tuple[Offer, ...]:
@@ -110,7 +110,7 @@ class V4l2Camera(Camera):
                 self.counts.corrupt += 1
                 continue
             self._prove()
-            time_s = self.dating.start_s(picture)
+            time_s = self.stamp_meaning.start_s(picture)
             return CameraFrame(image=image, time_s=time_s, sequence=picture.sequence, source=self.url)
         raise StalledError(
             f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
@@ -130,12 +130,6 @@ class V4l2Camera(Camera):
         """Stop and close; reading afterwards raises CameraError."""
         self._closed = True
         self._device.close()
-
-
-def open_v4l2(url: str, *, kernel: Kernel | None = None) -> V4l2Camera:
-    """Open the camera of a `v4l2://` URL, without reconnection or light; raises as `V4l2Camera` does."""
-    path, options = parse_url(url)
-    return V4l2Camera(path, options, url=url, kernel=kernel)
 
 
 def _seconds(microseconds: float | None) -> float | None:

@@ -2,7 +2,7 @@
 
 import struct
 import threading
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from gellight.base.errors import InputError
 from gellight.simulator.usb.descriptors import CAMERA_UNIT, PROCESSING_UNIT
@@ -10,13 +10,12 @@ from gellight.simulator.usb.descriptors import CAMERA_UNIT, PROCESSING_UNIT
 SET_CURRENT, GET_CURRENT, GET_MINIMUM, GET_MAXIMUM, GET_RESOLUTION, GET_LENGTH, GET_INFO, GET_DEFAULT = (
     0x01, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87,
 )  # fmt: skip
-READABLE, SETTABLE, DISABLED, CHANGES_ITSELF = 0x01, 0x02, 0x04, 0x08
+READABLE, SETTABLE, CHANGES_ITSELF = 0x01, 0x02, 0x08
 MANUAL, APERTURE_PRIORITY = 1, 8
 """auto exposure modes (UVC 1.1, 4.2.2.1.2)"""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Control:
+class UvcControl(NamedTuple):
     """One control as USB Video Class describes it."""
 
     name: str
@@ -29,20 +28,18 @@ class Control:
     step: int
     default: int
     automatic: str = ""
-    """name of the control that takes this one out of the host's hand"""
+    """name of the control that, while on, keeps the host from setting this one"""
 
 
 CONTROLS = (
-    Control(name="auto_exposure", unit=CAMERA_UNIT, selector=2, size=1, least=1, most=8, step=9, default=8),
-    Control(name="dynamic_frame_rate", unit=CAMERA_UNIT, selector=3, size=1, least=0, most=1, step=1, default=1),
-    Control(name="exposure_us", unit=CAMERA_UNIT, selector=4, size=4, least=1, most=5000, step=1, default=80,
-            automatic="auto_exposure"),
-    Control(name="gain", unit=PROCESSING_UNIT, selector=4, size=2, least=0, most=112, step=1, default=0),
-    Control(name="power_line", unit=PROCESSING_UNIT, selector=5, size=1, least=0, most=2, step=1, default=1),
-    Control(name="white_balance_k", unit=PROCESSING_UNIT, selector=10, size=2, least=2800, most=6500, step=10,
-            default=4600, automatic="auto_white_balance"),
-    Control(name="auto_white_balance", unit=PROCESSING_UNIT, selector=11, size=1, least=0, most=1, step=1, default=1),
-)  # fmt: skip
+    UvcControl("auto_exposure", CAMERA_UNIT, 2, 1, 1, 8, 9, 8),
+    UvcControl("dynamic_frame_rate", CAMERA_UNIT, 3, 1, 0, 1, 1, 1),
+    UvcControl("exposure_us", CAMERA_UNIT, 4, 4, 1, 5000, 1, 80, "auto_exposure"),
+    UvcControl("gain", PROCESSING_UNIT, 4, 2, 0, 112, 1, 0),
+    UvcControl("power_line", PROCESSING_UNIT, 5, 1, 0, 2, 1, 1),
+    UvcControl("white_balance_k", PROCESSING_UNIT, 10, 2, 2800, 6500, 10, 4600, "auto_white_balance"),
+    UvcControl("auto_white_balance", PROCESSING_UNIT, 11, 1, 0, 1, 1, 1),
+)
 """units: exposure 100 us, gain 1/16 above one, white balance K, power line 0 off, 1 50 Hz, 2 60 Hz"""
 
 
@@ -75,7 +72,7 @@ class ControlState:
 
     def adjust(self, name: str, value: int) -> None:
         """Let the camera's own automatic change a value, within its range."""
-        control = next(control for control in CONTROLS if control.name == name)
+        control = next(known for known in CONTROLS if known.name == name)
         with self._lock:
             self._values[name] = min(max(value, control.least), control.most)
 
@@ -95,7 +92,7 @@ class ControlState:
                      GET_RESOLUTION: control.step, GET_DEFAULT: control.default}.get(code)  # fmt: skip
         return None if value is None else value.to_bytes(control.size, "little")
 
-    def _set(self, control: Control, data: bytes) -> bytes | None:
+    def _set(self, control: UvcControl, data: bytes) -> bytes | None:
         """Take a value; refused like a real camera does: out of range, or held by an automatic."""
         value = int.from_bytes(data[: control.size], "little")
         with self._lock:

@@ -1,4 +1,4 @@
-"""What the virtual sensor tells about itself: a ring controller like the real one, and a camera, in one USB device.
+"""The descriptors of the virtual sensor: a ring board like the real one, and a camera, in one USB device.
 
 Interfaces 0 and 1 and their endpoints are those of the firmware (firmware/boards/rp2040/usb_descriptors.c), so that
 every way to the real board is also a way to this one. Interfaces 2 and 3 are a camera of USB Video Class 1.1, with a
@@ -8,7 +8,9 @@ bulk endpoint: an isochronous one would have to be served every 125 us.
 import struct
 from dataclasses import dataclass
 
-VENDOR, PRODUCT, RELEASE = 0x1209, 0x0001, 0x0100
+from gellight.ring.usb_numbers import PRODUCT, VENDOR
+
+RELEASE = 0x0100
 MANUFACTURER, NAME = "GelLight", "GelLight virtual sensor"
 NOTIFY_ENDPOINT, SERIAL_ENDPOINT, VIDEO_ENDPOINT = 1, 2, 3
 CONTROL_INTERFACE, STREAMING_INTERFACE = 2, 3

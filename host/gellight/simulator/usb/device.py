@@ -8,32 +8,31 @@ import threading
 from collections.abc import Callable, Mapping
 
 from gellight.base.errors import CameraError, InputError
+from gellight.ring import usb_numbers as numbers
 from gellight.simulator.usb import descriptors
-from gellight.simulator.usb.body import Body, open_body
-from gellight.simulator.usb.faults import Faults
-from gellight.simulator.usb.link import UnpluggedError, UsbLink
+from gellight.simulator.usb.cable import CablePulledError, UsbCable
+from gellight.simulator.usb.camera_and_board import CameraAndBoard, open_inside
+from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.simulator.usb.serial_port import SerialFunction
-from gellight.simulator.usb.usbip import Exported, Urb
+from gellight.simulator.usb.usbip import Urb
 from gellight.simulator.usb.video import VideoFunction, modes_of
 
 logger = logging.getLogger(__name__)
-GET_STATUS, CLEAR_FEATURE, GET_DESCRIPTOR, GET_CONFIGURATION, GET_INTERFACE = 0, 1, 6, 8, 10
-DEVICE, CONFIGURATION, STRING = 1, 2, 3
+ANSWERS = {numbers.GET_STATUS: b"\0\0", numbers.GET_CONFIGURATION: b"\1", numbers.GET_INTERFACE: b"\0"}
 STANDARD, CLASS, INTERFACE_RECIPIENT = 0x00, 0x20, 1
 STOP_S = 10.0
-HONEST = Faults()
 
 
 class VirtualSensor:
-    """Camera and ring controller in one USB device. Close it, or use it in a `with` statement."""
+    """Camera and board of the light ring in one USB device. Close it, or use it in a `with` statement."""
 
-    def __init__(self, body: Body, *, serial_number: str, faults: Faults = HONEST) -> None:
-        """Put a body, which it closes in the end, behind a plug that is not in yet."""
+    def __init__(self, inside: CameraAndBoard, *, serial_number: str, faults: Faults = NO_FAULTS) -> None:
+        """Take over camera and board; the plug is not in yet."""
         self.serial_number = checked_serial(serial_number)
         self.faults = faults
-        self.modes = modes_of(body.camera, body.frame_rate)
-        self._body = body
-        self._link: UsbLink | None = None
+        self.modes = modes_of(inside.camera, inside.frame_rate)
+        self._inside = inside
+        self._cable: UsbCable | None = None
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
         self.unplugged = threading.Event()
@@ -42,8 +41,8 @@ class VirtualSensor:
         self._start_functions()
 
     def _start_functions(self) -> None:
-        self.serial = SerialFunction(self._body.port)
-        self.video = VideoFunction(self._body.camera, self.modes, faults=self.faults, unplug=self.unplug)
+        self.serial = SerialFunction(self._inside.serial_path)
+        self.video = VideoFunction(self._inside.camera, self.modes, faults=self.faults, unplug=self.unplug)
 
     def __enter__(self) -> "VirtualSensor":
         """Return the sensor."""
@@ -52,13 +51,6 @@ class VirtualSensor:
     def __exit__(self, *_: object) -> None:
         """Pull the plug and switch off."""
         self.close()
-
-    def exported(self, bus_id: str) -> Exported:
-        """Describe the device to importers."""
-        return Exported(
-            bus_id=bus_id, vendor=descriptors.VENDOR, product=descriptors.PRODUCT, release=descriptors.RELEASE,
-            device_class=descriptors.COMPOSITE, interfaces=descriptors.INTERFACES,
-        )  # fmt: skip
 
     def inject(self, faults: Faults) -> None:
         """Behave like this from the next picture on, after a replug too."""
@@ -70,56 +62,56 @@ class VirtualSensor:
 
         `greeting` is sent first, when the device is ready.
 
-        Raises InputError when the cable is in already, and BoardError when the controller does not start.
+        Raises InputError when the cable is in already, and BoardError when the board does not start.
         """
         with self._lock:
             if not self.unplugged.is_set():
                 raise InputError(f"the virtual sensor {self.serial_number} is plugged in already: unplug it first")
             self.unplugged.clear()
         try:
-            self._body.power_on()
+            self._inside.power_on()
             connection.sendall(greeting)
         except BaseException:
-            self._body.power_off()
+            self._inside.power_off()
             self.unplugged.set()
             raise
         self._start_functions()
-        link = self._link = UsbLink(connection)
+        cable = self._cable = UsbCable(connection)
         jobs: list[Callable[[], None]] = [
-            lambda: link.run(self._control, lambda urb: self.serial.write(urb.data)),
-            lambda: self.serial.run(link),
-            lambda: self.video.run(link),
+            lambda: cable.run(self._control, lambda urb: self.serial.write(urb.data)),
+            lambda: self.serial.run(cable),
+            lambda: self.video.run(cable),
         ]
-        self._threads = [threading.Thread(target=self._work, args=(link, job), daemon=True) for job in jobs]
+        self._threads = [threading.Thread(target=self._work, args=(cable, job), daemon=True) for job in jobs]
         for thread in [*self._threads, threading.Thread(target=self._settle, args=(self._threads,), daemon=True)]:
             thread.start()
 
     def unplug(self) -> None:
-        """Pull the plug, in mid-stream too; returns at once, `unplugged` tells when the power is gone."""
-        if self._link is not None:
-            self._link.pull()
+        """Pull the plug, in mid-stream too; returns at once; `unplugged` is set when the power is gone."""
+        if self._cable is not None:
+            self._cable.pull()
 
     def close(self) -> None:
         """Pull the plug and switch off for good."""
         self.unplug()
         self.unplugged.wait(STOP_S)
-        self._body.close()
+        self._inside.close()
 
-    def _work(self, link: UsbLink, job: Callable[[], None]) -> None:
+    def _work(self, cable: UsbCable, job: Callable[[], None]) -> None:
         try:
             job()
-        except UnpluggedError:
+        except CablePulledError:
             pass
         except CameraError as error:
             logger.error("the camera of the virtual sensor %s has failed: %s", self.serial_number, error)
         finally:
-            link.pull()
+            cable.pull()
 
     def _settle(self, threads: list[threading.Thread]) -> None:
         for thread in threads:
             thread.join()
         self.serial.close()
-        self._body.power_off()
+        self._inside.power_off()
         self.unplugged.set()
 
     # ---- endpoint 0 ----
@@ -137,18 +129,18 @@ class VirtualSensor:
         return self.video.request(interface, unit, value >> 8, code, urb.data)
 
     def _standard(self, code: int, value: int, index: int) -> bytes | None:
-        if code == GET_DESCRIPTOR:
+        if code == numbers.GET_DESCRIPTOR:
             return self._descriptor(value >> 8, value & 0xFF)
-        if code == CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
+        if code == numbers.CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
             self.video.stop()
-        return {GET_STATUS: b"\0\0", GET_CONFIGURATION: b"\1", GET_INTERFACE: b"\0"}.get(code, b"")
+        return ANSWERS.get(code, b"")
 
     def _descriptor(self, kind: int, index: int) -> bytes | None:
-        if kind == DEVICE:
+        if kind == numbers.DEVICE:
             return descriptors.device_descriptor()
-        if kind == CONFIGURATION and index == 0:
+        if kind == numbers.CONFIGURATION and index == 0:
             return descriptors.configuration_descriptor(self.modes)
-        return descriptors.string_descriptor(index, self.serial_number) if kind == STRING else None
+        return descriptors.string_descriptor(index, self.serial_number) if kind == numbers.STRING else None
 
 
 def checked_serial(text: str) -> str:
@@ -159,12 +151,12 @@ def checked_serial(text: str) -> str:
 
 
 def open_virtual(
-    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = HONEST
+    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
 ) -> VirtualSensor:
-    """Build a virtual sensor around the camera of a URL, `sim://` for the simulated one with its emulated controller.
+    """Build a virtual sensor from the simulated one of a `sim://` URL, with its emulated board.
 
     Raises what opening that camera raises, and InputError for a serial number that no board has.
     """
     number = checked_serial(serial_number)
-    body = open_body(url, unique_id=bytes.fromhex(number), geometry=geometry)
-    return VirtualSensor(body, serial_number=number, faults=faults)
+    inside = open_inside(url, unique_id=bytes.fromhex(number), geometry=geometry)
+    return VirtualSensor(inside, serial_number=number, faults=faults)

@@ -20,7 +20,7 @@ _TAG = b"gellight"
 
 
 class Mark(NamedTuple):
-    """What a JPEG says of itself."""
+    """The truth about a picture, in a comment segment of its JPEG."""
 
     number: int
     """counts the pictures that the camera took since power-on"""

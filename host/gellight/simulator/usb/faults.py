@@ -1,4 +1,4 @@
-"""What can be wrong with a sensor, on purpose: for programs that have to notice it."""
+"""Faults that a virtual sensor makes on purpose, to test programs that have to notice them."""
 
 import math
 from dataclasses import dataclass, fields, replace
@@ -8,7 +8,7 @@ from gellight.base.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """How a virtual sensor lies and fails; the default is an honest one."""
+    """The faults of a virtual sensor; by default it has none."""
 
     drop: float = 0.0
     """share of the frames that the camera loses without a word"""
@@ -35,6 +35,9 @@ class Faults:
         for name in ("late_ms", "stall_after", "unplug_after"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise InputError(f"fault {name}={getattr(self, name)}: give a number from 0 up")
+
+
+NO_FAULTS = Faults()
 
 
 def parse_faults(texts: list[str]) -> Faults:

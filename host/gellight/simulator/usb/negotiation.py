@@ -3,15 +3,7 @@
 import struct
 from dataclasses import dataclass
 
-from gellight.simulator.usb.controls import (  # fmt: skip
-    GET_CURRENT,
-    GET_DEFAULT,
-    GET_INFO,
-    GET_LENGTH,
-    GET_MAXIMUM,
-    GET_MINIMUM,
-    SET_CURRENT,
-)
+from gellight.simulator.usb import controls
 from gellight.simulator.usb.descriptors import CLOCK_HZ, MJPG, YUYV, VideoModes
 
 PROBE, COMMIT = 1, 2
@@ -20,7 +12,7 @@ _BLOCK = struct.Struct("<HBBIHHHHHIIIBBBB")
 
 
 @dataclass(frozen=True)
-class Mode:
+class StreamMode:
     """What is streamed."""
 
     format: int
@@ -36,33 +28,33 @@ class Negotiation:
     def __init__(self, modes: VideoModes) -> None:
         """Offer `modes`."""
         self._modes = modes
-        self._probed = Mode(MJPG, 1, modes.intervals[0])
-        self.committed: Mode | None = None
+        self._probed = StreamMode(MJPG, 1, modes.intervals[0])
+        self.committed: StreamMode | None = None
 
     def request(self, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a request to the streaming interface; None: refused."""
         if selector not in (PROBE, COMMIT):
             return None
-        if code == SET_CURRENT:
+        if code == controls.SET_CURRENT:
             if len(data) < 8:
                 return None
             self._probed = self._nearest(data)
             if selector == COMMIT:
                 self.committed = self._probed
             return b""
-        if code == GET_INFO:
+        if code == controls.GET_INFO:
             return b"\x03"
-        if code == GET_LENGTH:
+        if code == controls.GET_LENGTH:
             return struct.pack("<H", _BLOCK.size)
-        if code in (GET_CURRENT, GET_MINIMUM, GET_MAXIMUM, GET_DEFAULT):
+        if code in (controls.GET_CURRENT, controls.GET_MINIMUM, controls.GET_MAXIMUM, controls.GET_DEFAULT):
             return self._pack()
         return None
 
-    def _nearest(self, data: bytes) -> Mode:
+    def _nearest(self, data: bytes) -> StreamMode:
         """Return the offered mode that is nearest to what the host asks for."""
         _hint, wanted, size, interval = struct.unpack_from("<HBBI", data)
         offered = self._modes.intervals
-        return Mode(
+        return StreamMode(
             min(max(wanted, MJPG), YUYV),
             min(max(size, 1), len(self._modes.sizes)),
             min(offered, key=lambda known: abs(known - interval)) if interval else offered[0],

@@ -1,4 +1,4 @@
-"""The serial function of the device (CDC-ACM): a cable from the USB endpoints to the controller's terminal.
+"""The serial function of the device (CDC-ACM): passes bytes between the USB endpoints and the board's terminal.
 
 The terminal is held open exactly while the host holds DTR up, so that the firmware notices a closed port.
 """
@@ -10,11 +10,10 @@ import struct
 import threading
 import time
 
+from gellight.ring.usb_numbers import DTR, GET_LINE_CODING, SEND_BREAK, SET_CONTROL_LINE_STATE, SET_LINE_CODING
+from gellight.simulator.usb.cable import UsbCable
 from gellight.simulator.usb.descriptors import SERIAL_ENDPOINT
-from gellight.simulator.usb.link import UsbLink
 
-SET_LINE_CODING, GET_LINE_CODING, SET_CONTROL_LINE_STATE, SEND_BREAK = 0x20, 0x21, 0x22, 0x23
-DTR = 1
 WAIT_S = 0.02
 
 
@@ -22,7 +21,7 @@ class SerialFunction:
     """Interfaces 0 and 1."""
 
     def __init__(self, path: str) -> None:
-        """Connect to the terminal at `path`; "": nobody is there, bytes are lost."""
+        """Connect to the terminal at `path`; "": there is none, bytes are lost."""
         self._path = path
         self._terminal: int | None = None
         self._lock = threading.Lock()
@@ -46,12 +45,12 @@ class SerialFunction:
             if self._terminal is not None:
                 os.write(self._terminal, data)
 
-    def run(self, link: UsbLink) -> None:
-        """Bring the controller's bytes to the host until the cable is pulled."""
-        while link.plugged:
+    def run(self, cable: UsbCable) -> None:
+        """Bring the board's bytes to the host until the cable is pulled."""
+        while cable.plugged:
             data = self._read()
             if data:
-                link.send(SERIAL_ENDPOINT, data, wanted=lambda: link.plugged, ended=False)
+                cable.send(SERIAL_ENDPOINT, data, wanted=lambda: cable.plugged, ended=False)
 
     def close(self) -> None:
         """Let go of the terminal."""

@@ -1,4 +1,4 @@
-"""The wire format of USB/IP: who offers which device, and the URBs of one that is imported.
+"""The wire format of USB/IP: which devices are offered, and the URBs of one that is imported.
 
 Source: Documentation/usb/usbip_protocol.rst of the Linux kernel. All numbers are big-endian; the eight bytes of a
 setup packet are as on the bus. Only bulk, interrupt and control transfers; none of our endpoints is isochronous.
@@ -8,7 +8,8 @@ import socket
 import struct
 from dataclasses import dataclass
 
-from gellight.base.errors import BoardError
+from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from gellight.simulator.usb.descriptors import COMPOSITE, INTERFACES, RELEASE
 
 VERSION = 0x0111
 REQUEST_LIST, REPLY_LIST = 0x8005, 0x0005
@@ -26,31 +27,6 @@ _RETURN = struct.Struct(">IIIIIiiiii8x")
 _UNLINKED = struct.Struct(">IIIIIi24x")
 BUS_ID_BYTES = 32
 HEADER_BYTES = 48
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exported:
-    """A device as it is offered to importers."""
-
-    bus_id: str
-    vendor: int
-    product: int
-    release: int
-    device_class: tuple[int, int, int]
-    interfaces: tuple[tuple[int, int, int], ...]
-    """class, subclass and protocol of each"""
-    number: int = 1
-
-    def pack(self) -> bytes:
-        """Return the 312 bytes that describe it."""
-        return _DEVICE.pack(
-            f"/sys/devices/gellight/{self.bus_id}".encode(), self.bus_id.encode(), 1, self.number, HIGH_SPEED,
-            self.vendor, self.product, self.release, *self.device_class, 1, 1, len(self.interfaces),
-        )  # fmt: skip
-
-    def pack_interfaces(self) -> bytes:
-        """Return four bytes for each interface."""
-        return b"".join(struct.pack("BBBx", *interface) for interface in self.interfaces)
 
 
 @dataclass(frozen=True)
@@ -97,30 +73,25 @@ def read_operation(connection: socket.socket) -> tuple[int, str]:
     raise ValueError(f"operation {code:04x} is neither the list nor an import")
 
 
-def pack_list(devices: list[Exported]) -> bytes:
-    """Return the reply that lists devices."""
-    body = b"".join(device.pack() + device.pack_interfaces() for device in devices)
-    return _OPERATION.pack(VERSION, REPLY_LIST, 0) + struct.pack(">I", len(devices)) + body
+def _described(bus_id: str) -> bytes:
+    """Return the 312 bytes that describe a virtual sensor to importers."""
+    bus, device, configuration, configurations = 1, 1, 1, 1
+    return _DEVICE.pack(
+        f"/sys/devices/gellight/{bus_id}".encode(), bus_id.encode(), bus, device, HIGH_SPEED, VENDOR, PRODUCT, RELEASE,
+        *COMPOSITE, configuration, configurations, len(INTERFACES),
+    )  # fmt: skip
 
 
-def pack_import(device: Exported | None) -> bytes:
+def pack_list(bus_ids: list[str]) -> bytes:
+    """Return the reply that lists sensors: each with four bytes for every interface."""
+    interfaces = b"".join(struct.pack("BBBx", *interface) for interface in INTERFACES)
+    body = b"".join(_described(bus_id) + interfaces for bus_id in bus_ids)
+    return _OPERATION.pack(VERSION, REPLY_LIST, 0) + struct.pack(">I", len(bus_ids)) + body
+
+
+def pack_import(bus_id: str | None) -> bytes:
     """Return the reply to an import; None: refused."""
-    return _OPERATION.pack(VERSION, REPLY_IMPORT, int(device is None)) + (device.pack() if device else b"")
-
-
-def import_device(connection: socket.socket, bus_id: str) -> tuple[int, int]:
-    """Import a device as a client; return its device id and speed, as vhci-hcd wants them.
-
-    Raises BoardError when the server does not offer it.
-    """
-    request = _OPERATION.pack(VERSION, REQUEST_IMPORT, 0) + bus_id.encode().ljust(BUS_ID_BYTES, b"\0")
-    connection.sendall(request)
-    _version, code, status = _OPERATION.unpack(receive(connection, _OPERATION.size))
-    if code != REPLY_IMPORT or status:
-        raise BoardError(f"no free device {bus_id!r} is offered there: see `gellight virtual-sensor --listen`")
-    fields = _DEVICE.unpack(receive(connection, _DEVICE.size))
-    bus, number, speed = fields[2:5]
-    return bus << 16 | number, speed
+    return _OPERATION.pack(VERSION, REPLY_IMPORT, int(bus_id is None)) + (_described(bus_id) if bus_id else b"")
 
 
 def read_request(connection: socket.socket) -> Urb | Unlink:

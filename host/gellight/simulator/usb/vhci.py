@@ -1,10 +1,11 @@
-"""Plugs a USB/IP connection into this Linux: its virtual host controller, the kernel module vhci-hcd."""
+"""Plug a virtual sensor into this Linux: its virtual USB host controller, the kernel module vhci-hcd."""
 
 import os
 import socket
 from pathlib import Path
 
 from gellight.base.errors import BoardError
+from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.usbip import HIGH_SPEED
 
 CONTROLLER = Path("/sys/devices/platform/vhci_hcd.0")
@@ -58,3 +59,20 @@ def attach(connection: socket.socket, port: int, *, device_id: int = 0x10001, sp
             os.close(descriptor)
     except OSError as error:
         raise BoardError(f"the kernel does not take the virtual device at port {port} ({error})") from error
+
+
+def plug_in(sensor: VirtualSensor, port: int | None = None) -> int:
+    """Plug into a virtual USB port (None: the first free one) and return its number.
+
+    Raises BoardError with the remedy when this machine cannot.
+    """
+    chosen = choose_port(port)
+    ours, kernels = socket.socketpair()
+    with kernels:
+        sensor.plug(ours)
+        try:
+            attach(kernels, chosen)
+        except BaseException:
+            sensor.unplug()
+            raise
+    return chosen

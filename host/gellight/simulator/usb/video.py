@@ -9,19 +9,14 @@ from dataclasses import replace
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
+from gellight.simulator.usb import descriptors
+from gellight.simulator.usb.cable import UsbCable
+from gellight.simulator.usb.control_effects import developed, run_automatics, set_up
 from gellight.simulator.usb.controls import ControlState
-from gellight.simulator.usb.descriptors import (  # fmt: skip
-    CONTROL_INTERFACE,
-    MJPG,
-    STREAMING_INTERFACE,
-    VIDEO_ENDPOINT,
-    VideoModes,
-)
+from gellight.simulator.usb.descriptors import VideoModes
 from gellight.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
 from gellight.simulator.usb.faults import Faults
-from gellight.simulator.usb.imaging import developed, run_automatics, set_up
-from gellight.simulator.usb.link import UsbLink
-from gellight.simulator.usb.negotiation import HEADER_BYTES, Mode, Negotiation
+from gellight.simulator.usb.negotiation import HEADER_BYTES, Negotiation, StreamMode
 
 END_OF_HEADER, ERROR, END_OF_FRAME = 0x80, 0x40, 0x02
 LATENCY_FRAMES = 2
@@ -64,25 +59,25 @@ class VideoFunction:
 
     def request(self, interface: int, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a class request; None: refused."""
-        if interface == STREAMING_INTERFACE:
+        if interface == descriptors.STREAMING_INTERFACE:
             return self.negotiation.request(selector, code, data)
-        return self.controls.request(unit, selector, code, data) if interface == CONTROL_INTERFACE else None
+        return self.controls.request(unit, selector, code, data) if interface == descriptors.CONTROL_INTERFACE else None
 
     def stop(self) -> None:
-        """End the stream: what the host says by clearing the halt of the endpoint."""
+        """End the stream, as a host asks by clearing the halt of the endpoint."""
         self.negotiation.committed = None
 
-    def run(self, link: UsbLink) -> None:
-        """Stream whenever the host has committed a mode, until the cable is pulled (UnpluggedError)."""
+    def run(self, cable: UsbCable) -> None:
+        """Stream whenever the host has committed a mode, until the cable is pulled (CablePulledError)."""
         while True:
             mode = self.negotiation.committed
             if mode is None:
-                link.sleep_until(time.monotonic() + IDLE_S, lambda: True)
+                cable.sleep_until(time.monotonic() + IDLE_S, lambda: True)
             else:
                 self.streams += 1
-                self._stream(link, mode, lambda mode=mode: self.negotiation.committed is mode)  # type: ignore[misc]
+                self._stream(cable, mode, lambda mode=mode: self.negotiation.committed is mode)  # type: ignore[misc]
 
-    def _stream(self, link: UsbLink, mode: Mode, wanted: Callable[[], bool]) -> None:
+    def _stream(self, cable: UsbCable, mode: StreamMode, wanted: Callable[[], bool]) -> None:
         count, due_s = 0, time.monotonic()
         self._last = None
         self._values.clear()
@@ -91,13 +86,13 @@ class VideoFunction:
             faults = self._faults
             if faults.unplug_after and count > faults.unplug_after:
                 self._unplug()
-            link.sleep_until(due_s, wanted)
+            cable.sleep_until(due_s, wanted)
             values, frame = self._expose(mode)
             due_s += max(time.monotonic() - due_s, values["exposure_us"] * 1e-4)  # long exposures slow the camera down
             if not (faults.stall_after and count > faults.stall_after):
-                self._send(link, self._encode(frame, mode, values), faults, wanted)
+                self._send(cable, self._encode(frame, mode, values), faults, wanted)
 
-    def _expose(self, mode: Mode) -> tuple[dict[str, int], CameraFrame]:
+    def _expose(self, mode: StreamMode) -> tuple[dict[str, int], CameraFrame]:
         """Take the next picture at the negotiated rate, and let the automatics see it."""
         self._values.append(self.controls.snapshot())
         values = self._values[0]
@@ -111,13 +106,13 @@ class VideoFunction:
         run_automatics(self.controls, frame.image, mode.interval // 1000)
         return values, frame
 
-    def _encode(self, frame: CameraFrame, mode: Mode, values: dict[str, int]) -> bytes:
+    def _encode(self, frame: CameraFrame, mode: StreamMode, values: dict[str, int]) -> bytes:
         image = binned(frame.image, self._modes.sizes[mode.size_index - 1])
-        if mode.format == MJPG:
+        if mode.format == descriptors.MJPG:
             return to_jpeg(image, Mark(self._taken, frame.time_s, values["exposure_us"] * 100))
         return to_yuyv(image)
 
-    def _send(self, link: UsbLink, picture: bytes, faults: Faults, wanted: Callable[[], bool]) -> None:
+    def _send(self, cable: UsbCable, picture: bytes, faults: Faults, wanted: Callable[[], bool]) -> None:
         """Send a picture as one payload, after doing to it what the faults say."""
         chance = self._random.random
         if chance() < faults.drop:
@@ -129,7 +124,7 @@ class VideoFunction:
             picture = picture[: len(picture) // 2]
         damaged = ERROR if chance() < faults.error else 0
         if faults.late_ms:
-            link.sleep_until(time.monotonic() + chance() * faults.late_ms * 1e-3, wanted)
+            cable.sleep_until(time.monotonic() + chance() * faults.late_ms * 1e-3, wanted)
         header = bytes((HEADER_BYTES, END_OF_HEADER | END_OF_FRAME | self._toggle | damaged))
         self._toggle ^= 1
-        self.sent += link.send(VIDEO_ENDPOINT, header + picture, wanted=wanted)
+        self.sent += cable.send(descriptors.VIDEO_ENDPOINT, header + picture, wanted=wanted)

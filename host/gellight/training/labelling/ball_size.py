@@ -11,10 +11,9 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame
-from gellight.frames.image_files import read_image
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.training.presses import Ball, Press, distance_px
+from gellight.training.validation import frame_of
 
 TOLERANCE = 0.12
 """relative difference of radii from which a ball counts as another one"""
@@ -46,10 +45,8 @@ def check_ball(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> float:
 
 def _radius_px(reconstructor: Reconstructor, press: Press) -> float:
     """Least squares of sin(slope) = distance / R over a ring of the contact; slopes count along the radius only."""
-    image = read_image(press.image)
-    frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
-    normal = reconstructor.reconstruct(frame).normal_map
-    distance = distance_px(press, (image.shape[0], image.shape[1])).astype(np.float64)
+    normal = reconstructor.reconstruct(frame_of(press)).normal_map
+    distance = distance_px(press, (normal.shape[0], normal.shape[1])).astype(np.float64)
     ring = (distance > _INNER * press.contact_radius_px) & (distance < _OUTER * press.contact_radius_px)
     rows, columns = np.nonzero(ring)
     r = distance[ring]

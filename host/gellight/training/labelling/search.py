@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from gellight.reconstruction.pixel_grid import block_means
 from gellight.training.labelling.pattern import PressShape, response
 
 Array = NDArray[np.float64]
@@ -30,9 +31,7 @@ class Candidate:
 def shrunken(difference: Array, ball_radius: float) -> tuple[Array, int]:
     """Return means of cells of the (H, W, 3) image, and the cells' side in px."""
     side = max(1, round(ball_radius / _COARSE_BALL_PX))
-    height, width = (length // side * side for length in difference.shape[:2])
-    cells = difference[:height, :width].reshape(height // side, side, width // side, side, 3)
-    return cells.mean(axis=(1, 3)), side
+    return block_means(difference, side), side
 
 
 def best_candidate(difference: Array, ball_radius: float) -> Candidate:

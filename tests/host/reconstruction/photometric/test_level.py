@@ -7,7 +7,7 @@ import pytest
 
 from gellight.reconstruction.photometric.level import Level, find_level, samples
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel, Signals, signals_of
-from gellight.reconstruction.photometric.reconstructor import gel_points
+from gellight.reconstruction.photometric.reconstructor import flat_gel
 from gellight.reconstruction.photometric.solver import Points
 from gellight.simulator.scene import Press
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, SMALL, Gel
@@ -30,7 +30,7 @@ def measured(gel: Gel, model: LightModel, press: Press | None, wrong_mm: float) 
     signals = signals_of([[gel.picture(press, group)] for group in groups], groups, model, gel.base.noise_grey)
     _, surface = gel.scene.show(press)
     gel.expose(1.0)
-    points = gel_points(SMALL.image_shape, PIXEL_MM)
+    points = flat_gel(SMALL.image_shape, PIXEL_MM)
     points = replace(points, z_mm=surface.depth_mm.ravel() + np.float32(wrong_mm))
     references = model.references(LightGroups.TRIPLES).astype(np.float32).reshape(12, -1)
     return find_level(signals, references, points, RING)

@@ -12,8 +12,8 @@ from gellight.sensor.v4l2.errors import CorruptPictureError, StalledError
 from gellight.sensor.v4l2.formats import Mode, Wanted
 from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.stamps import hardware_stamps
-from gellight.sensor.v4l2.video_camera import V4l2Camera, open_v4l2
-from tests.helpers.v4l2_pictures import PATH, fake, jpeg, scene
+from gellight.sensor.v4l2.video_camera import V4l2Camera
+from tests.helpers.v4l2_pictures import PATH, fake, jpeg, open_v4l2, scene
 
 # ---- decoding raw pictures ----
 
@@ -48,7 +48,7 @@ def test_corrupt_pictures_are_counted_and_never_delivered() -> None:
         return data[:4000] + data[6000:] if number % 3 == 1 else data
 
     kernel, _ = fake(payload=payload)
-    with open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel=kernel) as camera:
+    with open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel) as camera:
         frames = [camera.read() for _ in range(8)]
     assert all(frame.sequence % 3 != 1 for frame in frames)
     assert camera.counts.corrupt == 4
@@ -60,7 +60,7 @@ def test_corrupt_pictures_are_counted_and_never_delivered() -> None:
 
 def test_a_camera_that_never_sends_a_whole_picture_is_stalled() -> None:
     kernel, _ = fake()
-    camera = open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel=kernel)
+    camera = open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel)
     with camera, pytest.raises(StalledError, match="not whole"):
         camera.read()
 
@@ -88,7 +88,7 @@ def test_the_start_of_the_exposure_follows_from_what_the_stamp_means(
 def test_a_stamp_in_the_future_gives_way_to_the_arrival() -> None:
     kernel, _ = fake(stamp=lambda number, time_s: time_s + 5, payload=lambda number: b"\x80" * 32 * 24 * 2)
     url = f"v4l2://{PATH}?exposure_us=8000&width=32&height=24&readout_us=12000"
-    with open_v4l2(url, kernel=kernel) as camera:
+    with open_v4l2(url, kernel) as camera:
         frame = camera.read()
         assert frame.time_s == pytest.approx(kernel.now_s - 0.020, abs=1e-5)
 

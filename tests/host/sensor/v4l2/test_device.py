@@ -2,8 +2,10 @@
 
 import errno
 import os
+import sys
 import threading
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
@@ -17,6 +19,7 @@ from gellight.sensor.v4l2.errors import BusyError, DeniedError, UnpluggedError
 from gellight.sensor.v4l2.formats import Wanted, choose
 from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.video_camera import V4l2Camera
+from tests.helpers.children import started
 from tests.helpers.fake_kernel import FakeCamera, FakeControl, refuse
 from tests.helpers.v4l2_pictures import PATH, fake, jpeg, scene
 
@@ -83,8 +86,8 @@ def test_a_range_of_rates_holds_every_rate_in_it() -> None:
     with Device(PATH, kernel=kernel) as device:
         (offer,) = offered = device.offers()
     assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
-    assert choose(offered, Wanted(), path=PATH)[1].fps == 30, "not 1, the nearer one of its ends"
-    assert choose(offered, Wanted(fps=25), path=PATH)[1].fps == 25
+    assert choose(offered, Wanted(), path=PATH).fps == 30, "not 1, the nearer one of its ends"
+    assert choose(offered, Wanted(fps=25), path=PATH).fps == 25
     with pytest.raises(CameraError, match="60 to 1 fps"):
         choose(offered, Wanted(fps=90), path=PATH)
 
@@ -164,14 +167,10 @@ def test_holders_are_found_by_their_open_files(tmp_path: Path) -> None:
 
 
 def test_an_open_file_of_another_process_is_seen_for_real(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
     path = tmp_path / "device"
     path.touch()
     code = f"import sys; f = open({str(path)!r}); print('open', flush=True); sys.stdin.read()"
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        assert other.stdout is not None
+    with started([sys.executable, "-c", code], stdin=PIPE, stdout=PIPE) as other:
         other.stdout.readline()
         assert [number for number, _ in holders(path)] == [other.pid]
         other.communicate()

@@ -3,10 +3,9 @@
 import os
 import re
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -16,10 +15,10 @@ from gellight.cli import virtual_sensor
 from gellight.ring.light_ring import LightRing
 from gellight.simulator.usb import vhci
 from gellight.simulator.usb.device import VirtualSensor, open_virtual
-from gellight.simulator.usb.geometry import sized_geometry
-from gellight.simulator.usb.server import UsbipServer
-from gellight.simulator.usb.usbip import import_device
-from tests.helpers.usb_client import UsbClient
+from gellight.simulator.usb.picture_size import sized_geometry
+from gellight.simulator.usb.usbip_server import UsbipServer
+from tests.helpers.children import GELLIGHT, gellight, started
+from tests.helpers.usb_client import UsbClient, import_device
 
 TABLE = """hub port sta spd dev      sockfd local_busid
 hs  0000 006 003 00010001 000003 1-1
@@ -106,8 +105,7 @@ def test_only_a_simulated_sensor_can_be_virtual() -> None:
     ],
 )
 def test_the_verb_names_what_is_wrong_in_one_line(options: list[str], message: str) -> None:
-    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", "virtual-sensor", *options]
-    done = subprocess.run([*command, "--size", "32x24"], capture_output=True, text=True, timeout=60)
+    done = gellight("virtual-sensor", *options, "--size", "32x24")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert message in done.stderr
@@ -151,11 +149,21 @@ class PluggedRing:
 
 def latched(sensor: VirtualSensor, *, last: bool = False) -> set[int]:
     """The values that the LEDs show now, as soon as the emulator has told so (`last`: in the end)."""
-    board = sensor._body.board
+    board = sensor._inside.board
     end = time.monotonic() + 5
     while board.light_at(np.inf).any() == last and time.monotonic() < end:
         time.sleep(0.01)
     return set(board.light_at(np.inf).ravel().tolist())
+
+
+@pytest.mark.parametrize("url", ["sim://?board=0", "sim://?board=false&fps=20"])
+def test_without_a_board_the_serial_port_is_silent(url: str) -> None:
+    with open_virtual(url, serial_number="C3", geometry=sized_geometry("64x48")) as sensor:
+        ours, theirs = socket.socketpair()
+        with ours:
+            sensor.plug(theirs)
+            assert sensor._inside.board is None
+            assert sensor._inside.camera.ring is None
 
 
 def test_the_emulated_firmware_answers_at_the_serial_endpoints_and_lights_the_picture() -> None:
@@ -172,26 +180,22 @@ def test_the_emulated_firmware_answers_at_the_serial_endpoints_and_lights_the_pi
 
 
 def test_what_the_verb_offers_can_be_imported() -> None:
-    command = [sys.executable, "-c", "from gellight.cli.main import run; run()", "virtual-sensor"]
     options = ["--sensor", "sim://?board=0", "--size", "32x24", "--listen", "127.0.0.1:0", "--seconds", "20"]
-    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as process:
-        try:
-            line = process.stdout.readline()
-            found = re.search(r"--tcp-port (\d+) ", line)
-            assert found, line
-            with socket.create_connection(("127.0.0.1", int(found[1]))) as connection:
-                assert import_device(connection, "1-1") == (0x10001, 3)
-                client = UsbClient(connection)
-                client.start()
-                assert client.payload().data.startswith(b"\xff\xd8")
-        finally:
-            process.terminate()
+    with started([*GELLIGHT, "virtual-sensor", *options], stdout=PIPE, text=True) as verb:
+        line = verb.stdout.readline()
+        found = re.search(r"--tcp-port (\d+) ", line)
+        assert found, line
+        with socket.create_connection(("127.0.0.1", int(found[1]))) as connection:
+            assert import_device(connection, "1-1") == (0x10001, 3)
+            client = UsbClient(connection)
+            client.start()
+            assert client.payload().data.startswith(b"\xff\xd8")
 
 
 def test_the_cable_that_a_fault_pulls_goes_into_the_next_port(monkeypatch: pytest.MonkeyPatch) -> None:
     ports: list[int | None] = []
     monkeypatch.setattr(virtual_sensor, "REPLUG_S", 0.01)
-    monkeypatch.setattr("gellight.simulator.usb.attaching.plug_in", lambda device, port: ports.append(port) or 3)
+    monkeypatch.setattr(virtual_sensor, "plug_in", lambda device, port: ports.append(port) or 3)
 
     class Unplugging:
         serial_number = "1"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.simulator.usb.body import CameraBody
+from gellight.simulator.usb.camera_and_board import CameraAndBoard
 from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.encoding import read_mark
 from gellight.simulator.usb.faults import Faults, parse_faults
@@ -26,7 +26,7 @@ def camera() -> CardCamera:
 
 @pytest.fixture
 def sensor(camera: CardCamera) -> Iterator[VirtualSensor]:
-    with VirtualSensor(CameraBody(camera, frame_rate=200), serial_number="1") as sensor:
+    with VirtualSensor(CameraAndBoard(camera, frame_rate=200), serial_number="1") as sensor:
         yield sensor
 
 
@@ -252,11 +252,11 @@ def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
 
 def test_a_control_that_is_not_there_cannot_be_stuck() -> None:
     with pytest.raises(InputError, match="exposure_us"):
-        VirtualSensor(CameraBody(CardCamera()), serial_number="1", faults=Faults(stuck="zoom"))
+        VirtualSensor(CameraAndBoard(CardCamera()), serial_number="1", faults=Faults(stuck="zoom"))
 
 
 def test_a_cable_whose_other_end_has_gone_leaves_no_controller_running(camera: CardCamera) -> None:
-    class Counting(CameraBody):
+    class Counting(CameraAndBoard):
         powered = 0
 
         def power_on(self) -> None:

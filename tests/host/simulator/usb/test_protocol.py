@@ -8,13 +8,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from gellight.base.errors import BoardError, InputError
-from gellight.ring.transport import DATA_INTERFACE, IN_ENDPOINT, OUT_ENDPOINT, PRODUCT, VENDOR
-from gellight.simulator.usb.body import CameraBody
+from gellight.base.errors import InputError
+from gellight.ring.usb_numbers import DATA_INTERFACE, IN_ENDPOINT, OUT_ENDPOINT, PRODUCT, VENDOR
+from gellight.simulator.usb.camera_and_board import CameraAndBoard
 from gellight.simulator.usb.device import VirtualSensor
-from gellight.simulator.usb.server import UsbipServer
-from gellight.simulator.usb.usbip import import_device
-from tests.helpers.usb_client import CardCamera, UsbClient
+from gellight.simulator.usb.usbip_server import UsbipServer
+from tests.helpers.usb_client import CardCamera, UsbClient, import_device
 
 SERIAL = "00000000000000A1"
 
@@ -26,7 +25,7 @@ def drain(client: UsbClient) -> None:
 
 @pytest.fixture
 def sensor() -> Iterator[VirtualSensor]:
-    with VirtualSensor(CameraBody(CardCamera(), frame_rate=200), serial_number="a1") as sensor:
+    with VirtualSensor(CameraAndBoard(CardCamera(), frame_rate=200), serial_number="a1") as sensor:
         yield sensor
 
 
@@ -140,7 +139,7 @@ def test_it_is_imported_over_the_network_by_one_machine_at_a_time(sensor: Virtua
             assert UsbClient(connection).descriptor(3, 3)[2:].decode("utf-16-le") == SERIAL
             with (
                 socket.create_connection(("127.0.0.1", server.port)) as second,
-                pytest.raises(BoardError, match="'1-1'"),
+                pytest.raises(ConnectionRefusedError, match="'1-1'"),
             ):
                 import_device(second, "1-1")
         assert sensor.unplugged.wait(5), "the importer hung up"
@@ -173,4 +172,4 @@ def test_rubbish_is_turned_away_and_the_next_importer_served(sensor: VirtualSens
 @pytest.mark.parametrize("number", ["", "xyz", "1" * 17, "-1"])
 def test_a_serial_number_that_no_board_has_is_refused(number: str) -> None:
     with pytest.raises(InputError, match="16 hexadecimal digits"):
-        VirtualSensor(CameraBody(CardCamera()), serial_number=number)
+        VirtualSensor(CameraAndBoard(CardCamera()), serial_number=number)

@@ -78,7 +78,7 @@ def test_an_object_that_is_no_ball_is_refused() -> None:
         find_circle(image.astype(np.uint8), reference(), ball=BALL)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="needs the real presses beside the checkout")
+@pytest.mark.real_images
 def test_on_a_real_sensor_every_press_is_found_where_a_hand_put_it() -> None:
     folder = DATA / "gelsight_mini_ball"
     ball, untouched = Ball(radius_mm=2.35, pixel_size_mm=0.05107), read_image(folder / "background.png")
@@ -92,7 +92,7 @@ def test_on_a_real_sensor_every_press_is_found_where_a_hand_put_it() -> None:
     assert max(apart) < 9
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="needs the real presses beside the checkout")
+@pytest.mark.real_images
 @pytest.mark.parametrize(("sensor", "x", "y"), [(1, 243, 188), (2, 283, 173)])
 def test_it_is_found_under_white_light_too(sensor: int, x: float, y: float) -> None:
     folder = DATA / f"ninedtact/sensor_{sensor}/depth_calibration"

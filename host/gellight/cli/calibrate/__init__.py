@@ -1,0 +1,1 @@
+"""`gellight calibrate`: one file a verb."""

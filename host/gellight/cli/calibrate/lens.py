@@ -1,0 +1,58 @@
+"""`gellight calibrate lens`: measure the distortion of the camera with a pin grid, and add it to a bundle."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gellight.bundle.bundle import load_bundle
+from gellight.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
+from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.frames.image_files import image_files
+
+
+@with_options
+def command(
+    images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="pictures of the grid: files or folders")],
+    pitch_mm: Annotated[float, typer.Option(help="distance of two neighbouring pins of the square grid, mm")],
+    calibration: Annotated[str, typer.Option(help="bundle that the lens is added to")],
+    new: NewBundle,
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            help="image of the untouched gel, or a folder of them: for pins that press into it, felt by the bundle"
+        ),
+    ] = None,
+    overlay: Annotated[Path | None, typer.Option(help="PNG file to draw the pins of the first picture into")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the distortion of the lens and write the bundle with it.
+
+    The pictures show a grid of pins. Depth, contact and slopes are then over the undistorted gel. Without such a file
+    in its bundle nothing changes.
+    """
+    bundle = load_bundle(calibration)
+    paths = [path for text in images for path in image_files(text)]
+    fit = measure_lens(bundle, paths, pitch_mm, reference)
+    if overlay is not None:
+        write_overlay(overlay, paths[0], fit)
+    written = add_lens(bundle, fit, paths, new.out, overwrite=new.overwrite)
+    result = {"calibration": str(new.out), "identity": written.identity, **figures(fit, bundle).as_json()}
+    typer.echo(json.dumps(result, indent=2) if as_json else _text(result))
+
+
+def _text(result: dict[str, Any]) -> str:
+    x, y = result["middle_mm_per_px"]
+    bundle_x, bundle_y = result["bundle_mm_per_px"]
+    return "\n".join(
+        [
+            f"{result['pins']} pins in {result['pictures']} picture(s)",
+            f"off a straight grid   {result['rms_before_px']:.3f} px, {1000 * result['rms_before_mm']:.1f} um rms",
+            f"off this lens         {result['rms_after_px']:.3f} px, {1000 * result['rms_after_mm']:.1f} um rms",
+            f"the lens moves a corner of the picture by {result['corner_moves_px']:.1f} px",
+            f"pixels in the middle  {x:.5f} x {y:.5f} mm; undistorted ones, by the bundle, {bundle_x:g} x {bundle_y:g}",
+            f"not seen by the camera: {100 * result['not_seen_share']:.1f} % of the undistorted view",
+            f"wrote {result['calibration']}",
+        ]
+    )

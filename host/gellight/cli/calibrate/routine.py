@@ -1,0 +1,203 @@
+"""`gellight calibrate` itself: the guided routine in the terminal, and by itself on the simulated sensor."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gellight.base.errors import BundleError, InputError
+from gellight.base.settings import load_settings
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.limits import Limits
+from gellight.bundle.store import BundleStore
+from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.routine import Routine
+from gellight.calibration.state import Identity, discard, unfinished
+from gellight.cli.calibrate.screen import follow
+from gellight.cli.calibrate.training import Training
+from gellight.cli.options import AsJson, Sensor, with_options
+from gellight.daemon.installing import install, sensor_name
+from gellight.frames.camera import Camera
+from gellight.opening import open_camera
+from gellight.simulator.virtual_hand import hand_of
+
+
+@dataclass(frozen=True)
+class Target:
+    """The sensor that is calibrated, and where its bundle and its state are kept."""
+
+    sensor: Sensor = None
+    name: Annotated[str | None, typer.Option(help="Name of the sensor.", show_default="serial number of its board")] = (
+        None
+    )
+    out: Annotated[Path, typer.Option(help="Folder of the bundle to write.")] = Path("calibration")
+    folder: Annotated[Path | None, typer.Option(help="Where the state is kept.", show_default="OUT.state")] = None
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted calibration.")] = False
+    restart: Annotated[bool, typer.Option("--restart", help="Throw an interrupted calibration away.")] = False
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
+    install: Annotated[
+        bool, typer.Option("--install", help="Put what passes into service: kept, and remembered by the board.")
+    ] = False
+
+    @property
+    def state(self) -> Path:
+        """Folder of the state."""
+        return self.folder or self.out.with_name(self.out.name + ".state")
+
+    def begun(self) -> Identity | None:
+        """Return what the interrupted calibration that is gone on with was begun with; None for a new one.
+
+        Raises InputError unless it is clear what to do.
+        """
+        begun = unfinished(self.state)
+        if self.resume and begun is None:
+            raise InputError(
+                f"there is no interrupted calibration in {self.state}: leave --resume out, or give its --folder"
+            )
+        if begun is not None and not (self.resume or self.restart):
+            raise InputError(f"an interrupted calibration lies in {self.state}: give --resume to go on, or --restart")
+        return None if self.restart else begun
+
+    def installing(self, camera: Camera, options: RoutineOptions) -> Callable[[Bundle], None]:
+        """Return what puts a bundle that passed into service, where that is asked for."""
+
+        def serve(bundle: Bundle) -> None:
+            if self.install:
+                install(bundle, sensor=options.sensor, store=BundleStore(), camera=camera, limits=options.limits)
+
+        return serve
+
+
+@dataclass(frozen=True)
+class Tools:
+    """The tools at hand, mm."""
+
+    ball_radius_mm: Annotated[
+        float | None,
+        typer.Option(help="Radius of the ball, mm.", show_default="4, or as the interrupted calibration has it"),
+    ] = None
+    cylinder_diameter_mm: Annotated[
+        float | None, typer.Option(help="Diameter of the flat-ended cylinder, mm.", show_default="8, or likewise")
+    ] = None
+    pin_pitch_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance of two pins of a grid, mm: measures the distortion of the lens.", show_default="no grid"
+        ),
+    ] = None
+
+    def chosen(self, begun: Identity | None) -> dict[str, Any]:
+        """Return what was given, else what the calibration was begun with; nothing where a default holds."""
+        sizes = {name: getattr(begun, name, None) if size is None else size for name, size in vars(self).items()}
+        return {name: size for name, size in sizes.items() if size is not None}
+
+
+@dataclass(frozen=True)
+class Presses:
+    """How many ball presses there are, and how well they have to be felt."""
+
+    presses: Annotated[int, typer.Option(help="Ball presses to learn from.")] = 40
+    verifications: Annotated[int, typer.Option(help="Fresh ball presses that judge.")] = 6
+    largest_depth_error_um: Annotated[
+        float, typer.Option(help="A calibration worse than this on fresh presses is not kept, µm.")
+    ] = 80.0
+    largest_normal_error_deg: Annotated[float, typer.Option(help="The same for the normals, degrees.")] = 7.0
+
+    def limits(self) -> Limits:
+        """Return what a calibration has to reach."""
+        return Limits(depth_mm=self.largest_depth_error_um / 1000, normal_deg=self.largest_normal_error_deg)
+
+
+@with_options
+def command(
+    context: typer.Context,
+    target: Target,
+    tools: Tools,
+    wanted: Presses,
+    how: Training,
+    auto: Annotated[bool, typer.Option("--auto", help="A virtual hand presses, on the simulated sensor.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a sensor, and keep its bundles.
+
+    Without a verb you are guided step by step, or with --auto a virtual hand presses. The verbs work on recorded
+    images and on bundles.
+    """
+    if context.invoked_subcommand:
+        return
+    begun = target.begun()
+    options = RoutineOptions(
+        out=target.out,
+        presses=wanted.presses,
+        verifications=wanted.verifications,
+        limits=wanted.limits(),
+        training=how.options(),
+        overwrite=target.overwrite,
+        **tools.chosen(begun),
+    )
+    if target.restart:
+        discard(target.state)
+    _report(_calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json), as_json)
+
+
+def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> dict[str, Any]:
+    """Run the routine to its end; hand_seed: of the virtual hand, None where a user presses."""
+    settings = load_settings({"sensor.url": target.sensor})
+    begun_s = time.monotonic()
+    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+        colours = settings.geometry.led_colours or options.led_colours
+        options = replace(options, sensor=target.name or sensor_name(camera), led_colours=colours)
+        hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
+        routine = Routine(camera, options, target.state, hand=hand, install=target.installing(camera, options))
+        routine.act("start")
+        try:
+            follow(routine, target.state, interactive=hand is None, quiet=quiet)
+        except KeyboardInterrupt:
+            routine.stop()
+        routine.join()
+    if routine.error:
+        raise routine.error
+    snapshot = routine.snapshot()
+    if snapshot["step"] == "aborted":
+        raise InputError(f"stopped; what was measured is kept in {target.state}: go on with --resume")
+    kept = {name: snapshot[name] for name in ("figures", "verdict", "bundle")}
+    return {**kept, "seconds": round(time.monotonic() - begun_s, 1)}
+
+
+def _report(result: dict[str, Any], as_json: bool) -> None:
+    typer.echo(json.dumps(result, indent=2) if as_json else _result_text(result))
+    if not result["verdict"]["passed"]:
+        raise BundleError("the calibration did not pass: go on with --resume to press more")
+
+
+def _lens_text(lens: dict[str, Any]) -> str:
+    if not lens.get("pictures"):
+        return "the lens was taken to be straight; a pin grid measures it (--pin-pitch-mm)"
+    return (
+        f"the lens moves a corner of the picture by {lens['corner_moves_px']:.1f} px; {lens['pins']} pins are "
+        f"{lens['rms_after_px']:.2f} px off it, {lens['rms_before_px']:.2f} px off a straight one"
+    )
+
+
+def _result_text(result: dict[str, Any]) -> str:
+    figures = result["figures"]
+    size = figures["pixel_size"]
+    lines = [result["verdict"]["text"]]
+    if result["bundle"]:
+        lines.append(f"wrote {result['bundle']}; its report: {Path(result['bundle']) / 'report.html'}")
+    lines.append(
+        f"pixel {size['x_mm']:.5f} x {size['y_mm']:.5f} mm (cylinder {size['diameter_px']:.2f} px, spread "
+        f"{size['spread_px']:.2f} px); noise {figures['reference']['noise_grey']:.2f} grey levels"
+    )
+    lines.append(_lens_text(figures.get("lens", {})))
+    truth = figures["verify"]
+    if "true_depth_mm" in truth:
+        lines.append(
+            f"against the simulator's truth: depth {1000 * truth['true_depth_mm']:.1f} µm in contact, normals "
+            f"{truth['true_normal_deg']:.3f} degrees over the whole map"
+        )
+    return "\n".join([*lines, f"{result['seconds']:.0f} s from start to end"])

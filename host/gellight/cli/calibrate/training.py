@@ -1,0 +1,256 @@
+"""`gellight calibrate fit`, `evaluate`, `crossvalidate` and `synthetic`: train GelNet, and measure what it is worth."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.calibration.ball_radius import is_another, likely_radius_mm
+from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
+from gellight.evaluation.synthetic import make_synthetic
+from gellight.frames.image_files import read_image
+from gellight.training import training, validation
+from gellight.training.child import Progress, silent
+from gellight.training.cross_validation import cross_validate
+from gellight.training.labelling.ball_size import check_ball, felt_radius_mm
+from gellight.training.presses import Ball, Press, read_presses
+from gellight.training.training import RECIPES, Reference, TrainingOptions, read_reference
+
+Given = tuple[list[Press], Reference, Ball]
+"""what a network is trained on"""
+Labels = Annotated[
+    Path,
+    typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it"),
+]
+
+
+@dataclass(frozen=True)
+class Training:
+    """How a network is trained."""
+
+    recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), or paper (hours)")] = "thorough"
+    seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
+    threads: Annotated[int, typer.Option(min=1, help="of torch")] = 1
+
+    def __post_init__(self) -> None:
+        """Refuse a recipe that does not exist."""
+        if self.recipe not in RECIPES:
+            raise InputError(f"recipe {self.recipe!r}: give one of {', '.join(RECIPES)}")
+
+    def options(self) -> TrainingOptions:
+        """Return them as the training takes them."""
+        return TrainingOptions(**vars(self))
+
+
+@dataclass(frozen=True)
+class SizedTraining(Training):
+    """How a network of any size is trained."""
+
+    width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32
+    epochs: Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")] = None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Labelled pictures of ball presses, and of the untouched gel."""
+
+    presses: Labels
+    reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
+    ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
+    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
+    refine: Annotated[
+        bool, typer.Option("--refine", help="refit the circles together with the light before training")
+    ] = False
+
+    def read(self) -> Given:
+        """Return what a network is trained on; raises InputError for what cannot be used."""
+        ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        untouched = read_reference(self.reference)
+        return read_presses(self.presses, ball=ball, image_shape=untouched.image_shape), untouched, ball
+
+
+@with_options
+def fit(
+    recorded: Recorded,
+    bundle: NewBundle,
+    how: SizedTraining,
+    sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
+    folds: Annotated[int, typer.Option(min=0, help="also measure the error by this many folds; 0: do not")] = 0,
+    previous: Annotated[
+        str | None, typer.Option(help="earlier bundle of this sensor: refuses a ball of another size than it feels")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Train on ball presses and write a calibration bundle."""
+    given, options = recorded.read(), how.options()
+    extra = which_ball(*given, previous)
+    if folds:
+        extra["cross_validation"] = _cross_validated(given, folds, options, recorded.refine)
+    with _progress("training") as report:
+        written = training.fit(
+            *given,
+            bundle.out,
+            sensor=sensor,
+            options=options,
+            refine=recorded.refine,
+            extra_metrics=extra,
+            overwrite=bundle.overwrite,
+            progress=report,
+        )
+    _print_written(written, bundle.out, as_json, _fit_lines)
+
+
+def evaluate(
+    presses: Labels,
+    calibration: Calibration,
+    ball_radius_mm: Annotated[
+        float | None, typer.Option(help="radius of the pressed ball, mm; as in the bundle where not given")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the error of a bundle on labelled presses.
+
+    It is the angle between the normals inside the contact circles. The size of the ball that the bundle feels is
+    measured too.
+    """
+    bundle = load_bundle(calibration)
+    ball = _ball_of(bundle, ball_radius_mm)
+    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
+    errors = validation.evaluate(bundle, labelled, ball).as_json()
+    felt_mm = felt_radius_mm(bundle, labelled)
+    if as_json:
+        typer.echo(json.dumps({**errors, "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}, indent=2))
+    else:
+        typer.echo("\n".join(_error_lines(errors)))
+        typer.echo(f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.2f} mm")
+
+
+@with_options
+def crossvalidate(
+    recorded: Recorded,
+    how: SizedTraining,
+    folds: Annotated[int, typer.Option(min=2, help="parts the presses are divided into")] = 5,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the error on presses that were not trained on.
+
+    Each press is measured once, in folds by image.
+    """
+    errors = _cross_validated(recorded.read(), folds, how.options(), recorded.refine)
+    typer.echo(json.dumps(errors, indent=2) if as_json else "\n".join(_error_lines(errors)))
+
+
+@with_options
+def synthetic(
+    bundle: NewBundle,
+    width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32,
+    seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0,
+    threads: Annotated[int, typer.Option(min=1, help="of torch")] = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Make the bundle of the simulated sensor that comes with GelLight."""
+    with _progress("training") as report:
+        written = make_synthetic(
+            bundle.out, width=width, seed=seed, threads=threads, overwrite=bundle.overwrite, progress=report
+        )
+    _print_written(written, bundle.out, as_json, _synthetic_lines)
+
+
+def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, Any]:
+    """Return, for the metrics, the radius that fits the light in the imprints, and that an earlier bundle feels.
+
+    Raises InputError where the earlier bundle feels another ball than the one that was named.
+    """
+    images = [read_image(press.image) for press in labelled]
+    found: dict[str, Any] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
+    if previous is not None:
+        found["felt_ball_radius_mm"] = check_ball(load_bundle(previous), labelled, ball)
+    return found
+
+
+def _cross_validated(given: Given, folds: int, options: TrainingOptions, refine: bool) -> dict[str, Any]:
+    with _progress("folds") as report:
+        return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report).as_json()
+
+
+def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
+    radius = radius_mm if radius_mm is not None else bundle.metrics.get("ball_radius_mm")
+    if radius is None:
+        raise typer.BadParameter("the bundle does not know its ball: give it", param_hint="--ball-radius-mm")
+    x_mm, y_mm = bundle.pixel_size_mm
+    if x_mm != y_mm:
+        raise typer.BadParameter(
+            f"the pixels of the bundle are {x_mm} x {y_mm} mm, a circle needs square ones", param_hint="--calibration"
+        )
+    return Ball(radius_mm=float(radius), pixel_size_mm=x_mm)
+
+
+@contextmanager
+def _progress(label: str) -> Iterator[Progress]:
+    """Show a bar on a terminal, and nothing where the output goes to a file."""
+    if not sys.stderr.isatty():
+        yield silent
+        return
+    with typer.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+        yield lambda done, total, value: bar.update(round(1000 * done / total) - bar.pos)
+
+
+def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: Callable[[dict[str, Any]], list[str]]) -> None:
+    if as_json:
+        typer.echo(json.dumps({"calibration": str(out), "metrics": bundle.metrics}, indent=2))
+    else:
+        typer.echo("\n".join([f"wrote {out}", *lines(bundle.metrics)]))
+
+
+def _fit_lines(metrics: dict[str, Any]) -> list[str]:
+    trained = metrics["training"]
+    lines = [
+        f"trained on {trained['images']} images in {trained['cpu_seconds']:.1f} CPU seconds; normal error on "
+        f"{len(trained['held_out_images'])} held-out images, each pixel alone: "
+        f"{trained['held_out_normal_error_deg']['mean']:.2f} deg",
+        *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
+    ]
+    return lines + (_error_lines(metrics["cross_validation"]) if "cross_validation" in metrics else [])
+
+
+def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
+    """Return a warning where the light in the imprints fits another ball than the one that was named."""
+    if likely_mm is None or not is_another(likely_mm, named_mm):
+        return []
+    return [
+        f"WARNING: the ball was named as {named_mm:g} mm in radius, but the light in its imprints fits one of about "
+        f"{likely_mm:.1f} mm: measure the ball, and train again with its radius"
+    ]
+
+
+def _synthetic_lines(metrics: dict[str, Any]) -> list[str]:
+    return [
+        "measured on simulated presses it was not trained on:",
+        *(f"{name:<28}{value:>10.4g}" for name, value in metrics["test"].items()),
+    ]
+
+
+def _error_lines(errors: dict[str, Any]) -> list[str]:
+    lines = [f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg"]
+    for row in [*errors["images"], {"image": "all", "pixels": sum(i["pixels"] for i in errors["images"]), **errors}]:
+        lines.append(f"{row['image']:<24}{row['pixels']:>8}{_angles(row)}")
+    lines.append(
+        f"depth error in contact {errors['depth_mae_mm']:.4f} mm, contact patch IoU {errors['contact_iou']:.2f}"
+    )
+    for labels, figures in (("as labelled", errors), ("labels refined", errors.get("refined", {}))):
+        ways = {"GelNet": figures, **figures.get("baselines", {})} if "baselines" in figures else {}
+        for name, way in ways.items():
+            title = f"{name.replace('_', ' ')}, {labels}"
+            lines.append(f"{title:<36}{_angles(way)} deg{way['depth_mae_mm']:>10.4f} mm{way['contact_iou']:>7.2f} IoU")
+    return lines
+
+
+def _angles(figures: dict[str, Any]) -> str:
+    return "".join(f"{figures['normal_error_deg'][name]:>8.2f}" for name in ("mean", "median", "p95"))

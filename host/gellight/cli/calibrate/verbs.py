@@ -1,0 +1,36 @@
+"""`gellight calibrate`: its verbs; without one it is the guided routine."""
+
+import typer
+
+from gellight.cli.calibrate import routine
+from gellight.cli.lazy import lazy_group
+
+VERBS = lazy_group(
+    {
+        "detect": ("calibrate.detect:command", "Find the contact circle of a ball press in each image."),
+        "fit": ("calibrate.training:fit", "Train on ball presses and write a calibration bundle."),
+        "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
+        "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
+        "synthetic": (
+            "calibrate.training:synthetic",
+            "Make the bundle of the simulated sensor that comes with GelLight.",
+        ),
+        "lens": ("calibrate.lens:command", "Measure the distortion of the lens and write the bundle with it."),
+        "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
+        "objects": ("calibrate.objects:command", "Measure the error of a bundle on the ten benchmark objects."),
+        "list": (
+            "calibrate_bundles:list_bundles",
+            "Show the bundles kept on this computer; an asterisk marks those in service.",
+        ),
+        "install": (
+            "calibrate_bundles:install_bundle",
+            "Put a bundle that passed its verification into service, and tell the board of the sensor.",
+        ),
+        "restore": (
+            "calibrate_bundles:restore_bundle",
+            "Put an earlier bundle of the sensor into service again, and tell its board.",
+        ),
+    }
+)
+app = typer.Typer(cls=VERBS)
+app.callback(invoke_without_command=True)(routine.command)

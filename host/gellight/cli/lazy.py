@@ -1,0 +1,48 @@
+"""Verbs that are imported when they are used: the help of a group shows them all and imports none."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, Literal
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_group
+
+MARKUP: Literal["markdown"] = "markdown"
+"""of the help; typer's other mode takes "[default: ...]" for markup and leaves it out"""
+
+
+class LazyVerb(TyperCommand):
+    """Stands in a group for a verb, or for a group of verbs, that is not imported yet."""
+
+    def __init__(self, name: str, home: str, text: str) -> None:
+        """Remember what is imported: `home` is "module:attribute" in this package; text: the first line of its help."""
+        super().__init__(name, help=text, rich_markup_mode=MARKUP)
+        self.home = home
+
+    def load(self) -> Any:
+        """Import the function or the `typer.Typer` and return its command."""
+        module, _, attribute = self.home.partition(":")
+        verb = getattr(import_module(f"gellight.cli.{module}"), attribute)
+        holder = typer.Typer(rich_markup_mode=MARKUP)
+        if isinstance(verb, typer.Typer):
+            holder.add_typer(verb, name=self.name)
+        else:
+            holder.command(self.name)(verb)
+        return get_group(holder).commands[str(self.name)]
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
+        return self.load().make_context(*arguments, **options)
+
+
+def lazy_group(table: Mapping[str, tuple[str, str]]) -> type[TyperGroup]:
+    """Return a group for `typer.Typer(cls=...)`; table: by name, what `LazyVerb` takes."""
+
+    class Group(TyperGroup):
+        def __init__(self, **attributes: Any) -> None:
+            super().__init__(**attributes)
+            for name, (home, text) in table.items():
+                self.add_command(LazyVerb(name, home, text))
+
+    return Group

@@ -1,0 +1,75 @@
+"""Options that several verbs share, and how groups of them are declared."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, is_dataclass
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gellight.base.errors import InputError
+
+LONGEST_S = 1e6
+"""longest time that can be asked for"""
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
+Calibration = Annotated[str, typer.Option(help="Bundle: a folder, a .gelcal file, or 'synthetic'.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
+
+
+def refuse_existing(out: Path, overwrite: bool) -> None:
+    """Refuse to replace a file or a folder unasked; called before the work, which may take minutes."""
+    if out.exists() and not overwrite:
+        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+
+
+@dataclass(frozen=True)
+class NewBundle:
+    """Where a bundle is written."""
+
+    out: Annotated[Path, typer.Option(help="Folder of the calibration bundle to write.")]
+    overwrite: Overwrite = False
+
+    def __post_init__(self) -> None:
+        """Refuse to replace a bundle unasked."""
+        refuse_existing(self.out, self.overwrite)
+
+
+def between(low: float, high: float, unit: str) -> Callable[[typer.CallbackParam, float], float]:
+    """Return the callback of an option whose value, in `unit`, has to lie from `low` to `high`; NaN does not."""
+
+    def check(option: typer.CallbackParam, value: float) -> float:
+        if not low <= value <= high:
+            name = (option.name or "").replace("_", "-")
+            raise InputError(f"--{name} {value:g} is not possible: give {low:g} to {high:g} {unit}")
+        return value
+
+    return check
+
+
+Seconds = Annotated[
+    float, typer.Option(help="End after so many seconds; 0: at Ctrl-C.", callback=between(0, LONGEST_S, "s"))
+]
+
+
+def with_options(verb: Callable[..., None]) -> Callable[..., None]:
+    """Return a verb for typer: each parameter of `verb` that is a dataclass becomes the options its fields declare."""
+    parameters = signature(verb).parameters.values()
+    kinds = {one.name: one.annotation for one in parameters if isinstance(one.annotation, type)}
+    kinds = {name: kind for name, kind in kinds.items() if is_dataclass(kind)}
+    groups = {name: signature(kind).parameters for name, kind in kinds.items()}
+    options = [option for one in parameters for option in groups.get(one.name, {one.name: one}).values()]
+
+    def command(**given: Any) -> None:
+        made = {one: kind(**{name: given.pop(name) for name in groups[one]}) for one, kind in kinds.items()}
+        verb(**made, **given)
+
+    command.__name__, command.__doc__ = verb.__name__, verb.__doc__
+    command.__annotations__ = {option.name: option.annotation for option in options}
+    # What typer reads. By keyword alone, an option without a default may stand behind one with a default.
+    command.__signature__ = Signature(  # type: ignore[attr-defined]
+        [option.replace(kind=Parameter.KEYWORD_ONLY) for option in options]
+    )
+    return command

@@ -1,0 +1,174 @@
+"""The C core as a library with a virtual clock (firmware/boards/host), reached by ctypes."""
+
+import ctypes
+import functools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from gellight.ring import protocol
+from gellight.ring.enumerations import Edge, SyncMode
+from gellight.ring.wire import COLOUR_BYTES, Packet, Record, decode, encode
+
+CHECKOUT = Path(__file__).parents[3]
+FLASH_BYTES = 8192
+FLAGS = ["-std=c11", "-g", "-O1", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+
+
+def c_compiler() -> list[str]:
+    """The system's compiler, or the one from PyPI."""
+    found = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    return [found] if found else [sys.executable, "-m", "ziglang", "cc"]
+
+
+def compile_library(target: Path, sanitizers: str, extra: Sequence[str] = (), *, checkout: Path = CHECKOUT) -> Path:
+    folders = [checkout / "firmware" / name for name in ("boards/host", "core")]
+    files, headers = ([path for folder in folders for path in sorted(folder.glob(end))] for end in ("*.c", "*.h"))
+    flags = (*FLAGS, f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all", *extra)
+    known = tuple((path.name, path.read_text()) for path in headers)
+    objects = [target.with_name(f"{path.stem}.o") for path in files]
+    for path, place in zip(files, objects, strict=True):
+        place.write_bytes(compiled(path.name, path.read_text(), known, flags))
+    _run([*c_compiler(), *flags, "-shared", *map(str, objects), "-o", str(target)])
+    return target
+
+
+@functools.cache
+def compiled(name: str, source: str, headers: tuple[tuple[str, str], ...], flags: tuple[str, ...]) -> bytes:
+    """An object file; a mutant has all but one in common with the others, and is compiled in a tenth of the time."""
+    with tempfile.TemporaryDirectory() as folder:
+        for file, content in ((name, source), *headers):
+            (Path(folder) / file).write_text(content)
+        _run([*c_compiler(), *flags, "-c", f"{folder}/{name}", "-o", f"{folder}/object.o"])
+        return (Path(folder) / "object.o").read_bytes()
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def run_core_tests(library: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the tests of the core on a library, to the first failure; without plugins, which take longer than they do."""
+    files = (CHECKOUT / "tests/firmware").glob("test_core*.py")
+    tests = [str(path) for path in sorted(files, key=lambda path: ("config" in path.name, path.name))]  # long ones last
+    plain = {"GELLIGHT_CORE_LIBRARY": str(library), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests],
+        cwd=CHECKOUT, env=os.environ | plain | environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+class _Light(ctypes.Structure):
+    _fields_ = [
+        ("first_bit_us", ctypes.c_uint64),
+        ("latched_us", ctypes.c_uint64),
+        ("wire", ctypes.c_uint8 * COLOUR_BYTES),
+    ]
+
+
+class VirtualBoard:
+    def __init__(self, library: ctypes.CDLL, flash: bytes | None = None, *, opened: bool = True) -> None:
+        self.library = library
+        library.board_new.restype = ctypes.c_void_p
+        library.board_now.restype = ctypes.c_uint64
+        self._board = ctypes.c_void_p(library.board_new(flash))
+        self._sequence = 0
+        self.packets: list[Packet] = []
+        self._partial = bytearray()
+        self.garbage = 0
+        if opened:
+            self.link(True)
+            self.advance(2000)
+            self.collect()
+
+    def close(self) -> None:
+        self.library.board_free(self._board)
+
+    def receive(self, data: bytes) -> None:
+        self.library.board_receive(self._board, data, ctypes.c_uint32(len(data)))
+
+    def advance(self, duration_us: int) -> None:
+        self.library.board_advance(self._board, ctypes.c_uint64(duration_us))
+
+    def edge(self, *, falling: bool = False) -> None:
+        self.library.board_edge(self._board, ctypes.c_bool(falling))
+
+    def link(self, opened: bool, reason: int = 5) -> None:
+        self.library.board_link(self._board, ctypes.c_bool(opened), ctypes.c_uint32(reason))
+
+    def faults(self, *, deaf: bool = False, disturb: int = 0, cut_after: int = -1) -> None:
+        self.library.board_fault(self._board, ctypes.c_bool(deaf), ctypes.c_uint32(disturb), ctypes.c_int32(cut_after))
+
+    @property
+    def now_us(self) -> int:
+        return int(self.library.board_now(self._board))
+
+    @property
+    def flags(self) -> int:
+        return int(self.library.board_flags(self._board))
+
+    def flash(self) -> bytes:
+        room = ctypes.create_string_buffer(FLASH_BYTES)
+        self.library.board_flash(self._board, room)
+        return room.raw
+
+    def lights(self) -> list[tuple[int, int, bytes]]:
+        """First bit and latch in us, and the colours in logical order, RGB."""
+        found = []
+        for index in range(self.library.board_light_count(self._board)):
+            light = _Light()
+            self.library.board_light_at(self._board, ctypes.c_uint32(index), ctypes.byref(light))
+            wire = bytes(light.wire)
+            rgb = b"".join(bytes((wire[i + 1], wire[i], wire[i + 2])) for i in range(0, COLOUR_BYTES, 3))
+            found.append((light.first_bit_us, light.latched_us, rgb))
+        return found
+
+    def collect(self) -> list[Packet]:
+        """Every packet that came since the last call."""
+        room = ctypes.create_string_buffer(65536)
+        count = self.library.board_take_output(self._board, room, ctypes.c_uint32(len(room)))
+        self._partial += room.raw[:count]
+        *whole, rest = self._partial.split(b"\0")
+        self._partial = bytearray(rest)
+        return [decode(bytes(stuffed)) for stuffed in whole]
+
+    def ask(self, name: str, record: Record | None = None, *, sequence: int | None = None) -> tuple[int, int, bytes]:
+        """Status, value and reply record of a request; events go to `packets`."""
+        self._sequence = (self._sequence + 1 & 0xFF) if sequence is None else sequence
+        code = protocol.COMMANDS[name].code
+        self.receive(encode(Packet(code, self._sequence, record.pack() if record else b"")))
+        reply = None
+        for packet in self.collect():
+            if (packet.type, packet.sequence) == (code | protocol.REPLY, self._sequence):
+                reply = packet
+            else:
+                self.packets.append(packet)
+        assert reply is not None, f"no reply to {name}"
+        return reply.payload[0], int.from_bytes(reply.payload[1:5], "little"), reply.payload[5:]
+
+    def ok(self, name: str, record: Record | None = None) -> Record:
+        status, value, payload = self.ask(name, record)
+        assert status == 0, (name, status, value)
+        return protocol.COMMANDS[name].reply.unpack(payload)
+
+    def load_sequence(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
+        table = [*groups, *[bytes(COLOUR_BYTES)] * (protocol.GROUP_COUNT - len(groups))]
+        for index, colours in enumerate(table):
+            self.ok("SET_GROUP", protocol.SetGroup(index, colours))
+        for step in steps:
+            self.ok("SET_STEP", step)
+        crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
+        self.ok("COMMIT", protocol.Commit(crc, loops, len(steps)))
+
+    def sync(self, mode: SyncMode, *, divider: int = 1, delay_us: int = 0, timeout_us: int = 0) -> None:
+        self.ok("SET_SYNC", protocol.SetSync(mode, Edge.RISING, divider, delay_us, timeout_us))
+
+
+def load(path: str | None = None) -> ctypes.CDLL:
+    return ctypes.CDLL(path or os.environ["GELLIGHT_CORE_LIBRARY"])

@@ -1,0 +1,151 @@
+"""The emulated board on a workbench, and the cable to it, on virtual time.
+
+Its power can fail, its chip be warmed, its trigger pin be driven, and its USB bus fall silent.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from gellight.base.errors import BoardError
+from gellight.ring.emulator.bootrom import Function
+from gellight.ring.emulator.chip import (
+    FLASH_BYTES,
+    ROOM_C,
+    TEMPERATURE_CHANNEL,
+    UNIQUE_ID,
+    USB,
+    EmulatedBoard,
+    temperature_reading,
+)
+from gellight.ring.emulator.registers import UsbGuard
+from gellight.ring.emulator.waveform import DARK, Light
+
+TRIGGER_PIN = 3
+USB_INTERRUPT = 5
+SIE_STATUS, INTS = 0x50, 0x98
+SUSPENDED, SUSPEND_INTERRUPT = 1 << 4, 1 << 14
+
+
+class SuspendingUsb(UsbGuard):
+    """The USB controller on a bus that may fall silent, which is a suspend (data sheet of the RP2040, 4.1)."""
+
+    def __init__(self, chip: Any, held: Callable[[], bool], report: Callable[[str], None]) -> None:
+        super().__init__(chip, held, report)
+        self._chip, self._suspended = chip, False
+
+    def suspend(self, suspended: bool = True) -> None:
+        """The host has been silent for 3 ms; or the firmware has noticed it."""
+        self._suspended = suspended
+        self._chip.set_interrupt(USB_INTERRUPT, suspended)
+
+    def read_uint32(self, offset: int) -> int:
+        value = super().read_uint32(offset)
+        return value | SUSPEND_INTERRUPT if offset == INTS and self._suspended else value
+
+    def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
+        if offset == SIE_STATUS and value & SUSPENDED and self._suspended:
+            self.suspend(False)
+            value &= ~SUSPENDED
+        super().write_uint32_atomic(offset, value, alias)
+
+
+class BenchBoard(EmulatedBoard):
+    """A board to which everything can happen that happens to hardware."""
+
+    usb_block = SuspendingUsb
+
+    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
+        self.powered = True
+        self.temperature_c = ROOM_C
+        self.cut_after: int | None = None
+        """power fails after so many bytes of flash were erased or programmed"""
+        self._cut = False
+        super().__init__(image, unique_id=unique_id)
+
+    def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
+        super()._start(scratch, reason)
+        self.set_temperature(self.temperature_c)
+
+    def power_on(self) -> None:
+        """Start the chip; RAM, scratch registers and the colours of the LEDs are lost."""
+        self.powered = True
+        self._start()
+
+    def power_off(self) -> None:
+        """Take the power away from chip and LEDs; the flash keeps what it has."""
+        self._past_ns += self._chip_ns
+        self._chip_ns = 0.0
+        self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
+        self.powered = False
+        self.waveform.settle(self._past_ns)
+        self.waveform._frame, self.waveform._high = [], False
+        last_us = self.timeline[-1].time_us if len(self.timeline) else 0.0
+        self.timeline.append(Light(max(self.now_us, last_us), DARK))
+
+    def set_temperature(self, temperature_c: float) -> None:
+        """Warm the chip; it stays so warm when it starts anew."""
+        self.temperature_c = temperature_c
+        self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
+
+    def set_trigger(self, high: bool) -> None:
+        """Drive the trigger pin."""
+        self._wake_pio()
+        self.chip.gpio[TRIGGER_PIN].set_input_value(high)
+
+    def usb_text(self, name: str) -> str:
+        """Return a string descriptor, as the host read it: manufacturer, product or serial."""
+        return self.host.descriptors.get(name, b"")[2:].decode("utf-16le")
+
+    def suspend(self) -> None:
+        """Let the bus fall silent."""
+        self.chip.peripherals[USB].suspend()
+
+    def _change_flash(self, number: int) -> None:
+        """Erase or program; where the power fails before the end, only the bytes before that."""
+        registers, length = self.chip.core.registers, 1 if number == Function.RE else 2
+        if self.cut_after is not None:
+            if self.cut_after < registers[length]:
+                self._cut = self._halted = True
+                registers[length] = self.cut_after
+            self.cut_after -= registers[length]
+        super()._change_flash(number)
+
+    def _run_slice(self, most_ns: float, steps: int = 32) -> None:
+        if not self.powered:
+            self._chip_ns += most_ns
+            return
+        super()._run_slice(most_ns, steps)
+        if self._cut:
+            self._cut, self.cut_after = False, None
+            self.power_off()
+
+
+class VirtualTransport:
+    """The USB cable to an emulated board in this process, on virtual time: a timeout passes in no time."""
+
+    url = "virtual"
+
+    def __init__(self, board: BenchBoard) -> None:
+        """Wait for the board's USB, and raise DTR."""
+        self.board = board
+        if not board.run_until(lambda: board.host.configured, 200_000):
+            raise BoardError(f"the firmware did not enumerate: {board.faults or 'no fault was noticed'}")
+        board.host.open()
+        board.run_until(lambda: board.host.opened, 100_000)
+
+    def write(self, data: bytes) -> None:
+        """Queue the bytes for the bus."""
+        self.board.host.send(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Let virtual time pass until bytes arrive."""
+        self.board.run_until(lambda: self.board.host.received, timeout_s * 1e6)
+        data = bytes(self.board.host.received)
+        self.board.host.received.clear()
+        return data
+
+    def close(self) -> None:
+        """Drop DTR and give the board time to notice."""
+        if self.board.powered:
+            self.board.host.close()
+            self.board.run(5_000)

@@ -1,0 +1,98 @@
+"""What the guest can be asked to do with its own kernel: plug in, look around, wait. Runs in the guest."""
+
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gellight.simulator.usb import vhci
+from tests.helpers.usb_client import import_device, receive
+from tests.vm.inside.agent import MACHINE
+
+VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
+
+
+USB = Path("/sys/bus/usb/devices")
+NODES = ("*/tty/ttyACM*", "*/video4linux/video*")
+
+
+def port_name(port: int) -> str:
+    """Return what the kernel calls the device in a port of the virtual controller, the guest's only one."""
+    return f"1-{port + 1}"
+
+
+def wait_for(condition: Callable[[], Any], what: str, limit_s: float = 20.0) -> Any:
+    """Return the first true value of `condition`; TimeoutError says what did not happen."""
+    end = time.monotonic() + limit_s
+    while time.monotonic() < end:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.02)
+    raise TimeoutError(f"{what}: not within {limit_s:g} s")
+
+
+def video_link(serial: str) -> Path:
+    """Return the link of a sensor's camera."""
+    return VIDEO / f"usb-GelLight_GelLight_virtual_sensor_{serial}-video-index0"
+
+
+def serial_link(serial: str) -> Path:
+    """Return the link of a sensor's light ring."""
+    return SERIAL / f"usb-GelLight_GelLight_virtual_sensor_{serial}-if00"
+
+
+def plug(server: int, bus_id: str, serial: str, port: int) -> dict[str, Any]:
+    """Plug a sensor that the machine offers into a USB port; wait for what udev makes of it."""
+    with socket.create_connection((MACHINE, server)) as connection:
+        device, speed = import_device(connection, bus_id)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        attached_s = time.monotonic()
+        vhci.attach(connection, port, device_id=device, speed=speed)
+    wait_for(lambda: all(any(USB.glob(f"{port_name(port)}/{node}")) for node in NODES), f"drivers for port {port}")
+    wait_for(lambda: video_link(serial).exists() and serial_link(serial).exists(), f"the links of {serial}")
+    seconds = time.monotonic() - attached_s
+    settle()
+    return {"seconds": seconds, "attached_s": attached_s, "links": links()}
+
+
+def settle() -> None:
+    """Wait until udev has done all that the kernel told it."""
+    subprocess.run(["udevadm", "settle", "--timeout=20"], check=True)
+
+
+def unplugged(port: int) -> None:
+    """Wait until the kernel has let go of what was in a USB port."""
+    wait_for(lambda: vhci.high_speed_ports((vhci.CONTROLLER / "status").read_text())[port], f"port {port} empty")
+    settle()
+
+
+def links() -> list[str]:
+    """Return all links by id and path to cameras and serial ports."""
+    found = (path for kind in ("v4l", "serial") for path in Path("/dev", kind).glob("by-*/*"))
+    return sorted(f"{path} -> {path.resolve()}" for path in found)
+
+
+def owners(serial: str) -> dict[str, list[str]]:
+    """Return group and permissions of a sensor's nodes."""
+    nodes = {"camera": video_link(serial), "ring": serial_link(serial)}
+    return {name: [node.group(), f"{node.stat().st_mode & 0o777:o}"] for name, node in nodes.items()}
+
+
+def clock_offset(server: int, rounds: int = 60) -> float:
+    """Return how much this clock is ahead of the machine's, s, from the quickest of many questions to it."""
+    with socket.create_connection((MACHINE, server)) as connection:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        found = [_asked(connection) for _ in range(rounds)]
+    return min(found)[1]
+
+
+def _asked(connection: socket.socket) -> tuple[float, float]:
+    asked_s = time.monotonic()
+    connection.sendall(b"?")
+    (theirs_s,) = struct.unpack(">d", receive(connection, 8))
+    answered_s = time.monotonic()
+    return answered_s - asked_s, (asked_s + answered_s) / 2 - theirs_s
