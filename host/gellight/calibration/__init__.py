@@ -12,5 +12,5 @@ verify      verifying.py                                fresh presses, and the v
 
 `records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py` and
 `verification_report.py` make a page of it.
-`session.py` is what the steps share. `lens/` and `lights/` measure the lens and the light of each LED.
+`run.py` is what the steps share. `lens/` and `lights/` measure the lens and the light of each LED.
 """

@@ -5,7 +5,7 @@ from gellight.calibration.choices import LEAST_PRESSES
 from gellight.calibration.display import Progress
 from gellight.calibration.pressing import ball_of
 from gellight.calibration.records import Fit, UntouchedGel
-from gellight.calibration.session import Session
+from gellight.calibration.run import CalibrationRun
 from gellight.training import training
 from gellight.training.presses import TableOptions
 from gellight.training.training import Reference
@@ -15,29 +15,29 @@ TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
 little two radii from the centre, so only what is beyond three counts as flat: as many pixels as lie in contact."""
 
 
-def fit(session: Session) -> None:
+def fit(run: CalibrationRun) -> None:
     """Train on the presses and keep the draft."""
-    presses = session.folder.presses()
+    presses = run.folder.presses()
     if len(presses) < LEAST_PRESSES:
         raise InputError(f"{len(presses)} presses are too few to fit: at least {LEAST_PRESSES} are needed")
-    session.display.update(instruction="The network is being trained. Nothing is to be done.", actions=("abort",))
+    run.display.update(instruction="The network is being trained. Nothing is to be done.", actions=("abort",))
     losses: list[float] = []
 
     def report(epoch: int, epochs: int, loss: float) -> None:
-        session.next_action()  # raises where the user aborts, which ends the child
+        run.next_action()  # raises where the user aborts, which ends the child
         losses.append(loss)
-        session.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
+        run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 
-    taken = session.folder.figures(UntouchedGel)
+    taken = run.folder.figures(UntouchedGel)
     bundle = training.fit(
         presses,
-        Reference(image=session.folder.reference(), frames=taken.frames, noise_grey=taken.noise_grey),
-        ball_of(session),
-        session.folder.draft,
-        sensor=session.options.sensor,
-        options=session.options.training,
+        Reference(image=run.folder.reference(), frames=taken.frames, noise_grey=taken.noise_grey),
+        ball_of(run),
+        run.folder.draft,
+        sensor=run.options.sensor,
+        options=run.options.training,
         table_options=TABLE,
         overwrite=True,
         progress=report,
     )
-    session.folder.finish(Fit.model_validate({**bundle.metrics, "losses": losses}))
+    run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": losses}))

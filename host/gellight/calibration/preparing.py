@@ -12,8 +12,8 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import LedSetting
 from gellight.calibration import led_check
 from gellight.calibration.records import Preparation, Uniformities
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, mean_image
-from gellight.calibration.session import Session
 from gellight.calibration.uniformity import contour_picture, of_image
 from gellight.frames.camera import Camera, CameraControls
 from gellight.ring.light_ring import LightRing
@@ -29,33 +29,33 @@ _BALANCED = 0.01
 _DIMMEST_SHARE = 0.3
 
 
-def prepare(session: Session) -> None:
+def prepare(run: CalibrationRun) -> None:
     """Do the whole step and keep its figures."""
-    camera, options = session.camera, session.options
-    session.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
-    session.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
+    camera, options = run.camera, run.options
+    run.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
+    run.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
     _lock(camera)
     lights, led = None, None
     if camera.ring is not None:
-        lights = led_check.check_lights(session, camera.ring, full_colours(options.led_colours))
-        led = _balanced(session, camera.ring).tolist()
+        lights = led_check.check_lights(run, camera.ring, full_colours(options.led_colours))
+        led = _balanced(run, camera.ring).tolist()
     elif camera.controls is not None:
-        _expose(session, camera.controls)
-    image = mean_image([session.frame() for _ in range(options.reference_frames // 2)])
+        _expose(run, camera.controls)
+    image = mean_image([run.frame() for _ in range(options.reference_frames // 2)])
     check_light(image, "the untouched gel")
     uniformity = of_image(image.astype(np.float32))
-    session.display.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
-    session.folder.finish(
+    run.display.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
+    run.folder.finish(
         Preparation(
             camera=settings_of(camera), led=led, lights=lights, uniformity=uniformity, advice=_advice(uniformity)
         )
     )
 
 
-def prepare_again(session: Session) -> None:
+def prepare_again(run: CalibrationRun) -> None:
     """Set camera and LEDs as an interrupted calibration had set them."""
-    prepared = session.folder.figures(Preparation)
-    session.camera.adopt(prepared.camera, np.array(prepared.led, np.uint8) if prepared.led else None)
+    prepared = run.folder.figures(Preparation)
+    run.camera.adopt(prepared.camera, np.array(prepared.led, np.uint8) if prepared.led else None)
 
 
 def settings_of(camera: Camera) -> dict[str, float]:
@@ -84,26 +84,26 @@ def _lock(camera: Camera) -> None:
         controls.set(name, controls.range(name)[0] if name == "gain" else controls.read(name))
 
 
-def _brightest(session: Session) -> float:
+def _brightest(run: CalibrationRun) -> float:
     """Grey level of the brightest hundredth of the brightest colour, when the controls act that were set before."""
     for _ in range(_CONTROL_FRAMES):
-        frame = session.frame()
-    session.display.show(live=frame.image)
+        frame = run.frame()
+    run.display.show(live=frame.image)
     return float(np.percentile(frame.image[::4, ::4].reshape(-1, 3), 99, axis=0).max())
 
 
-def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
+def _balanced(run: CalibrationRun, ring: LightRing) -> NDArray[np.uint8]:
     """Dim the brighter colours until the means of the channels agree, and expose; (12, 3) levels.
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
     """
-    share, colours = np.ones(3), session.options.led_colours
+    share, colours = np.ones(3), run.options.led_colours
     for _ in range(_ROUNDS):
         level = (float(share[0]), float(share[1]), float(share[2]))
-        image = led_check.light(session, ring, full_colours(colours, level))
-        if session.camera.controls is not None:
-            _expose(session, session.camera.controls)
-            image = led_check.light(session, ring, full_colours(colours, level))
+        image = led_check.light(run, ring, full_colours(colours, level))
+        if run.camera.controls is not None:
+            _expose(run, run.camera.controls)
+            image = led_check.light(run, ring, full_colours(colours, level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
             raise InputError(
@@ -116,13 +116,13 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
     return full_colours(colours, level)
 
 
-def _expose(session: Session, controls: CameraControls) -> None:
+def _expose(run: CalibrationRun, controls: CameraControls) -> None:
     """Set the exposure, then if need be the gain, so that the brightest hundredth is as wanted."""
     names = controls.names()
     if "exposure_us" not in names:
         return
     for _ in range(_ROUNDS):
-        seen = _brightest(session)
+        seen = _brightest(run)
         if LOWEST_GREY < seen < HIGHEST_GREY and abs(seen - WANTED_GREY) < 15:
             return
         low, high, _step = controls.range("exposure_us")

@@ -8,8 +8,8 @@ from gellight.calibration.coverage import advice, coverage, coverage_picture
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.live_error import LiveError
 from gellight.calibration.records import BallPresses, LiveCoverage, PixelSize
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, detector_of, next_press, wait_free
-from gellight.calibration.session import Session
 from gellight.calibration.state import PressRecord
 from gellight.frames.image_files import read_image
 from gellight.simulator.virtual_hand import VirtualHand
@@ -19,57 +19,57 @@ _PATIENCE = 0.5
 """an automatic routine gives up when more than this share of its presses is refused"""
 
 
-def ball_of(session: Session) -> Ball:
+def ball_of(run: CalibrationRun) -> Ball:
     """Return the ball as the camera sees it, now that the size of a pixel is known."""
-    size_mm = session.folder.figures(PixelSize).pixel_size_mm
-    return Ball(radius_mm=session.options.ball_radius_mm, pixel_size_mm=size_mm)
+    size_mm = run.folder.figures(PixelSize).pixel_size_mm
+    return Ball(radius_mm=run.options.ball_radius_mm, pixel_size_mm=size_mm)
 
 
-def collect_presses(session: Session) -> None:
+def collect_presses(run: CalibrationRun) -> None:
     """Collect ball presses until there are enough, each kept at once."""
-    _Collector(session).run()
+    _Collector(run).collect()
 
 
 class _Collector:
     """Collects the presses of one calibration."""
 
-    def __init__(self, session: Session) -> None:
-        self.session = session
-        self.reference = session.folder.reference()
-        self.ball = ball_of(session)
-        self.detector = detector_of(session)
+    def __init__(self, run: CalibrationRun) -> None:
+        self.run = run
+        self.reference = run.folder.reference()
+        self.ball = ball_of(run)
+        self.detector = detector_of(run)
         self.live = LiveError(self.reference, self.ball)
-        for record in session.folder.state.presses:
+        for record in run.folder.state.presses:
             self.learn(record)
         self.refused = 0
-        self.attempts = len(session.folder.state.presses)
+        self.attempts = len(run.folder.state.presses)
         """of the virtual hand"""
         self.enough = False
-        self.wanted = session.options.presses + session.folder.state.extra_presses
+        self.wanted = run.options.presses + run.folder.state.extra_presses
         self.radius_mm: float | None = None
 
-    def run(self) -> None:
-        session = self.session
+    def collect(self) -> None:
+        run = self.run
         self.show_progress()
-        with session.offering("next", "correct", "drop"):
-            while not self.enough and len(session.folder.state.presses) < self.wanted:
-                with next_press(session, self.detector, self.press_ball, self.attend) as capture:
+        with run.offering("next", "correct", "drop"):
+            while not self.enough and len(run.folder.state.presses) < self.wanted:
+                with next_press(run, self.detector, self.press_ball, self.attend) as capture:
                     if capture is not None:
                         self.take(capture.image)
-            wait_free(session, self.detector)
+            wait_free(run, self.detector)
             self.attend()
         self.check_radius()
-        if session.hand:
+        if run.hand:
             self.drop_outliers()
-        session.folder.finish(self.figures())
+        run.folder.finish(self.figures())
 
     def press_ball(self, hand: VirtualHand) -> None:
-        hand.ball(self.attempts, self.ball.pixel_size_mm, self.session.camera.image_shape)
+        hand.ball(self.attempts, self.ball.pixel_size_mm, self.run.camera.image_shape)
         self.attempts += 1
 
     def attend(self) -> bool:
         """Do what the user asked for; True when they want no more presses."""
-        chosen = self.session.next_action()
+        chosen = self.run.next_action()
         if chosen is None:
             return self.enough
         action, arguments = chosen
@@ -81,60 +81,60 @@ class _Collector:
             elif action == "next":
                 self.stop()
         except InputError as error:
-            self.session.display.update(problem=str(error))
+            self.run.display.update(problem=str(error))
         return self.enough
 
     def stop(self) -> None:
-        count = len(self.session.folder.state.presses)
+        count = len(self.run.folder.state.presses)
         if count < LEAST_PRESSES:
             raise InputError(f"{count} presses are too few: press at least {LEAST_PRESSES - count} more times")
         self.enough = True
 
     def take(self, image: Picture) -> None:
-        session = self.session
+        run = self.run
         try:
             check_light(image, "the press")
             circle = circle_of(image, self.reference, self.ball)
         except InputError as error:
             self.refused += 1
-            session.refuse(error, tolerate=self.refused <= _PATIENCE * session.options.presses)
+            run.refuse(error, tolerate=self.refused <= _PATIENCE * run.options.presses)
             return
-        record = session.folder.add_press(image, circle)
+        record = run.folder.add_press(image, circle)
         self.learn(record)
-        session.display.update(problem="", press=record.shown("taken"))
-        session.display.show(press=drawn(image, circle))
+        run.display.update(problem="", press=record.shown("taken"))
+        run.display.show(press=drawn(image, circle))
         self.show_progress()
-        if len(session.folder.state.presses) == ball_radius.LEAST_PRESSES:
+        if len(run.folder.state.presses) == ball_radius.LEAST_PRESSES:
             self.check_radius()
 
     def drop(self, arguments: dict[str, float]) -> None:
         self.forget(int(arguments.get("number", self.last().number)))
-        self.session.display.update(press=None)
+        self.run.display.update(press=None)
         self.show_progress()
 
     def correct(self, arguments: dict[str, float]) -> None:
         number = self.last().number
-        circle = corrected_circle(arguments, self.ball, self.session.camera.image_shape)
-        record = self.session.folder.correct_press(number, circle)
+        circle = corrected_circle(arguments, self.ball, self.run.camera.image_shape)
+        record = self.run.folder.correct_press(number, circle)
         image = self.learn(record)
-        self.session.display.update(press=record.shown("corrected"))
-        self.session.display.show(press=drawn(image, circle))
+        self.run.display.update(press=record.shown("corrected"))
+        self.run.display.show(press=drawn(image, circle))
         self.show_progress()
 
     def last(self) -> PressRecord:
-        if not self.session.folder.state.presses:
+        if not self.run.folder.state.presses:
             raise InputError("there is no press yet to change")
-        return self.session.folder.state.presses[-1]
+        return self.run.folder.state.presses[-1]
 
     def learn(self, record: PressRecord) -> Picture:
         """Let the live error learn a press, or learn it again with another circle; returns its picture."""
-        press = record.press(self.session.folder.path)
+        press = record.press(self.run.folder.path)
         image = read_image(press.image)
         self.live.add(record.number, image, press)
         return image
 
     def forget(self, number: int) -> None:
-        self.session.folder.drop_press(number)
+        self.run.folder.drop_press(number)
         self.live.drop(number)
 
     def drop_outliers(self) -> None:
@@ -144,43 +144,43 @@ class _Collector:
 
     def check_radius(self) -> None:
         """Ask whether the ball is the one that was named, where the light tells its radius."""
-        presses = self.session.folder.presses()
+        presses = self.run.folder.presses()
         images = [read_image(press.image) for press in presses]
         self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
-        named = self.session.options.ball_radius_mm
+        named = self.run.options.ball_radius_mm
         if self.radius_mm is None or not ball_radius.is_another(self.radius_mm, named):
             return
         problem = (
             f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
             f"{self.radius_mm:.1f} mm: measure the ball, and begin again with its radius"
         )
-        if self.session.hand:
+        if self.run.hand:
             raise BundleError(problem)
-        self.session.wait_for_acceptance(problem)
+        self.run.wait_for_acceptance(problem)
 
     def show_progress(self) -> None:
         """Show how far it is, what is covered and what is missing."""
-        session = self.session
-        presses, wanted = session.folder.presses(), self.wanted
+        run = self.run
+        presses, wanted = run.folder.presses(), self.wanted
         self.live.update()
-        found = coverage(presses, self.ball, session.camera.image_shape)
+        found = coverage(presses, self.ball, run.camera.image_shape)
         words = advice(found, len(presses), wanted, settled=self.live.settled())
         doubtful = self.live.outliers()
-        session.display.update(
-            instruction=f"Press the ball of {session.options.ball_radius_mm:g} mm radius, from a "
+        run.display.update(
+            instruction=f"Press the ball of {run.options.ball_radius_mm:g} mm radius, from a "
             "light touch to 2 mm deep, each time at another place, up to the edges. Hold still until it is taken, then "
             "lift. A wrong circle can be corrected or dropped.",
             progress=Progress(done=len(presses), wanted=wanted, unit="presses"),
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
             coverage=LiveCoverage(held_out=tuple(self.live.history), **dict(found)),
         )
-        session.display.show(coverage=coverage_picture(found, session.camera.image_shape))
+        run.display.show(coverage=coverage_picture(found, run.camera.image_shape))
 
     def figures(self) -> BallPresses:
-        session = self.session
-        found = coverage(session.folder.presses(), self.ball, session.camera.image_shape)
+        run = self.run
+        found = coverage(run.folder.presses(), self.ball, run.camera.image_shape)
         return BallPresses(
-            presses=len(session.folder.state.presses),
+            presses=len(run.folder.state.presses),
             refused=self.refused,
             coverage=found,
             held_out=tuple(self.live.history),

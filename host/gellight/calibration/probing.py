@@ -7,47 +7,47 @@ from gellight.base.errors import BundleError, InputError
 from gellight.calibration.cylinder import Imprint, find_cylinder
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.records import PixelSize, ShownCircle, UntouchedGel
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, detector_of, next_press, wait_free
-from gellight.calibration.session import Session
 
 SQUARE = 0.006
 """x and y may differ by this share; more is a camera mode that squeezes the picture"""
 _LARGEST_SPREAD = 0.01
 
 
-def measure_pixel_size(session: Session) -> None:
+def measure_pixel_size(run: CalibrationRun) -> None:
     """Collect presses of the cylinder and keep mm per pixel."""
-    options, reference = session.options, session.folder.reference()
-    noise, detector = session.folder.figures(UntouchedGel).noise_grey, detector_of(session)
+    options, reference = run.options, run.folder.reference()
+    noise, detector = run.folder.figures(UntouchedGel).noise_grey, detector_of(run)
     found: list[Imprint] = []
     refused = 0
     while len(found) < options.cylinder_presses:
-        _announce(session, len(found))
-        with next_press(session, detector, lambda hand: hand.cylinder(len(found))) as capture:
+        _announce(run, len(found))
+        with next_press(run, detector, lambda hand: hand.cylinder(len(found))) as capture:
             assert capture is not None
             try:
-                found.append(_measured(session, capture.image, reference, noise))
+                found.append(_measured(run, capture.image, reference, noise))
             except InputError as error:
                 refused += 1
-                session.refuse(error, tolerate=refused <= options.cylinder_presses)
-    wait_free(session, detector)
-    session.folder.finish(pixel_size(found, options.cylinder_diameter_mm))
+                run.refuse(error, tolerate=refused <= options.cylinder_presses)
+    wait_free(run, detector)
+    run.folder.finish(pixel_size(found, options.cylinder_diameter_mm))
 
 
-def _announce(session: Session, done: int) -> None:
-    options = session.options
-    session.display.update(
+def _announce(run: CalibrationRun, done: int) -> None:
+    options = run.options
+    run.display.update(
         instruction=f"Press the {options.cylinder_diameter_mm:g} mm cylinder, its flat end straight, some tenths of a "
         "millimetre deep, each time at another place of the picture. Hold still, then lift.",
         progress=Progress(done=done, wanted=options.cylinder_presses, unit="presses"),
     )
 
 
-def _measured(session: Session, image: Picture, reference: NDArray[np.float32], noise: float) -> Imprint:
+def _measured(run: CalibrationRun, image: Picture, reference: NDArray[np.float32], noise: float) -> Imprint:
     """Measure one press and show it; InputError says why it is refused."""
     check_light(image, "the press")
     imprint = find_cylinder(image - reference, noise)
-    session.display.update(
+    run.display.update(
         problem="",
         press=ShownCircle(
             center_x_px=imprint.center_x_px,
@@ -56,7 +56,7 @@ def _measured(session: Session, image: Picture, reference: NDArray[np.float32], 
             state="measured",
         ),
     )
-    session.display.show(cylinder=drawn(image, imprint))
+    run.display.show(cylinder=drawn(image, imprint))
     return imprint
 
 

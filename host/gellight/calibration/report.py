@@ -18,27 +18,27 @@ from gellight.calibration.records import (
     Verdict,
     Verification,
 )
-from gellight.calibration.session import Session
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.uniformity import contour_picture
 from gellight.calibration.verification_report import Example, depth_tiles, pictures, table, verification
 from gellight.report.charts import Axes, Series, heat_map, line_chart
 
 
-def page(session: Session, verdict: Verdict, figures: Verification, example: Example) -> str:
+def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: Example) -> str:
     """Return the page as HTML; figures: means over the fresh presses."""
-    folder = session.folder
+    folder = run.folder
     style = files("gellight.report").joinpath("report.css").read_text()
     sections = [
-        _tiles(session, verdict, figures),
+        _tiles(run, verdict, figures),
         f"<p>{escape(verdict.text)}</p>",
         verification(folder.state.checks, figures, example),
-        _preparation(session),
-        _pixel_size(folder.figures(PixelSize), session.options.cylinder_diameter_mm),
+        _preparation(run),
+        _pixel_size(folder.figures(PixelSize), run.options.cylinder_diameter_mm),
         _lens(folder.state.steps.lens),
         _presses(folder.figures(BallPresses)),
         _training(folder.figures(Fit)),
     ]
-    name = escape(session.options.sensor)
+    name = escape(run.options.sensor)
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         f"<title>GelLight: calibration of {name}</title><style>{style}</style>"
@@ -46,8 +46,8 @@ def page(session: Session, verdict: Verdict, figures: Verification, example: Exa
     )
 
 
-def _tiles(session: Session, verdict: Verdict, figures: Verification) -> str:
-    folder = session.folder
+def _tiles(run: CalibrationRun, verdict: Verdict, figures: Verification) -> str:
+    folder = run.folder
     size, presses = folder.figures(PixelSize), folder.figures(BallPresses)
     tiles = [
         *depth_tiles(figures, [check.figures for check in folder.state.checks]),
@@ -61,14 +61,14 @@ def _tiles(session: Session, verdict: Verdict, figures: Verification) -> str:
     return f'<section class="tiles">{body}</section>'
 
 
-def _preparation(session: Session) -> str:
-    prepared, reference = session.folder.figures(Preparation), session.folder.figures(UntouchedGel)
+def _preparation(run: CalibrationRun) -> str:
+    prepared, reference = run.folder.figures(Preparation), run.folder.figures(UntouchedGel)
     rows = []
     for name, one in prepared.uniformity:
         shares = [f"{100 * share:.2f} %" for share in (one.within_1_sigma, one.within_2_sigma, one.within_3_sigma)]
         rows.append([name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}", *shares])
     rows.append(["paper, average", "159.0", "6.67", "64.05 %", "96.17 %", "99.90 %"])
-    untouched = session.folder.reference()
+    untouched = run.folder.reference()
     shown = [
         (np.rint(untouched).astype(np.uint8), "the untouched gel"),
         (contour_picture(untouched.mean(axis=2)), "its average intensity, contours"),

@@ -19,7 +19,7 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import Picture
-from gellight.calibration.session import Aborted, Session
+from gellight.calibration.run import Aborted, CalibrationRun
 from gellight.calibration.steps import run_steps
 from gellight.frames.camera import Camera
 from gellight.simulator.virtual_hand import VirtualHand
@@ -50,7 +50,7 @@ class Routine:
         does. install: puts a bundle that passed into service.
         Raises InputError or BundleError at once for a folder or a bundle of another sensor.
         """
-        self._session = Session(camera, options, folder, hand=hand)
+        self._calibration = CalibrationRun(camera, options, folder, hand=hand)
         self._install = install
         self._thread: threading.Thread | None = None
         self._error: GellightError | None = None
@@ -58,7 +58,7 @@ class Routine:
     @property
     def ended(self) -> bool:
         """Whether it is finished, aborted or failed."""
-        return self._session.display.step in ENDS and not (self._thread and self._thread.is_alive())
+        return self._calibration.display.step in ENDS and not (self._thread and self._thread.is_alive())
 
     @property
     def error(self) -> GellightError | None:
@@ -78,7 +78,7 @@ class Routine:
         None. advice: what is missing most, or "enough". verdict: {passed, depth_um, normal_deg, text} or None.
         bundle: path of what was written. pictures: names that `pictures` holds.
         """
-        return self._session.display.snapshot()
+        return self._calibration.display.snapshot()
 
     def pictures(self) -> dict[str, Picture]:
         """Return (H, W, 3) uint8 RGB by name, as they exist.
@@ -86,7 +86,7 @@ class Routine:
         live, untouched, uniformity (contours), cylinder and press (with their circles), coverage, and verify (the depth
         felt of the last fresh press).
         """
-        return self._session.display.pictures()
+        return self._calibration.display.pictures()
 
     def act(self, action: str, **arguments: float) -> None:
         """Do what the user chose; returns at once, the thread carries it out.
@@ -98,17 +98,17 @@ class Routine:
         """
         if action not in ACTIONS:
             raise InputError(f"no action {action!r}: choose one of {', '.join(ACTIONS)}")
-        offered = self._session.display.actions
+        offered = self._calibration.display.actions
         if action not in offered:
             raise InputError(f"{action} is not possible now: choose {' or '.join(offered) or 'nothing, but wait'}")
         if action == "start":
             self._start()
         else:
-            self._session.submit(action, arguments)
+            self._calibration.submit(action, arguments)
 
     def stop(self) -> None:
         """Abort at the next frame, whatever is going on; the state stays in the folder."""
-        self._session.submit("abort", {})
+        self._calibration.submit("abort", {})
 
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended, or for `timeout_s`."""
@@ -116,14 +116,14 @@ class Routine:
             self._thread.join(timeout_s)
 
     def _start(self) -> None:
-        self._session.display.update(actions=("abort",), instruction="", problem="")
+        self._calibration.display.update(actions=("abort",), instruction="", problem="")
         self._thread = threading.Thread(target=self._run, name="calibration", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
-        display = self._session.display
+        display = self._calibration.display
         try:
-            bundle = run_steps(self._session)
+            bundle = run_steps(self._calibration)
             if self._install and bundle:
                 self._install(bundle)
             self._end("finished", display.instruction)
@@ -140,4 +140,4 @@ class Routine:
             self._end("failed", "The calibration stopped; nothing was replaced.")
 
     def _end(self, step: str, instruction: str) -> None:
-        self._session.display.update(step=step, instruction=instruction, actions=())
+        self._calibration.display.update(step=step, instruction=instruction, actions=())

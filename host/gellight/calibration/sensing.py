@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.calibration.records import UntouchedGel
-from gellight.calibration.session import Session
+from gellight.calibration.run import CalibrationRun
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pixel_grid import block_means
@@ -70,9 +70,9 @@ class TouchDetector:
         return GelState(touched=float(touched.mean()), moved=moved)
 
 
-def detector_of(session: Session) -> TouchDetector:
+def detector_of(run: CalibrationRun) -> TouchDetector:
     """Return what compares frames with the reference of a calibration."""
-    return TouchDetector(session.folder.reference(), session.folder.figures(UntouchedGel).noise_grey)
+    return TouchDetector(run.folder.reference(), run.folder.figures(UntouchedGel).noise_grey)
 
 
 def _largest(difference: Floats) -> Floats:
@@ -89,80 +89,78 @@ class Capture:
     """the last of them"""
 
 
-def wait_free(session: Session, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
+def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
     """Wait until nothing touches; after so many frames say what may be wrong."""
-    complained, light = False, _Light(session, patience)
-    session.display.update(awaiting="lift")
-    for count, frame in enumerate(session.frames()):
+    complained, light = False, _Light(run, patience)
+    run.display.update(awaiting="lift")
+    for count, frame in enumerate(run.frames()):
         gel = detector.look(frame)
-        session.display.show(live=frame.image)
+        run.display.show(live=frame.image)
         if light.is_out(frame.image):
             continue
         if gel.free and gel.still:
-            session.display.update(problem="" if complained else session.display.problem, awaiting="")
+            run.display.update(problem="" if complained else run.display.problem, awaiting="")
             return
         if count >= patience and not complained:
             problem = (
                 f"{gel.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
                 "touches it, something lay on it when the reference was taken: stop and begin again"
             )
-            session.refuse(InputError(problem))
+            run.refuse(InputError(problem))
             complained = True
 
 
-def wait_press(session: Session, detector: TouchDetector, ended: Callable[[], bool]) -> Capture | None:
+def wait_press(run: CalibrationRun, detector: TouchDetector, ended: Callable[[], bool]) -> Capture | None:
     """Wait for a press that holds still, and average it; None when `ended` says so first.
 
     Where it moves while it is captured, the user is told so, and it is waited for again.
     """
-    still, taken, light = 0, list[CameraFrame](), _Light(session)
-    session.display.update(awaiting="press")
-    for frame in session.frames():
+    still, taken, light = 0, list[CameraFrame](), _Light(run)
+    run.display.update(awaiting="press")
+    for frame in run.frames():
         if ended():
-            session.display.update(awaiting="")
+            run.display.update(awaiting="")
             return None
         gel = detector.look(frame)
-        session.display.show(live=frame.image)
+        run.display.show(live=frame.image)
         if light.is_out(frame.image) or gel.free:
             still, taken = 0, []
         elif not gel.still:
             if taken:
-                session.display.update(
-                    problem="it moved while it was captured: hold the tool still, or lift and repeat"
-                )
+                run.display.update(problem="it moved while it was captured: hold the tool still, or lift and repeat")
             still, taken = 0, []
         elif still < STILL_FRAMES:
             still += 1
         else:
             taken.append(frame)
             if len(taken) == MEAN_FRAMES:
-                session.display.update(awaiting="")
+                run.display.update(awaiting="")
                 return Capture(image=mean_image(taken), frame=taken[-1])
     raise AssertionError("frames come for ever")
 
 
 @contextmanager
 def next_press(
-    session: Session,
+    run: CalibrationRun,
     detector: TouchDetector,
     press: Callable[[VirtualHand], None],
     ended: Callable[[], bool] = lambda: False,
 ) -> Iterator[Capture | None]:
     """Wait until nothing touches, then for the next press; a virtual hand does `press`, and lifts at the end."""
-    wait_free(session, detector)
-    if session.hand:
-        press(session.hand)
-    yield wait_press(session, detector, ended)
-    if session.hand:
-        session.hand.lift()
+    wait_free(run, detector)
+    if run.hand:
+        press(run.hand)
+    yield wait_press(run, detector, ended)
+    if run.hand:
+        run.hand.lift()
 
 
 class _Light:
     """Lights the ring again where the picture goes dark: a board that was reset or kept waiting makes it so itself."""
 
-    def __init__(self, session: Session, patience: int = PATIENCE_FRAMES) -> None:
+    def __init__(self, run: CalibrationRun, patience: int = PATIENCE_FRAMES) -> None:
         """Give up after `patience` dark frames in a row."""
-        self._session, self._patience, self._dark = session, patience, 0
+        self._calibration, self._patience, self._dark = run, patience, 0
 
     def is_out(self, image: NDArray[np.uint8]) -> bool:
         """Tell whether a frame is dark, and see to it; InputError where the light does not come back."""
@@ -172,7 +170,7 @@ class _Light:
         if self._dark > self._patience:
             check_light(image, "the gel")
         if self._dark % (self._patience // 3) == 0:
-            self._session.relight()
+            self._calibration.relight()
         self._dark += 1
         return True
 

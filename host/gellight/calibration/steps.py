@@ -6,12 +6,12 @@ from gellight.calibration.pin_grid import collect_grid, straighten
 from gellight.calibration.preparing import prepare, prepare_again
 from gellight.calibration.pressing import collect_presses
 from gellight.calibration.probing import measure_pixel_size
-from gellight.calibration.session import Session
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.untouched import compare_with_reference, take_reference
 from gellight.calibration.verifying import verify
 
 
-def run_steps(session: Session) -> Bundle | None:
+def run_steps(run: CalibrationRun) -> Bundle | None:
     """Go through all steps and return the bundle that passed, None where the verdict was bad."""
     for step, first, again in (
         ("prepare", prepare, prepare_again),
@@ -21,15 +21,15 @@ def run_steps(session: Session) -> Bundle | None:
         ("presses", collect_presses, None),
         ("fit", fit, None),
     ):
-        if step not in session.display.steps:
+        if step not in run.display.steps:
             continue
-        session.display.begin_step(step)
-        if session.folder.done(step) is None:
-            first(session)
+        run.display.begin_step(step)
+        if run.folder.done(step) is None:
+            first(run)
         elif again:
-            again(session)
-        if figures := session.folder.done(step):
-            session.display.add_figures(step, figures)
-    straighten(session)
-    session.display.begin_step("verify")
-    return verify(session)
+            again(run)
+        if figures := run.folder.done(step):
+            run.display.add_figures(step, figures)
+    straighten(run)
+    run.display.begin_step("verify")
+    return verify(run)

@@ -23,8 +23,8 @@ from gellight.calibration.records import (
 )
 from gellight.calibration.report import page
 from gellight.calibration.rerender import Rerenderer
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
-from gellight.calibration.session import Session
 from gellight.calibration.state import CheckRecord
 from gellight.calibration.verification_report import Example
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
@@ -75,50 +75,50 @@ class _Judge:
         return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
 
 
-def verify(session: Session) -> Bundle | None:
+def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
-    draft = load_bundle(session.folder.draft)
+    draft = load_bundle(run.folder.draft)
     rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
-    judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(session))
-    reference = session.folder.reference()
-    detector = detector_of(session)
-    while len(session.folder.state.checks) < session.options.verifications:
-        _announce(session)
-        with next_press(session, detector, lambda hand: _press_check(session, hand, judge.ball)) as capture:
+    judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
+    reference = run.folder.reference()
+    detector = detector_of(run)
+    while len(run.folder.state.checks) < run.options.verifications:
+        _announce(run)
+        with next_press(run, detector, lambda hand: _press_check(run, hand, judge.ball)) as capture:
             assert capture is not None
-            _take(session, capture, reference, judge)
-    wait_free(session, detector)
-    _announce(session)
-    return _conclude(session, draft, judge)
+            _take(run, capture, reference, judge)
+    wait_free(run, detector)
+    _announce(run)
+    return _conclude(run, draft, judge)
 
 
-def _press_check(session: Session, hand: VirtualHand, ball: Ball) -> None:
-    number = len(session.folder.state.checks) + session.folder.state.steps.refused_checks
-    hand.check(number, ball.pixel_size_mm, session.camera.image_shape)
+def _press_check(run: CalibrationRun, hand: VirtualHand, ball: Ball) -> None:
+    number = len(run.folder.state.checks) + run.folder.state.steps.refused_checks
+    hand.check(number, ball.pixel_size_mm, run.camera.image_shape)
 
 
-def _announce(session: Session) -> None:
-    session.display.update(
+def _announce(run: CalibrationRun) -> None:
+    run.display.update(
         instruction="Press the ball at fresh places, its whole contact in the picture: these presses judge the "
         "calibration and are not learnt from.",
-        progress=Progress(done=len(session.folder.state.checks), wanted=session.options.verifications, unit="presses"),
+        progress=Progress(done=len(run.folder.state.checks), wanted=run.options.verifications, unit="presses"),
     )
 
 
-def _take(session: Session, capture: Capture, reference: Floats, judge: _Judge) -> None:
+def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: _Judge) -> None:
     image = capture.frame.image  # one frame, as the running sensor sees it
     try:
         check_light(image, "the press")
         circle = circle_of(capture.image, reference, judge.ball)
         _check_whole(circle, image.shape)
     except InputError as error:
-        refused = session.folder.count_refused_check()
-        session.refuse(error, tolerate=refused <= session.options.verifications)
+        refused = run.folder.count_refused_check()
+        run.refuse(error, tolerate=refused <= run.options.verifications)
         return
-    felt, errors = judge.errors(capture.frame, Press(image=session.folder.path, **dict(circle)))
-    record = session.folder.add_check(image, circle, errors)
-    session.display.update(problem="", press=record.shown("checked"))
-    session.display.show(press=drawn(image, circle), verify=depth_picture(felt.depth_mm))
+    felt, errors = judge.errors(capture.frame, Press(image=run.folder.path, **dict(circle)))
+    record = run.folder.add_check(image, circle, errors)
+    run.display.update(problem="", press=record.shown("checked"))
+    run.display.show(press=drawn(image, circle), verify=depth_picture(felt.depth_mm))
 
 
 def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
@@ -149,19 +149,19 @@ def true_errors(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, floa
     }
 
 
-def _conclude(session: Session, draft: Bundle, judge: _Judge) -> Bundle | None:
-    figures = summary(session.folder.state.checks, _second_opinions(session, draft, judge.ball))
-    verdict = verdict_on(figures, session.options.limits)
-    session.display.add_figures("verify", figures)
-    session.display.update(verdict=verdict, instruction=verdict.text)
+def _conclude(run: CalibrationRun, draft: Bundle, judge: _Judge) -> Bundle | None:
+    figures = summary(run.folder.state.checks, _second_opinions(run, draft, judge.ball))
+    verdict = verdict_on(figures, run.options.limits)
+    run.display.add_figures("verify", figures)
+    run.display.update(verdict=verdict, instruction=verdict.text)
     if not verdict.passed:
-        session.folder.want_more(MORE_PRESSES)
+        run.folder.want_more(MORE_PRESSES)
         return None
-    report = page(session, verdict, figures, _example(session, judge))
-    bundle = _write(session, draft, figures, report)
-    session.folder.finish(figures)
-    session.folder.close()
-    session.display.update(bundle=str(session.options.out))
+    report = page(run, verdict, figures, _example(run, judge))
+    bundle = _write(run, draft, figures, report)
+    run.folder.finish(figures)
+    run.folder.close()
+    run.display.update(bundle=str(run.options.out))
     return bundle
 
 
@@ -172,13 +172,13 @@ def summary(checks: list[CheckRecord], second_opinions: dict[str, MethodErrors])
     return Verification(presses=len(each), second_opinions=second_opinions, **means)
 
 
-def _second_opinions(session: Session, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
+def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
     """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
     table = PressTable.of(draft)
     follow, reference = draft.manifest.follow_light, draft.reference
     found = {}
     for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):
-        errors = baseline_errors(baseline, session.folder.checks(), reference, ball, follow_light=follow)
+        errors = baseline_errors(baseline, run.folder.checks(), reference, ball, follow_light=follow)
         found[name] = MethodErrors(
             depth_mm=float(np.mean([error.depth_mae_mm for error in errors])),
             normal_deg=float(np.mean([error.mean_deg for error in errors])),
@@ -208,22 +208,22 @@ def _words(figures: Verification) -> str:
     return f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
 
 
-def _example(session: Session, judge: _Judge) -> Example:
+def _example(run: CalibrationRun, judge: _Judge) -> Example:
     """The fresh press with the median depth error, reconstructed again."""
-    checks = sorted(session.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
-    press = checks[len(checks) // 2].press(session.folder.path)
+    checks = sorted(run.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
+    press = checks[len(checks) // 2].press(run.folder.path)
     image = read_image(press.image)
     frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
     return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
 
 
-def _write(session: Session, draft: Bundle, figures: Verification, report: str) -> Bundle:
+def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
     """Write the bundle with everything that was learnt."""
-    steps, manifest = session.folder.state.steps, draft.manifest
-    prepared, lens = session.folder.figures(Preparation), steps.lens
+    steps, manifest = run.folder.state.steps, draft.manifest
+    prepared, lens = run.folder.figures(Preparation), steps.lens
     return write_bundle(
-        session.options.out,
-        sensor=session.options.sensor,
+        run.options.out,
+        sensor=run.options.sensor,
         reference=draft.reference,
         reference_frames=manifest.reference_frames,
         noise_grey=manifest.noise_grey,
@@ -234,7 +234,7 @@ def _write(session: Session, draft: Bundle, figures: Verification, report: str) 
         metrics={
             **draft.metrics,
             "verification": figures.as_json(),
-            "pixel_size": session.folder.figures(PixelSize).as_json(),
+            "pixel_size": run.folder.figures(PixelSize).as_json(),
             "lens": lens.as_json() if lens else {},
             "prepare": prepared.as_json(),
         },
@@ -242,5 +242,5 @@ def _write(session: Session, draft: Bundle, figures: Verification, report: str) 
         led=led_settings(prepared.led),
         camera=prepared.camera,
         extra_files={REPORT: report.encode(), **({FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {})},
-        overwrite=session.options.overwrite,
+        overwrite=run.options.overwrite,
     )

@@ -169,7 +169,7 @@ def test_the_noise_of_the_camera_does_not_look_like_a_touch(scene: Scene) -> Non
 
 
 class DarkUntilRelit:
-    """Stands for a session whose LEDs went dark; its board answers the `answers`-th time."""
+    """Stands for a run whose LEDs went dark; its board answers the `answers`-th time."""
 
     hand = None
 
@@ -189,24 +189,24 @@ class DarkUntilRelit:
 
 
 def test_leds_that_went_dark_are_lit_again() -> None:
-    session = DarkUntilRelit(answers=2)
-    wait_free(session, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
-    assert session.relit == 2
+    run = DarkUntilRelit(answers=2)
+    wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
+    assert run.relit == 2
 
 
 def test_leds_that_stay_dark_are_told() -> None:
-    session = DarkUntilRelit(answers=99)
+    run = DarkUntilRelit(answers=99)
     with pytest.raises(InputError, match="the gel is dark: check the LEDs"):
-        wait_free(session, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
+        wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
 
 
 def test_leds_that_go_dark_during_a_press_are_lit_again_and_the_dark_is_no_press() -> None:
-    session = DarkUntilRelit(answers=2, pressed=True)
+    run = DarkUntilRelit(answers=2, pressed=True)
     untouched = np.full((*SHAPE, 3), 100, np.float32)
-    capture = wait_press(session, TouchDetector(untouched, 1.0), lambda: False)  # type: ignore[arg-type]
+    capture = wait_press(run, TouchDetector(untouched, 1.0), lambda: False)  # type: ignore[arg-type]
     assert capture is not None
     assert capture.image.min() == 60
-    assert session.relit == 2
+    assert run.relit == 2
 
 
 @pytest.mark.parametrize("limit", [float("nan"), -0.01, 0.0])

@@ -24,7 +24,7 @@ class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
     """The user stopped the calibration."""
 
 
-class Session:
+class CalibrationRun:
     """One calibration while it runs: used by the thread of the routine; any thread may use `submit` and `display`."""
 
     def __init__(
