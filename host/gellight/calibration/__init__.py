@@ -5,9 +5,12 @@
 prepare     preparing.py, led_check.py, uniformity.py   lock the camera, check and balance the LEDs
 reference   untouched.py                                the untouched gel, its noise and its drift
 pixel_size  probing.py, cylinder.py                     the cylinder probe gives mm per pixel
+lens        pin_grid.py                                 where there is a pin grid: the distortion of the lens
 presses     pressing.py, coverage.py, live_error.py     ball presses, found and judged while they come in
 fit         fitting.py                                  the network, in a child process
 verify      verifying.py                                fresh presses, and the verdict
 
-`folder.py` keeps everything on disk. `lens/` and `lights/` measure the lens and the light of each LED.
+`records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py` and
+`verification_report.py` make a page of it.
+`run.py` is what the steps share. `lens/` and `lights/` measure the lens and the light of each LED.
 """

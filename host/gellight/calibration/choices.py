@@ -17,7 +17,7 @@ LEAST_PRESSES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class RoutineOptions:
-    """The tools and the wishes of one calibration."""
+    """The tools at hand, and what one calibration is to do."""
 
     out: Path
     """folder of the bundle that is written when the verdict is good"""

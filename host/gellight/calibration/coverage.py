@@ -1,13 +1,12 @@
 """Which places and which slopes the ball presses have shown so far, and what is missing most."""
 
-from dataclasses import dataclass
 from math import ceil
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.calibration.bulletin import Picture
+from gellight.calibration.display import Picture
+from gellight.calibration.records import Coverage
 from gellight.training.presses import Ball, Press, contact_circle
 
 ROWS, COLUMNS = 6, 8
@@ -21,43 +20,19 @@ _REACHED_SHARE = 0.3
 """of a cell has to be in contact for the press to count there"""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coverage:
-    """Counts of presses by place, and of pixels by slope."""
-
-    places: NDArray[np.int64]
-    """(ROWS, COLUMNS) presses that reached each part of the view"""
-    slopes: NDArray[np.int64]
-    """(DIRECTIONS, bands of STEEPNESS_DEG) labelled pixels"""
-    steepest_deg: float
-    cells_per_press: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the counts as lists."""
-        return {
-            "places": self.places.tolist(),
-            "slopes": self.slopes.tolist(),
-            "steepness_deg": list(STEEPNESS_DEG),
-            "steepest_deg": round(self.steepest_deg, 1),
-        }
-
-
 def coverage(presses: list[Press], ball: Ball, image_shape: tuple[int, int]) -> Coverage:
     """Count the presses; their contact circles are in pixels of (H, W) pictures."""
     places = np.zeros((ROWS, COLUMNS), np.int64)
     slopes = np.zeros((DIRECTIONS, len(STEEPNESS_DEG) - 1), np.int64)
-    reached, steepest = 0, 0.0
     for press in presses:
-        cells = _cells(press, image_shape)
-        places += cells
-        reached += int(cells.sum())
+        places += _cells(press, image_shape)
         slopes += _slopes(press, ball)
-        steepest = max(steepest, float(np.degrees(np.arcsin(min(press.contact_radius_px / ball.radius_px, 1.0)))))
+    steepest = max((press.contact_radius_px / ball.radius_px for press in presses), default=0.0)
     return Coverage(
-        places=places,
-        slopes=slopes,
-        steepest_deg=steepest,
-        cells_per_press=max(reached / max(len(presses), 1), 1.0),
+        places=places.tolist(),
+        slopes=slopes.tolist(),
+        steepness_deg=STEEPNESS_DEG,
+        steepest_deg=round(float(np.degrees(np.arcsin(min(steepest, 1.0)))), 1),
     )
 
 
@@ -94,14 +69,12 @@ _SIDES: tuple[tuple[str, tuple[slice, slice]], ...] = (
 )
 
 
-def missing(found: Coverage) -> list[tuple[int, str]]:
+def _missing(found: Coverage, presses: int) -> list[tuple[int, str]]:
     """Return how many more presses are needed where, most first."""
-    wanted = []
-    for name, cells in _SIDES:
-        lacking = int(np.maximum(WANTED - found.places[cells], 0).sum())
-        if lacking:
-            wanted.append((ceil(lacking / found.cells_per_press), name))
-    return sorted(wanted, reverse=True)
+    places = np.array(found.places)
+    cells_per_press = max(places.sum() / max(presses, 1), 1.0)
+    lacking = {name: int(np.maximum(WANTED - places[cells], 0).sum()) for name, cells in _SIDES}
+    return sorted(((ceil(cells / cells_per_press), name) for name, cells in lacking.items() if cells), reverse=True)
 
 
 def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
@@ -109,7 +82,7 @@ def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
 
     settled: the held-out error no longer falls. Enough is also what was asked for.
     """
-    places = missing(found)
+    places = _missing(found, presses)
     if places and presses >= 3:
         count, name = places[0]
         return f"{count} more press{'es' if count > 1 else ''} {name}"
@@ -122,7 +95,7 @@ def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
 
 def coverage_picture(found: Coverage, image_shape: tuple[int, int]) -> Picture:
     """Draw the counts of places, (H, W, 3): dark where nothing was pressed, green where enough was."""
-    share = np.minimum(found.places / 3.0, 1.0)
+    share = np.minimum(np.array(found.places) / 3.0, 1.0)
     colours = np.stack([40 + 20 * share, 40 + 160 * share, 48 + 60 * share], axis=2).astype(np.uint8)
     rows = np.arange(image_shape[0]) * ROWS // image_shape[0]
     columns = np.arange(image_shape[1]) * COLUMNS // image_shape[1]

@@ -123,7 +123,7 @@ def _profile_table() -> tuple[Floats, Floats]:
 
 def _edge_offset(profile: NDArray[np.floating], offsets: Floats) -> tuple[float, bool]:
     """Where the edge lies on a (n, 3) colour profile, px from the circle assumed, and whether to trust it."""
-    flat = offsets < -0.5 * REACH * abs(float(offsets[0])) / REACH
+    flat = offsets < -0.5 * abs(float(offsets[0]))
     change = profile - np.median(profile[flat], axis=0)
     _, _, directions = np.linalg.svd(change, full_matrices=False)
     signal = change @ directions[0]

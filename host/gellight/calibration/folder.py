@@ -1,216 +1,234 @@
 """The state of a calibration on disk: every figure, picture and press is there as soon as it is known.
 
-state.json        what is done
+state.json        what is done; it marks the folder as one of a calibration
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
 grids/*.png       the pin grid
+draft/            the bundle before it is verified
 
 Each file is written whole or not at all, and is on the disk when the call that wrote it returns.
 """
 
 import io
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.base.writing import make_folder, write_file
-from gellight.calibration.bulletin import Picture
+from gellight.calibration.display import Picture
+from gellight.calibration.records import CheckErrors, Circle, StepFigures
+from gellight.calibration.state import (
+    DRAFT,
+    KINDS,
+    REFERENCE,
+    STATE,
+    CheckRecord,
+    Identity,
+    PictureRecord,
+    PressRecord,
+    State,
+    discard,
+    state_in,
+    writing,
+)
 from gellight.report.pictures import write_png
 from gellight.training.presses import Press
 
-SCHEMA_VERSION = 1
-STATE = "state.json"
-_REFERENCE = "reference.npy"
-KINDS = ("presses", "checks", "grids")
+_Figures = TypeVar("_Figures", bound=StepFigures)
+_Kept = TypeVar("_Kept", bound=PictureRecord)
 
 
-def has_state(path: Path) -> bool:
-    """Tell whether an interrupted calibration lies in a folder; one that cannot be read counts."""
-    try:
-        return not json.loads((path / STATE).read_text(encoding="utf-8"))["finished"]
-    except FileNotFoundError:
-        return False
-    except (OSError, ValueError, KeyError, TypeError):
-        return True
-
-
-def begun_with(path: Path) -> dict[str, Any]:
-    """Return sensor, picture size and tools of the interrupted calibration in a folder; empty where there is none."""
-    if not has_state(path):
-        return {}
-    try:
-        identity: dict[str, Any] = json.loads((path / STATE).read_text(encoding="utf-8"))["identity"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return {}  # `Folder.open` tells what is wrong with it
-    return identity
-
-
-@dataclass
 class Folder:
-    """What one calibration has learnt so far."""
+    """What one calibration has learnt so far; whatever changes is on disk at once."""
 
-    path: Path
-    identity: dict[str, Any]
-    """which sensor, which picture size, which tools"""
-    steps: dict[str, Any] = field(default_factory=dict)
-    """figures of every finished step, by name"""
-    presses: list[dict[str, Any]] = field(default_factory=list)
-    """file, center_x_px, center_y_px, contact_radius_px of each press to train on"""
-    checks: list[dict[str, Any]] = field(default_factory=list)
-    """the same of each fresh press"""
-    grids: list[dict[str, Any]] = field(default_factory=list)
-    """file of each picture of the pin grid"""
-    finished: bool = False
-    """a finished calibration is not taken up again"""
-    extra_presses: int = 0
-    """wanted beyond what was asked for, because a verdict was bad"""
+    def __init__(self, path: Path, state: State) -> None:
+        """Keep a state that was read or made; see `open`."""
+        self.path = path
+        self.state = state
 
     @classmethod
-    def open(cls, path: Path, identity: dict[str, Any]) -> "Folder":
-        """Make the folder, or take up the calibration in it; InputError if that one is of something else."""
-        folder = cls(path, identity)
-        if has_state(path):
-            folder._load()
+    def open(cls, path: Path, identity: Identity) -> Self:
+        """Make the folder, or take up the calibration in it.
+
+        Raises InputError where that one is of something else, or where a folder without a calibration holds files;
+        BundleError for a damaged state. Then nothing is changed.
+        """
+        state = state_in(path)
+        if state is None:
+            _check_empty(path)
+        elif state.finished:
+            discard(path)
+        else:
+            _check_same(path, state.identity, identity)
+        if state is None or state.finished:
+            state = State(identity=identity)
+        _drop_lost(path, state)
         for name in ("", *KINDS):
-            _made(path / name)
-        wanted = {record["file"] for record in folder.presses + folder.checks + folder.grids}
-        for picture in (p for kind in KINDS for p in (path / kind).glob("press-*.png")):
-            if str(picture.relative_to(path)) not in wanted:
-                picture.unlink()
+            _make(path / name)
+        folder = cls(path, state)
         folder.save()
         return folder
 
-    def _load(self) -> None:
-        place = self.path / STATE
-        try:
-            state = json.loads(place.read_text(encoding="utf-8"))
-            found, schema = state["identity"], state["schema_version"]
-            self.steps, self.presses, self.checks = state["steps"], state["presses"], state["checks"]
-            self.extra_presses, self.grids = state["extra_presses"], state.get("grids", [])
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise BundleError(f"{place} cannot be read ({error}): remove the folder and begin again") from error
-        if schema != SCHEMA_VERSION:
-            raise BundleError(f"{place} has schema version {schema}: remove the folder and begin again")
-        for name, value in self.identity.items():
-            if found.get(name) != value:
-                raise InputError(
-                    f"the calibration in {self.path} was begun with {name} {found.get(name)}, not {value}: "
-                    "give the same again, or begin anew"
-                )
+    @property
+    def draft(self) -> Path:
+        """Where the bundle lies before it is verified."""
+        return self.path / DRAFT
 
     def save(self) -> None:
         """Write the state; BundleError where the disk refuses it."""
-        state = {
-            "schema_version": SCHEMA_VERSION,
-            "identity": self.identity,
-            "steps": self.steps,
-            "presses": self.presses,
-            "checks": self.checks,
-            "grids": self.grids,
-            "extra_presses": self.extra_presses,
-            "finished": self.finished,
-        }
-        with _writing(self.path):
-            write_file(self.path / STATE, (json.dumps(state, indent=1) + "\n").encode())
+        content = json.dumps(self.state.model_dump(mode="json", exclude_none=True), indent=1)
+        with writing(self.path):
+            write_file(self.path / STATE, (content + "\n").encode())
 
-    def finish(self, step: str, figures: dict[str, Any]) -> None:
+    def done(self, step: str) -> StepFigures | None:
+        """Return the figures of a step by its name; None while it is not finished."""
+        figures: StepFigures | None = getattr(self.state.steps, step)
+        return figures
+
+    def figures(self, kind: type[_Figures]) -> _Figures:
+        """Return the figures of a finished step; GellightError where the step has not been done."""
+        found = self.done(kind.step)
+        if not isinstance(found, kind):
+            raise GellightError(f"the step {kind.step} is missing in {self.path / STATE}: begin again")
+        return found
+
+    def finish(self, figures: StepFigures) -> None:
         """Keep the figures of a step that is done."""
-        self.steps[step] = figures
+        setattr(self.state.steps, figures.step, figures)
         self.save()
+
+    def count_refused_check(self) -> int:
+        """Count one more fresh press that was refused; returns how many there are."""
+        self.state.steps.refused_checks += 1
+        self.save()
+        return self.state.steps.refused_checks
 
     def want_more(self, presses: int) -> None:
         """After a bad verdict: forget it and its fresh presses, and ask for more presses to learn from."""
-        self.extra_presses += presses
-        for step in ("presses", "fit", "refused_checks"):
-            self.steps.pop(step, None)
-        self.checks.clear()
+        self.state.extra_presses += presses
+        steps = self.state.steps
+        steps.presses, steps.fit, steps.refused_checks = None, None, 0
+        self.state.checks.clear()
         self.save()
 
     def forget_grid(self) -> None:
         """Forget the pictures of the pin grid and what they told."""
-        self.steps.pop("lens", None)
-        self.grids.clear()
+        self.state.steps.lens = None
+        self.state.grids.clear()
         self.save()
 
     def close(self) -> None:
         """The bundle is written: nothing is left to resume."""
-        self.finished = True
+        self.state.finished = True
         self.save()
 
     def keep_reference(self, image: NDArray[np.float32]) -> None:
         """Keep the mean of the untouched gel."""
         content = io.BytesIO()
         np.save(content, image)
-        with _writing(self.path):
-            write_file(self.path / _REFERENCE, content.getvalue())
+        with writing(self.path):
+            write_file(self.path / REFERENCE, content.getvalue())
 
     def reference(self) -> NDArray[np.float32]:
         """Return the mean of the untouched gel."""
         try:
-            image: NDArray[np.float32] = np.load(self.path / _REFERENCE, allow_pickle=False)
+            image: NDArray[np.float32] = np.load(self.path / REFERENCE, allow_pickle=False)
         except (OSError, ValueError) as error:
-            raise BundleError(f"{self.path / _REFERENCE} is damaged ({error}): begin again") from error
+            raise BundleError(f"{self.path / REFERENCE} is damaged ({error}): begin again") from error
         return image
 
-    def add(self, kind: str, picture: Picture, circle: dict[str, float], **more: Any) -> dict[str, Any]:
-        """Keep a picture of `KINDS`, a press with its circle; returns its record."""
-        records = self._records(kind)
-        number = 1 + max((record["number"] for record in records), default=0)
-        record = {"number": number, "file": f"{kind}/press-{number:03d}.png", **circle, **more}
-        with _writing(self.path):
-            write_png(self.path / str(record["file"]), picture)
+    def add_press(self, picture: Picture, circle: Circle) -> PressRecord:
+        """Keep a ball press to train on."""
+        return self._add("presses", self.state.presses, PressRecord, picture, **dict(circle))
+
+    def add_check(self, picture: Picture, circle: Circle, errors: CheckErrors) -> CheckRecord:
+        """Keep a fresh press."""
+        return self._add("checks", self.state.checks, CheckRecord, picture, **dict(circle), figures=errors)
+
+    def add_grid(self, picture: Picture) -> PictureRecord:
+        """Keep a picture of the pin grid."""
+        return self._add("grids", self.state.grids, PictureRecord, picture)
+
+    def _add(self, kind: str, records: list[_Kept], make: type[_Kept], picture: Picture, **more: Any) -> _Kept:
+        number = 1 + max((record.number for record in records), default=0)
+        while (self.path / _file(kind, number)).exists():
+            number += 1  # somebody else's
+        record = make(number=number, file=_file(kind, number), **more)
         records.append(record)
+        # The state first: a file that lies there and is not in it would count as somebody else's for ever.
         self.save()
+        with writing(self.path):
+            write_png(self.path / record.file, picture)
         return record
 
-    def drop(self, kind: str, number: int) -> None:
-        """Forget a press; InputError if there is none of that number."""
-        records = self._records(kind)
-        kept = [record for record in records if record["number"] != number]
-        if len(kept) == len(records):
-            raise InputError(f"there is no press {number} to drop")
-        dropped = next(record for record in records if record["number"] == number)
-        records[:] = kept
+    def drop_press(self, number: int) -> None:
+        """Forget a press to train on; InputError if there is none of that number."""
+        dropped = self._press(number)
+        self.state.presses.remove(dropped)
         self.save()
-        (self.path / dropped["file"]).unlink(missing_ok=True)
+        (self.path / dropped.file).unlink(missing_ok=True)
 
-    def listed(self, kind: str) -> list[Press]:
-        """Return the presses of a kind as they are trained on and evaluated."""
-        return [
-            Press(
-                image=self.path / record["file"],
-                center_x_px=record["center_x_px"],
-                center_y_px=record["center_y_px"],
-                contact_radius_px=record["contact_radius_px"],
+    def correct_press(self, number: int, circle: Circle) -> PressRecord:
+        """Replace the circle of a press to train on."""
+        old = self._press(number)
+        corrected = old.model_copy(update=dict(circle))
+        self.state.presses[self.state.presses.index(old)] = corrected
+        self.save()
+        return corrected
+
+    def _press(self, number: int) -> PressRecord:
+        for record in self.state.presses:
+            if record.number == number:
+                return record
+        raise InputError(f"there is no press {number} to change")
+
+    def presses(self) -> list[Press]:
+        """Return the presses to train on."""
+        return [record.press(self.path) for record in self.state.presses]
+
+    def checks(self) -> list[Press]:
+        """Return the fresh presses."""
+        return [record.press(self.path) for record in self.state.checks]
+
+
+def _file(kind: str, number: int) -> str:
+    return f"{kind}/press-{number:03d}.png"
+
+
+def _check_empty(path: Path) -> None:
+    """Refuse a folder in which something lies that no calibration wrote; hidden files do not count."""
+    found = sorted(entry.name for entry in path.iterdir() if not entry.name.startswith(".")) if path.is_dir() else []
+    if found:
+        raise InputError(
+            f"folder {path} holds {found[0]!r} and no calibration: give a new or an empty folder to keep the "
+            "calibration in; nothing was changed"
+        )
+
+
+def _check_same(path: Path, begun: Identity, wanted: Identity) -> None:
+    for name, value in wanted:
+        found = getattr(begun, name)
+        if found != value:
+            raise InputError(
+                f"the calibration in {path} was begun with {name} {found}, not {value}: give the same again, or begin "
+                "anew"
             )
-            for record in self._records(kind)
-        ]
-
-    def _records(self, kind: str) -> list[dict[str, Any]]:
-        return {"presses": self.presses, "checks": self.checks, "grids": self.grids}[kind]
 
 
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Say in words that the disk refuses something."""
-    try:
-        yield
-    except OSError as error:
-        raise BundleError(
-            f"{path} cannot be written ({error.strerror or error}): free some space and go on; what was measured "
-            "before is kept"
-        ) from error
+def _drop_lost(path: Path, state: State) -> None:
+    """Drop records whose picture is not there: the power failed, or the disk was full, between the two."""
+    lists: Iterable[list[Any]] = (state.presses, state.checks, state.grids)
+    for records in lists:
+        records[:] = [record for record in records if (path / record.file).is_file()]
 
 
-def _made(path: Path) -> None:
+def _make(path: Path) -> None:
     try:
         make_folder(path)
     except OSError as error:

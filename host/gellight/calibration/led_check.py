@@ -1,15 +1,16 @@
 """Lights each LED and each light group by itself and looks whether the right one shines, in the right colour."""
 
 import time
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
+from gellight.calibration.display import Progress
+from gellight.calibration.records import GroupAnswer, LedAnswer, LedCheck
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import BLOCK_PX
-from gellight.calibration.session import Session
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing
@@ -27,21 +28,7 @@ _GROUP_ERROR = 0.08
 """a light group may differ from the sum of its LEDs by this share: more is a supply that sags"""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LedAnswer:
-    """What one LED did to the picture."""
-
-    led: int
-    colour: str
-    """as the ring is built"""
-    grey: float
-    """mean rise of the brightest channel"""
-    seen_colour: str
-    azimuth_deg: float
-    """from where it shines, anticlockwise from the right"""
-
-
-def light(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> Floats:
+def light(run: CalibrationRun, ring: LightRing, colours: NDArray[np.uint8]) -> Floats:
     """Light the LEDs and return the block means of the picture that was exposed wholly under them.
 
     Two frames in a row that agree are waited for, since not every camera tells exactly when it exposed. Raises
@@ -52,31 +39,31 @@ def light(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> Floa
     lit_s = time.monotonic() + _SETTLE_S
     before: Floats | None = None
     for _ in range(_LONGEST_WAIT_FRAMES):
-        frame = session.frame()
+        frame = run.frame()
         if frame.time_s < lit_s or (frame.light is not None and not np.array_equal(frame.light, colours)):
             continue
         seen = block_means(frame.image, BLOCK_PX)
-        session.bulletin.show(live=frame.image)
+        run.display.show(live=frame.image)
         if before is not None and float(np.abs(seen - before).mean()) < _SAME_GREY:
             return np.asarray((seen + before) / 2, np.float32)
         before = seen
     raise CameraError("the picture does not come to rest under steady light: cover the sensor from other light")
 
 
-def check_lights(session: Session, ring: LightRing, colours: NDArray[np.uint8]) -> dict[str, Any]:
-    """Light every LED of (12, 3) `colours` and every colour triple; return what was seen, ready for JSON.
+def check_lights(run: CalibrationRun, ring: LightRing, colours: NDArray[np.uint8]) -> LedCheck:
+    """Light every LED of (12, 3) `colours` and every colour triple; return what was seen.
 
     Raises BoardError that names every LED that is dead, far too weak, or shines in a colour that is not its own.
     """
-    dark = light(session, ring, np.zeros_like(colours))
+    dark = light(run, ring, np.zeros_like(colours))
     rises: list[Floats] = []
     for led, group in enumerate(single_leds(colours)):
-        session.bulletin.post(progress={"done": led, "wanted": len(colours), "unit": "LEDs"})
-        rises.append(light(session, ring, group) - dark)
-    answers = [_answer(led, rise, colours) for led, rise in enumerate(rises)]
+        run.display.update(progress=Progress(done=led, wanted=len(colours), unit="LEDs"))
+        rises.append(light(run, ring, group) - dark)
+    answers = tuple(_answer(led, rise, colours) for led, rise in enumerate(rises))
     _refuse(answers)
-    groups = _check_groups(session, ring, colours, dark, rises)
-    return {"leds": [vars(answer) for answer in answers], "groups": groups, "dark_grey": float(dark.mean())}
+    groups = _check_groups(run, ring, colours, dark, rises)
+    return LedCheck(leds=answers, groups=groups, dark_grey=float(dark.mean()))
 
 
 def _answer(led: int, rise: Floats, colours: NDArray[np.uint8]) -> LedAnswer:
@@ -97,7 +84,7 @@ def _answer(led: int, rise: Floats, colours: NDArray[np.uint8]) -> LedAnswer:
     )
 
 
-def _refuse(answers: list[LedAnswer]) -> None:
+def _refuse(answers: Sequence[LedAnswer]) -> None:
     usual = {c: float(np.median([a.grey for a in answers if a.colour == c] or [0.0])) for c in COLOURS}
     most = max(usual.values())
     dead = [a.led for a in answers if a.grey < max(_DEAD_SHARE * usual[a.colour], 0.02 * most, 0.3)]
@@ -114,18 +101,18 @@ def _refuse(answers: list[LedAnswer]) -> None:
         raise BoardError("; ".join(faults))
 
 
-def _listed(names: list[Any]) -> str:
+def _listed(names: Sequence[object]) -> str:
     return ", ".join(map(str, names))
 
 
 def _check_groups(
-    session: Session, ring: LightRing, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]
-) -> list[dict[str, Any]]:
+    run: CalibrationRun, ring: LightRing, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]
+) -> tuple[GroupAnswer, ...]:
     """Light each colour triple: its picture has to be the sum of its LEDs."""
     found = []
     for number, group in enumerate(colour_triples(colours)):
         members = [led for led in range(len(colours)) if group[led].any()]
-        rise = light(session, ring, group) - dark
+        rise = light(run, ring, group) - dark
         wanted = np.sum([rises[led] for led in members], axis=0)
         error = float(np.abs(rise - wanted).mean() / max(float(np.abs(wanted).mean()), 1e-6))
         if error > _GROUP_ERROR:
@@ -133,5 +120,5 @@ def _check_groups(
                 f"light group {number} (LED {_listed(members)}) differs by {error:.0%} from the sum of its LEDs: the "
                 "supply of the ring sags or other light falls in; use a stronger supply and cover the sensor"
             )
-        found.append({"group": number, "leds": members, "error": error})
-    return found
+        found.append(GroupAnswer(group=number, leds=tuple(members), error=error))
+    return tuple(found)

@@ -1,7 +1,7 @@
-"""The error on presses held out, while presses still come in: a cubic polynomial learns in a moment what GelNet will.
+"""The error on held-out presses while presses still come in, by a cubic polynomial, which is fitted in a moment.
 
-The polynomial maps difference image and place to the slopes. Its normal equations are sums over presses, so leaving one
-press out is a subtraction and every press is judged by the others.
+The polynomial maps colour change and place to slopes. Its normal equations are sums over presses, so a press is left
+out by a subtraction, and each press can be judged by all others.
 """
 
 from dataclasses import dataclass, field
@@ -66,10 +66,10 @@ class LiveError:
         self._slopes.pop(number, None)
         self.by_press.pop(number, None)
 
-    def update(self) -> float | None:
-        """Judge every press by all others; the mean error in degrees, None while there are too few."""
+    def update(self) -> None:
+        """Judge every press by all others and add the mean error to `history`; not while there are too few."""
         if len(self._inputs) < LEAST:
-            return None
+            return
         squares = {n: a.T @ a for n, a in self._inputs.items()}
         products = {n: a.T @ self._slopes[n] for n, a in self._inputs.items()}
         all_squares = sum(squares.values()) + _RIDGE * np.eye(len(_POWERS)) * SAMPLES
@@ -79,9 +79,7 @@ class LiveError:
             guess = (inputs @ amounts)[:, None, :]
             true = self._slopes[n][:, None, :]
             self.by_press[n] = float(angle_deg(normals(guess)[:, 0], normals(true)[:, 0])[:SAMPLES].mean())
-        error = float(np.mean(list(self.by_press.values())))
-        self.history.append((len(self._inputs), error))
-        return error
+        self.history.append((len(self._inputs), float(np.mean(list(self.by_press.values())))))
 
     def settled(self) -> bool:
         """Tell whether the last eight presses improved the error by less than 5 %."""

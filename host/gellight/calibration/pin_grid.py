@@ -1,92 +1,83 @@
-"""The lens, where the user has a grid of pins: pressed after the cylinder, felt when the network is trained.
+"""The distortion of the lens, if the user has a pin grid: pressed after the cylinder, used after the training.
 
-The pins are looked for twice. When they are pressed nothing can be felt yet, and the difference image shows them some
-pixels off their places: enough to tell whether this is a grid, of the pitch that was named, over the whole view. The
-lens is fitted to the depth that the trained network feels, where they are right to some hundredths of a pixel.
+The pins are looked for twice. When they are pressed there is no network yet. The difference image shows them some
+pixels off: enough to check that it is a grid of the right pitch over the whole view. The lens is then fitted to pins in
+the depth that the trained network feels, which are right to some hundredths of a pixel.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.calibration.bulletin import Picture
-from gellight.calibration.fitting import draft_path
+from gellight.calibration.display import Picture, Progress
 from gellight.calibration.lens.lattice import Lattice
 from gellight.calibration.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures
 from gellight.calibration.lens.pins import dimples, imprints, marked
-from gellight.calibration.sensing import Capture, Watcher, check_light, wait_free, wait_press
-from gellight.calibration.session import Session
+from gellight.calibration.records import MeasuredLens, PinGrid, PixelSize
+from gellight.calibration.run import CalibrationRun
+from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.lens.lens_file import has_lens
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.virtual_hand import VirtualHand
 
 Floats = NDArray[np.float32]
-_NO_GRID: dict[str, Any] = {"pictures": 0}
 _SOURCE = "the pin grid"
 
 
-def collect_grid(session: Session) -> None:
+def collect_grid(run: CalibrationRun) -> None:
     """Take pictures of the grid until pins were seen in every part of the view, or the user goes on without it."""
-    reference = session.folder.reference()
-    watcher = Watcher(reference, session.folder.steps["reference"]["noise_grey"])
-    seen = [_pins(session, read_image(path), reference) for path in _pictures(session)]
-    wanted = _missing(seen, session.camera.image_shape)
-    with session.offering("next"):
+    reference, detector = run.folder.reference(), detector_of(run)
+    seen = [_pins(run, read_image(path), reference) for path in _pictures(run)]
+    wanted = _missing(seen, run.camera.image_shape)
+    with run.offering("next"):
         while wanted:
-            _announce(session, len(seen), wanted)
-            wait_free(session, watcher)
-            if session.hand:
-                session.hand.grid()
-            capture = wait_press(session, watcher, lambda: _skipped(session))
-            if capture is None:
-                session.folder.forget_grid()
-                session.folder.finish("lens", _NO_GRID)
-                return
-            seen += _taken(session, capture, reference)
-            wanted = _missing(seen, session.camera.image_shape)
-            if session.hand:
-                session.hand.lift()
-        wait_free(session, watcher)
-    session.folder.finish("lens", {"pictures": len(seen), "pitch_mm": session.options.pin_pitch_mm})
+            _announce(run, len(seen), wanted)
+            with next_press(run, detector, VirtualHand.grid, lambda: _skipped(run)) as capture:
+                if capture is None:
+                    run.folder.forget_grid()
+                    run.folder.finish(PinGrid(pictures=0))
+                    return
+                seen += _taken(run, capture, reference)
+                wanted = _missing(seen, run.camera.image_shape)
+        wait_free(run, detector)
+    run.folder.finish(PinGrid(pictures=len(seen), pitch_mm=run.options.pin_pitch_mm))
 
 
-def _announce(session: Session, done: int, wanted: str) -> None:
-    session.bulletin.post(
-        instruction=f"Press the pin grid ({session.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
+def _announce(run: CalibrationRun, done: int, wanted: str) -> None:
+    run.display.update(
+        instruction=f"Press the pin grid ({run.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
         "whole view, some tenths of a millimetre deep. Hold still, then lift. Without one, go on.",
-        progress={"done": done, "wanted": done + 1, "unit": "pictures"},
-        problem=wanted if done else session.bulletin.problem,
+        progress=Progress(done=done, wanted=done + 1, unit="pictures"),
+        problem=wanted if done else run.display.problem,
     )
 
 
-def _skipped(session: Session) -> bool:
-    asked = session.asked()
-    return asked is not None and asked[0] == "next"
+def _skipped(run: CalibrationRun) -> bool:
+    chosen = run.next_action()
+    return chosen is not None and chosen[0] == "next"
 
 
-def _taken(session: Session, capture: Capture, reference: Floats) -> list[Lattice]:
-    """Keep the picture and return its pins; empty where it is refused, with the reason on the bulletin."""
+def _taken(run: CalibrationRun, capture: Capture, reference: Floats) -> list[Lattice]:
+    """Keep the picture and return its pins; empty where it is refused, and then the reason is shown."""
     try:
         check_light(capture.image, _SOURCE)
-        lattice = _pins(session, capture.image, reference)
+        lattice = _pins(run, capture.image, reference)
     except InputError as error:
-        if session.hand:
-            raise
-        session.bulletin.post(problem=str(error))
+        run.refuse(error)
         return []
-    session.folder.add("grids", capture.image, {})
-    session.bulletin.post(problem="")
-    session.bulletin.show(pins=marked(capture.image, lattice.points, np.empty((0, 2))))
+    run.folder.add_grid(capture.image)
+    run.display.update(problem="")
+    run.display.show(pins=marked(capture.image, lattice.points, np.empty((0, 2))))
     return [lattice]
 
 
-def _pins(session: Session, picture: Picture, reference: Floats) -> Lattice:
-    size, pitch = _sizes(session)
+def _pins(run: CalibrationRun, picture: Picture, reference: Floats) -> Lattice:
+    size, pitch = _sizes(run)
     contrasts = imprints(picture.astype(np.float32) - reference, spacing_px(size, pitch))
     return read_pins(contrasts, pixel_size_mm=size, pitch_mm=pitch, source=_SOURCE)
 
@@ -102,30 +93,29 @@ def _missing(seen: list[Lattice], image_shape: tuple[int, int]) -> str:
     return ""
 
 
-def straighten(session: Session) -> None:
+def straighten(run: CalibrationRun) -> None:
     """Fit the lens to the pins as the draft feels them, and add it to the draft; without a grid do nothing.
 
     Raises BundleError where the pins tell no lens; then the grid is asked for again, and nothing else.
     """
-    taken = session.folder.steps.get("lens", _NO_GRID)
-    draft = load_bundle(draft_path(session))
-    if not taken["pictures"] or (has_lens(draft) and "rms_after_px" in taken):
+    grid, draft = run.folder.state.steps.lens, load_bundle(run.folder.draft)
+    if grid is None or not grid.pictures or (has_lens(draft) and isinstance(grid, MeasuredLens)):
         return
-    paths = _pictures(session)
+    paths = _pictures(run)
     try:
-        fit = _felt(session, draft, paths)
+        fit = _felt(run, draft, paths)
     except InputError as error:
-        session.folder.forget_grid()
+        run.folder.forget_grid()
         raise BundleError(f"{error}. The presses are kept: go on, and press the grid again") from error
-    add_lens(draft, fit, paths, draft_path(session), overwrite=True)
-    found = {**taken, **figures(fit, draft)}
-    session.folder.finish("lens", found)
-    session.bulletin.note("lens", found)
-    session.bulletin.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
+    add_lens(draft, fit, paths, run.folder.draft, overwrite=True)
+    found = MeasuredLens(pitch_mm=grid.pitch_mm, **dict(figures(fit, draft)))
+    run.folder.finish(found)
+    run.display.add_figures("lens", found)
+    run.display.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
 
 
-def _felt(session: Session, draft: Bundle, paths: list[Path]) -> LensFit:
-    size, pitch = _sizes(session)
+def _felt(run: CalibrationRun, draft: Bundle, paths: list[Path]) -> LensFit:
+    size, pitch = _sizes(run)
     feel = depth_feeler(Reconstructor(draft, undistorted=False))
     lattices = [
         read_pins(
@@ -136,12 +126,12 @@ def _felt(session: Session, draft: Bundle, paths: list[Path]) -> LensFit:
     return fit_lens(lattices, draft.image_shape, pitch)
 
 
-def _pictures(session: Session) -> list[Path]:
-    return [session.folder.path / record["file"] for record in session.folder.grids]
+def _pictures(run: CalibrationRun) -> list[Path]:
+    return [run.folder.path / record.file for record in run.folder.state.grids]
 
 
-def _sizes(session: Session) -> tuple[tuple[float, float], float]:
+def _sizes(run: CalibrationRun) -> tuple[tuple[float, float], float]:
     """Size of a pixel (x, y) and pitch of the grid, mm."""
-    size, pitch = session.folder.steps["pixel_size"]["pixel_size_mm"], session.options.pin_pitch_mm
+    size, pitch = run.folder.figures(PixelSize).pixel_size_mm, run.options.pin_pitch_mm
     assert pitch is not None
     return (size, size), pitch

@@ -5,16 +5,15 @@ evenly grey in every colour. What is set is that the brightest hundredth of the 
 230: as much light as possible, and room for slopes that face an LED.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import LedSetting
 from gellight.calibration import led_check
+from gellight.calibration.records import Preparation, Uniformities
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, mean_image
-from gellight.calibration.session import Session
 from gellight.calibration.uniformity import contour_picture, of_image
 from gellight.frames.camera import Camera, CameraControls
 from gellight.ring.light_ring import LightRing
@@ -30,33 +29,33 @@ _BALANCED = 0.01
 _DIMMEST_SHARE = 0.3
 
 
-def prepare(session: Session) -> None:
+def prepare(run: CalibrationRun) -> None:
     """Do the whole step and keep its figures."""
-    camera, options = session.camera, session.options
-    session.confirmed("Clean the gel, put nothing on it, and keep other light away. Then go on.")
-    session.bulletin.post(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
-    figures: dict[str, Any] = {"camera": _locked(camera), "led": None}
+    camera, options = run.camera, run.options
+    run.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
+    run.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
+    _lock(camera)
+    lights, led = None, None
     if camera.ring is not None:
-        colours = full_colours(options.led_colours)
-        figures["lights"] = led_check.check_lights(session, camera.ring, colours)
-        levels = _balanced(session, camera.ring)
-        figures["led"] = levels.tolist()
+        lights = led_check.check_lights(run, camera.ring, full_colours(options.led_colours))
+        led = _balanced(run, camera.ring).tolist()
     elif camera.controls is not None:
-        _expose(session, camera.controls, lambda: _brightest(_picture(session)))
-    figures["camera"] = settings_of(camera)
-    image = mean_image([session.frame() for _ in range(options.reference_frames // 2)])
+        _expose(run, camera.controls)
+    image = mean_image([run.frame() for _ in range(options.reference_frames // 2)])
     check_light(image, "the untouched gel")
-    figures["uniformity"] = of_image(image.astype(np.float32))
-    figures["advice"] = _advice(figures["uniformity"])
-    session.bulletin.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
-    session.folder.finish("prepare", figures)
+    uniformity = of_image(image.astype(np.float32))
+    run.display.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
+    run.folder.finish(
+        Preparation(
+            camera=settings_of(camera), led=led, lights=lights, uniformity=uniformity, advice=_advice(uniformity)
+        )
+    )
 
 
-def prepare_again(session: Session) -> None:
+def prepare_again(run: CalibrationRun) -> None:
     """Set camera and LEDs as an interrupted calibration had set them."""
-    figures = session.folder.steps["prepare"]
-    led = figures["led"]
-    session.camera.adopt(figures["camera"], np.array(led, np.uint8) if led else None)
+    prepared = run.folder.figures(Preparation)
+    run.camera.adopt(prepared.camera, np.array(prepared.led, np.uint8) if prepared.led else None)
 
 
 def settings_of(camera: Camera) -> dict[str, float]:
@@ -76,40 +75,35 @@ def full_colours(ring: str, levels: tuple[float, float, float] = (1.0, 1.0, 1.0)
     return np.asarray(np.rint(255 * lit * np.array(levels)).astype(np.uint8))
 
 
-def _locked(camera: Camera) -> dict[str, float]:
-    """Fix every control where it is: automatic ones would follow the press."""
+def _lock(camera: Camera) -> None:
+    """Fix every control where it is, the gain at its lowest: automatic ones would follow the press."""
     controls = camera.controls
     if controls is None:
-        return {}
-    if "gain" in controls.names():
-        controls.set("gain", controls.range("gain")[0])
-    return {name: controls.set(name, controls.read(name)) for name in controls.names()}
+        return
+    for name in controls.names():
+        controls.set(name, controls.range(name)[0] if name == "gain" else controls.read(name))
 
 
-def _picture(session: Session) -> NDArray[np.float32]:
-    """Return a picture, thinned out, in which the controls act that were set before."""
+def _brightest(run: CalibrationRun) -> float:
+    """Grey level of the brightest hundredth of the brightest colour, when the controls act that were set before."""
     for _ in range(_CONTROL_FRAMES):
-        frame = session.frame()
-    session.bulletin.show(live=frame.image)
-    return frame.image[::4, ::4].astype(np.float32)
+        frame = run.frame()
+    run.display.show(live=frame.image)
+    return float(np.percentile(frame.image[::4, ::4].reshape(-1, 3), 99, axis=0).max())
 
 
-def _brightest(image: NDArray[np.float32]) -> float:
-    return float(np.percentile(image.reshape(-1, 3), 99, axis=0).max())
-
-
-def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
+def _balanced(run: CalibrationRun, ring: LightRing) -> NDArray[np.uint8]:
     """Dim the brighter colours until the means of the channels agree, and expose; (12, 3) levels.
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
     """
-    share, colours = np.ones(3), session.options.led_colours
+    share, colours = np.ones(3), run.options.led_colours
     for _ in range(_ROUNDS):
         level = (float(share[0]), float(share[1]), float(share[2]))
-        image = led_check.light(session, ring, full_colours(colours, level))
-        if session.camera.controls is not None:
-            _expose(session, session.camera.controls, lambda: _brightest(_picture(session)))
-            image = led_check.light(session, ring, full_colours(colours, level))
+        image = led_check.light(run, ring, full_colours(colours, level))
+        if run.camera.controls is not None:
+            _expose(run, run.camera.controls)
+            image = led_check.light(run, ring, full_colours(colours, level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
             raise InputError(
@@ -122,13 +116,13 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
     return full_colours(colours, level)
 
 
-def _expose(session: Session, controls: CameraControls, brightest: Any) -> None:
+def _expose(run: CalibrationRun, controls: CameraControls) -> None:
     """Set the exposure, then if need be the gain, so that the brightest hundredth is as wanted."""
     names = controls.names()
     if "exposure_us" not in names:
         return
     for _ in range(_ROUNDS):
-        seen = brightest()
+        seen = _brightest(run)
         if LOWEST_GREY < seen < HIGHEST_GREY and abs(seen - WANTED_GREY) < 15:
             return
         low, high, _step = controls.range("exposure_us")
@@ -149,8 +143,8 @@ def _amplify(controls: CameraControls, factor: float) -> None:
         controls.set("gain", float(np.clip(controls.read("gain") * factor, low, high)))
 
 
-def _advice(figures: dict[str, Any]) -> str:
-    brightest = max(figures[name]["brightest_grey"] for name in ("red", "green", "blue"))
+def _advice(found: Uniformities) -> str:
+    brightest = max(colour.brightest_grey for colour in (found.red, found.green, found.blue))
     if brightest < LOWEST_GREY:
         return f"the gel is dim: its brightest colour reaches {brightest:.0f}; give more light for less noise"
     if brightest > HIGHEST_GREY:

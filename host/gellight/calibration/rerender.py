@@ -1,7 +1,7 @@
 """The picture predicted from the slopes that were felt: a check that needs no truth, on any sensor.
 
-The colours are fitted as polynomials of slopes and place on the table of the calibration, the other way round than the
-network. Where slopes are felt wrong, the picture they would make differs from the one that was taken.
+A polynomial maps slopes and place to colour changes, the opposite way of the network; it is fitted to the same table.
+Where the slopes felt are wrong, the predicted picture differs from the one that was taken.
 """
 
 import numpy as np

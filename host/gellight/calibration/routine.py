@@ -17,11 +17,12 @@ from typing import Any
 
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.calibration.bulletin import Picture
 from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.session import Aborted, Hand, Session
+from gellight.calibration.display import Picture
+from gellight.calibration.run import Aborted, CalibrationRun
 from gellight.calibration.steps import run_steps
 from gellight.frames.camera import Camera
+from gellight.simulator.virtual_hand import VirtualHand
 
 logger = logging.getLogger(__name__)
 
@@ -40,16 +41,16 @@ class Routine:
         options: RoutineOptions,
         folder: Path,
         *,
-        hand: Hand | None = None,
+        hand: VirtualHand | None = None,
         install: Install | None = None,
     ) -> None:
         """Prepare to calibrate the sensor behind `camera`, which stays open at the end.
 
         folder: where the state is kept; what an interrupted routine left there is taken up. hand: presses where nobody
-        does (see `virtual_hand`). install: puts a bundle that passed into service.
+        does. install: puts a bundle that passed into service.
         Raises InputError or BundleError at once for a folder or a bundle of another sensor.
         """
-        self._session = Session(camera, options, folder, hand=hand)
+        self._calibration = CalibrationRun(camera, options, folder, hand=hand)
         self._install = install
         self._thread: threading.Thread | None = None
         self._error: GellightError | None = None
@@ -57,7 +58,7 @@ class Routine:
     @property
     def ended(self) -> bool:
         """Whether it is finished, aborted or failed."""
-        return self._session.bulletin.step in ENDS and not (self._thread and self._thread.is_alive())
+        return self._calibration.display.step in ENDS and not (self._thread and self._thread.is_alive())
 
     @property
     def error(self) -> GellightError | None:
@@ -67,7 +68,7 @@ class Routine:
     def snapshot(self) -> dict[str, Any]:
         """Return what is to be shown, ready for JSON.
 
-        version: counts changes. step: "idle", one of `bulletin.STEPS`, "finished", "aborted" or "failed". steps: list
+        version: counts changes. step: "idle", one of `display.STEPS`, "finished", "aborted" or "failed". steps: list
         of {name, state: "done" | "now" | "to do"}. instruction: what the user is to do now, a sentence or two. actions:
         names that `act` takes now. progress: {done, wanted, unit} of the step. awaiting: "press"
         when the gel is watched for one, "lift" when it has to become free, else empty. problem: why the last thing was
@@ -77,7 +78,7 @@ class Routine:
         None. advice: what is missing most, or "enough". verdict: {passed, depth_um, normal_deg, text} or None.
         bundle: path of what was written. pictures: names that `pictures` holds.
         """
-        return self._session.bulletin.snapshot()
+        return self._calibration.display.snapshot()
 
     def pictures(self) -> dict[str, Picture]:
         """Return (H, W, 3) uint8 RGB by name, as they exist.
@@ -85,7 +86,7 @@ class Routine:
         live, untouched, uniformity (contours), cylinder and press (with their circles), coverage, and verify (the depth
         felt of the last fresh press).
         """
-        return self._session.bulletin.pictures()
+        return self._calibration.display.pictures()
 
     def act(self, action: str, **arguments: float) -> None:
         """Do what the user chose; returns at once, the thread carries it out.
@@ -97,17 +98,17 @@ class Routine:
         """
         if action not in ACTIONS:
             raise InputError(f"no action {action!r}: choose one of {', '.join(ACTIONS)}")
-        offered = self._session.bulletin.actions
+        offered = self._calibration.display.actions
         if action not in offered:
             raise InputError(f"{action} is not possible now: choose {' or '.join(offered) or 'nothing, but wait'}")
         if action == "start":
             self._start()
         else:
-            self._session.ask(action, arguments)
+            self._calibration.submit(action, arguments)
 
     def stop(self) -> None:
         """Abort at the next frame, whatever is going on; the state stays in the folder."""
-        self._session.ask("abort", {})
+        self._calibration.submit("abort", {})
 
     def join(self, timeout_s: float | None = None) -> None:
         """Wait until it has ended, or for `timeout_s`."""
@@ -115,28 +116,28 @@ class Routine:
             self._thread.join(timeout_s)
 
     def _start(self) -> None:
-        self._session.bulletin.post(actions=("abort",), instruction="", problem="")
+        self._calibration.display.update(actions=("abort",), instruction="", problem="")
         self._thread = threading.Thread(target=self._run, name="calibration", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
-        bulletin = self._session.bulletin
+        display = self._calibration.display
         try:
-            bundle = run_steps(self._session)
+            bundle = run_steps(self._calibration)
             if self._install and bundle:
                 self._install(bundle)
-            self._end("finished", bulletin.instruction)
+            self._end("finished", display.instruction)
         except Aborted:
             self._end("aborted", "Stopped. What was measured is kept: you can go on from here.")
         except GellightError as error:
             self._error = error
-            bulletin.post(problem=str(error))
+            display.update(problem=str(error))
             self._end("failed", "The calibration stopped; nothing was replaced.")
         except Exception as error:
             logger.exception("calibration failed")
             self._error = GellightError(f"the calibration failed ({error}): please report it")
-            bulletin.post(problem=str(self._error))
+            display.update(problem=str(self._error))
             self._end("failed", "The calibration stopped; nothing was replaced.")
 
     def _end(self, step: str, instruction: str) -> None:
-        self._session.bulletin.post(step=step, instruction=instruction, actions=())
+        self._calibration.display.update(step=step, instruction=instruction, actions=())

@@ -1,16 +1,19 @@
 """What happens on the gel, from frame to frame: touched or free, moving or still, too bright or too dark."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.calibration.session import Session
+from gellight.calibration.records import UntouchedGel
+from gellight.calibration.run import CalibrationRun
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pixel_grid import block_means
+from gellight.simulator.virtual_hand import VirtualHand
 
 Floats = NDArray[np.float32]
 BLOCK_PX = 4
@@ -20,7 +23,7 @@ STILL_FRAMES = 3
 MEAN_FRAMES = 4
 """so many frames are averaged for a press"""
 PATIENCE_FRAMES = 150
-"""so long something may be wrong before the user is told"""
+"""so many frames may something be wrong before the user is told"""
 _SIGMAS = 6.0
 _LEAST_CHANGE_GREY = 1.5
 _TOUCHED_SHARE = 0.0015
@@ -29,7 +32,7 @@ _DARK_GREY = 12.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sight:
+class GelState:
     """What one frame shows."""
 
     touched: float
@@ -48,8 +51,8 @@ class Sight:
         return self.moved < _TOUCHED_SHARE
 
 
-class Watcher:
-    """Looks at every frame of a camera, given the untouched gel."""
+class TouchDetector:
+    """Compares every frame with the untouched gel and with the frame before."""
 
     def __init__(self, reference: Floats, noise_grey: float) -> None:
         """Compare with the reference, (H, W, 3) grey levels."""
@@ -57,14 +60,19 @@ class Watcher:
         self._threshold = max(_LEAST_CHANGE_GREY, _SIGMAS * noise_grey / BLOCK_PX)
         self._last: Floats | None = None
 
-    def look(self, frame: CameraFrame) -> Sight:
+    def look(self, frame: CameraFrame) -> GelState:
         """Judge the next frame; the first one counts as moving."""
         seen = block_means(frame.image, BLOCK_PX)
         difference = seen - self._reference
         touched = np.abs(difference - light_drift(difference)).max(axis=2) > self._threshold
         moved = 1.0 if self._last is None else float((_largest(seen - self._last) > 1.5 * self._threshold).mean())
         self._last = seen
-        return Sight(touched=float(touched.mean()), moved=moved)
+        return GelState(touched=float(touched.mean()), moved=moved)
+
+
+def detector_of(run: CalibrationRun) -> TouchDetector:
+    """Return what compares frames with the reference of a calibration."""
+    return TouchDetector(run.folder.reference(), run.folder.figures(UntouchedGel).noise_grey)
 
 
 def _largest(difference: Floats) -> Floats:
@@ -81,64 +89,78 @@ class Capture:
     """the last of them"""
 
 
-def wait_free(session: Session, watcher: Watcher, *, patience: int = PATIENCE_FRAMES) -> None:
+def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
     """Wait until nothing touches; after so many frames say what may be wrong."""
-    complained, light = False, _Light(session, patience)
-    session.bulletin.post(awaiting="lift")
-    for count, frame in enumerate(session.frames()):
-        sight = watcher.look(frame)
-        session.bulletin.show(live=frame.image)
+    complained, light = False, _Light(run, patience)
+    run.display.update(awaiting="lift")
+    for count, frame in enumerate(run.frames()):
+        gel = detector.look(frame)
+        run.display.show(live=frame.image)
         if light.is_out(frame.image):
             continue
-        if sight.free and sight.still:
-            session.bulletin.post(problem="" if complained else session.bulletin.problem, awaiting="")
+        if gel.free and gel.still:
+            run.display.update(problem="" if complained else run.display.problem, awaiting="")
             return
         if count >= patience and not complained:
             problem = (
-                f"{sight.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
+                f"{gel.touched:.0%} of the gel still looks touched: lift the tool and wipe the gel; if nothing "
                 "touches it, something lay on it when the reference was taken: stop and begin again"
             )
-            if session.hand:
-                raise InputError(problem)
+            run.refuse(InputError(problem))
             complained = True
-            session.bulletin.post(problem=problem)
 
 
-def wait_press(session: Session, watcher: Watcher, ended: Callable[[], bool]) -> Capture | None:
+def wait_press(run: CalibrationRun, detector: TouchDetector, ended: Callable[[], bool]) -> Capture | None:
     """Wait for a press that holds still, and average it; None when `ended` says so first.
 
-    A press that moves while it is captured is told, and waited for again.
+    Where it moves while it is captured, the user is told so, and it is waited for again.
     """
-    still, taken, light = 0, list[CameraFrame](), _Light(session)
-    session.bulletin.post(awaiting="press")
-    for frame in session.frames():
+    still, taken, light = 0, list[CameraFrame](), _Light(run)
+    run.display.update(awaiting="press")
+    for frame in run.frames():
         if ended():
-            session.bulletin.post(awaiting="")
+            run.display.update(awaiting="")
             return None
-        sight = watcher.look(frame)
-        session.bulletin.show(live=frame.image)
-        if light.is_out(frame.image) or sight.free:
+        gel = detector.look(frame)
+        run.display.show(live=frame.image)
+        if light.is_out(frame.image) or gel.free:
             still, taken = 0, []
-        elif not sight.still:
+        elif not gel.still:
             if taken:
-                session.bulletin.post(problem="it moved while it was captured: hold the tool still, or lift and repeat")
+                run.display.update(problem="it moved while it was captured: hold the tool still, or lift and repeat")
             still, taken = 0, []
         elif still < STILL_FRAMES:
             still += 1
         else:
             taken.append(frame)
             if len(taken) == MEAN_FRAMES:
-                session.bulletin.post(awaiting="")
+                run.display.update(awaiting="")
                 return Capture(image=mean_image(taken), frame=taken[-1])
     raise AssertionError("frames come for ever")
+
+
+@contextmanager
+def next_press(
+    run: CalibrationRun,
+    detector: TouchDetector,
+    press: Callable[[VirtualHand], None],
+    ended: Callable[[], bool] = lambda: False,
+) -> Iterator[Capture | None]:
+    """Wait until nothing touches, then for the next press; a virtual hand does `press`, and lifts at the end."""
+    wait_free(run, detector)
+    if run.hand:
+        press(run.hand)
+    yield wait_press(run, detector, ended)
+    if run.hand:
+        run.hand.lift()
 
 
 class _Light:
     """Lights the ring again where the picture goes dark: a board that was reset or kept waiting makes it so itself."""
 
-    def __init__(self, session: Session, patience: int = PATIENCE_FRAMES) -> None:
+    def __init__(self, run: CalibrationRun, patience: int = PATIENCE_FRAMES) -> None:
         """Give up after `patience` dark frames in a row."""
-        self._session, self._patience, self._dark = session, patience, 0
+        self._calibration, self._patience, self._dark = run, patience, 0
 
     def is_out(self, image: NDArray[np.uint8]) -> bool:
         """Tell whether a frame is dark, and see to it; InputError where the light does not come back."""
@@ -148,7 +170,7 @@ class _Light:
         if self._dark > self._patience:
             check_light(image, "the gel")
         if self._dark % (self._patience // 3) == 0:
-            self._session.relight()
+            self._calibration.relight()
         self._dark += 1
         return True
 

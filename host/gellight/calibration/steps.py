@@ -6,14 +6,13 @@ from gellight.calibration.pin_grid import collect_grid, straighten
 from gellight.calibration.preparing import prepare, prepare_again
 from gellight.calibration.pressing import collect_presses
 from gellight.calibration.probing import measure_pixel_size
-from gellight.calibration.session import Session
+from gellight.calibration.run import CalibrationRun
 from gellight.calibration.untouched import compare_with_reference, take_reference
 from gellight.calibration.verifying import verify
 
 
-def run_steps(session: Session) -> Bundle | None:
+def run_steps(run: CalibrationRun) -> Bundle | None:
     """Go through all steps and return the bundle that passed, None where the verdict was bad."""
-    done = session.folder.steps
     for step, first, again in (
         ("prepare", prepare, prepare_again),
         ("reference", take_reference, compare_with_reference),
@@ -22,14 +21,15 @@ def run_steps(session: Session) -> Bundle | None:
         ("presses", collect_presses, None),
         ("fit", fit, None),
     ):
-        if step not in session.bulletin.steps:
+        if step not in run.display.steps:
             continue
-        session.bulletin.post(step=step, progress={}, problem="", press=None, advice="")
-        if step not in done:
-            first(session)
+        run.display.begin_step(step)
+        if run.folder.done(step) is None:
+            first(run)
         elif again:
-            again(session)
-        session.bulletin.note(step, done[step])
-    straighten(session)
-    session.bulletin.post(step="verify", progress={}, problem="", press=None, advice="")
-    return verify(session)
+            again(run)
+        if figures := run.folder.done(step):
+            run.display.add_figures(step, figures)
+    straighten(run)
+    run.display.begin_step("verify")
+    return verify(run)

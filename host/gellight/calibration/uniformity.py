@@ -1,33 +1,16 @@
 """How evenly the untouched gel is lit: the figures of section 3.2.2 of the paper, and their contour picture."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from gellight.calibration.bulletin import Picture
+from gellight.calibration.display import Picture
+from gellight.calibration.records import Uniformities, Uniformity
 
 Floats = NDArray[np.float32]
 _BLUR_SHARE = 0.01
 """of the picture's width: the paper blurs before it draws contours"""
 BANDS = 12
-
-
-@dataclass(frozen=True, kw_only=True)
-class Uniformity:
-    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67, 64.05 %, 96.17 %, 99.90 %."""
-
-    mean_grey: float
-    sigma_grey: float
-    within_1_sigma: float
-    within_2_sigma: float
-    within_3_sigma: float
-    darkest_grey: float
-    """1st percentile"""
-    brightest_grey: float
-    """99th percentile"""
 
 
 def uniformity(intensity: Floats) -> Uniformity:
@@ -46,10 +29,10 @@ def uniformity(intensity: Floats) -> Uniformity:
     )
 
 
-def of_image(image: Floats) -> dict[str, Any]:
-    """Return the figures of the average of the colours and of each colour of (H, W, 3), ready for JSON."""
-    parts = {"average": image.mean(axis=2), **{name: image[..., c] for c, name in enumerate(("red", "green", "blue"))}}
-    return {name: asdict(uniformity(part)) for name, part in parts.items()}
+def of_image(image: Floats) -> Uniformities:
+    """Return the figures of the average of the colours and of each colour of (H, W, 3) grey levels."""
+    red, green, blue = (uniformity(image[..., channel]) for channel in range(3))
+    return Uniformities(average=uniformity(image.mean(axis=2)), red=red, green=green, blue=blue)
 
 
 def contour_picture(intensity: Floats) -> Picture:

@@ -1,14 +1,15 @@
 """Step 2: the untouched gel. Waits until the light has warmed up, then averages frames and measures their noise."""
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.calibration.sensing import BLOCK_PX, Watcher, check_light
-from gellight.calibration.session import Session
+from gellight.calibration.display import Progress
+from gellight.calibration.records import UntouchedGel, WarmUp
+from gellight.calibration.run import CalibrationRun
+from gellight.calibration.sensing import BLOCK_PX, TouchDetector, check_light, detector_of
 from gellight.reconstruction.image_noise import ImageNoise, measure_noise
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pixel_grid import block_means
@@ -25,95 +26,90 @@ _FOREIGN_SHARE = 0.03
 _LARGEST_RETURN_GREY = 3.0
 
 
-def take_reference(session: Session) -> None:
+def take_reference(run: CalibrationRun) -> None:
     """Do the whole step and keep the reference and its figures."""
-    session.confirmed("Take your hands off the gel: the untouched gel is recorded. Then go on.")
-    session.bulletin.post(instruction="The untouched gel is recorded. Touch nothing.")
+    run.wait_for_next("Take your hands off the gel: the untouched gel is recorded. Then go on.")
+    run.display.update(instruction="The untouched gel is recorded. Touch nothing.")
     while True:
-        drift = wait_steady(session)
+        warm_up = wait_steady(run)
         try:
-            image, noise = _averaged(_record(session, session.options.reference_frames))
+            image, noise = _averaged(_record(run, run.options.reference_frames))
             check_light(np.rint(image).astype(np.uint8), "the untouched gel")
         except InputError as error:
-            _ask_again(session, error)
+            _ask_again(run, error)
             continue
         share = foreign_share(image)
-        if share <= _FOREIGN_SHARE or _kept(session, share):
+        if share <= _FOREIGN_SHARE or _accepted(run, share):
             break
-    session.folder.keep_reference(image)
-    figures: dict[str, Any] = {
-        "frames": session.options.reference_frames,
-        "noise_grey": noise.white_grey,
-        "pixel_noise_grey": noise.pixel_grey,
-        **drift,
-    }
-    session.folder.finish("reference", figures)
-    session.bulletin.post(problem="")
+    run.folder.keep_reference(image)
+    run.folder.finish(
+        UntouchedGel(
+            frames=run.options.reference_frames,
+            noise_grey=noise.white_grey,
+            pixel_noise_grey=noise.pixel_grey,
+            **dict(warm_up),
+        )
+    )
+    run.display.update(problem="")
 
 
-def compare_with_reference(session: Session) -> None:
+def compare_with_reference(run: CalibrationRun) -> None:
     """After an interruption: refuse to go on under another light than that of the reference."""
-    session.bulletin.post(instruction="The light is compared with the reference. Touch nothing.")
-    wait_steady(session)
-    reference = session.folder.reference()
-    watcher = Watcher(reference, session.folder.steps["reference"]["noise_grey"])
-    frame = session.frame()
+    run.display.update(instruction="The light is compared with the reference. Touch nothing.")
+    wait_steady(run)
+    reference = run.folder.reference()
+    frame = run.frame()
     difference = block_means(frame.image, BLOCK_PX) - block_means(reference, BLOCK_PX)
     drift = float(np.abs(light_drift(difference)).max())
     if drift > _LARGEST_RETURN_GREY:
         raise BundleError(
-            f"the untouched gel is now {drift:.1f} grey levels away from the reference of {session.folder.path}: "
+            f"the untouched gel is now {drift:.1f} grey levels away from the reference of {run.folder.path}: "
             "remove that folder and begin again"
         )
-    if not watcher.look(frame).free:
+    if not detector_of(run).look(frame).free:
         raise InputError("something touches the gel: take it off and start again")
 
 
-def wait_steady(session: Session) -> dict[str, Any]:
-    """Wait until the light no longer drifts; returns frames waited, and the drift seen on the way and at the end."""
+def wait_steady(run: CalibrationRun) -> WarmUp:
+    """Wait until the light no longer drifts; CameraError where it does not become steady."""
     first: NDArray[np.float64] | None = None
     levels: deque[NDArray[np.float64]] = deque(maxlen=2 * WINDOW)
     for count in range(LONGEST_WAIT_FRAMES):
-        frame = session.frame()
+        frame = run.frame()
         levels.append(frame.image[::8, ::8].reshape(-1, 3).mean(axis=0))
         if len(levels) < 2 * WINDOW:
             continue
         before, after = (np.mean(list(levels)[part], axis=0) for part in (slice(0, WINDOW), slice(WINDOW, None)))
         first = before if first is None else first
         change = float(np.abs(after - before).max())
-        session.bulletin.show(live=frame.image)
-        session.bulletin.post(
-            progress={"done": round(change, 3), "wanted": STEADY_GREY, "unit": "grey levels of drift"}
-        )
+        run.display.show(live=frame.image)
+        run.display.update(progress=Progress(done=round(change, 3), wanted=STEADY_GREY, unit="grey levels of drift"))
         if change < STEADY_GREY:
-            return {
-                "warm_up_frames": count + 1,
-                "warm_up_grey": float(np.abs(after - first).max()),
-                "drift_grey": change,
-            }
+            moved = float(np.abs(after - first).max())
+            return WarmUp(warm_up_frames=count + 1, warm_up_grey=moved, drift_grey=change)
     raise CameraError(
         f"the light still drifts by {change:.2f} grey levels after {LONGEST_WAIT_FRAMES} frames: "
         "switch off automatic exposure and white balance, and keep other light away"
     )
 
 
-def _record(session: Session, count: int) -> list[NDArray[np.uint8]]:
+def _record(run: CalibrationRun, count: int) -> list[NDArray[np.uint8]]:
     """Record frames of the gel at rest; InputError if something moves meanwhile."""
     images: list[NDArray[np.uint8]] = []
-    watcher: Watcher | None = None
+    detector: TouchDetector | None = None
     while len(images) < count:
-        frame = session.frame()
-        if watcher is None:
-            watcher = Watcher(frame.image.astype(np.float32), 2.0)
-            watcher.look(frame)
-        sight = watcher.look(frame)
-        if not (sight.free and sight.still):
+        frame = run.frame()
+        if detector is None:
+            detector = TouchDetector(frame.image.astype(np.float32), 2.0)
+            detector.look(frame)
+        gel = detector.look(frame)
+        if not (gel.free and gel.still):
             raise InputError(
-                f"something moved on {max(sight.touched, sight.moved):.0%} of the gel while the reference was taken: "
+                f"something moved on {max(gel.touched, gel.moved):.0%} of the gel while the reference was taken: "
                 "take your hands off and repeat"
             )
         images.append(frame.image)
-        session.bulletin.post(progress={"done": len(images), "wanted": count, "unit": "frames"})
+        run.display.update(progress=Progress(done=len(images), wanted=count, unit="frames"))
     return images
 
 
@@ -126,22 +122,22 @@ def _averaged(images: list[NDArray[np.uint8]]) -> tuple[Floats, ImageNoise]:
     return average, measure_noise(images, average)
 
 
-def _ask_again(session: Session, error: InputError) -> None:
-    if session.hand:
+def _ask_again(run: CalibrationRun, error: InputError) -> None:
+    if run.hand:
         raise error
-    session.bulletin.post(problem=str(error))
-    session.confirmed("Take everything off the gel, then go on.")
+    run.display.update(problem=str(error))
+    run.wait_for_next("Take everything off the gel, then go on.")
 
 
-def _kept(session: Session, share: float) -> bool:
+def _accepted(run: CalibrationRun, share: float) -> bool:
     """Ask whether to keep a reference that looks touched: light alone changes smoothly over the gel."""
     problem = (
         f"{share:.0%} of the untouched gel does not look like smooth light: something lies on it or presses it; take "
         "it off, or clean the gel, and go on"
     )
-    if session.hand:
+    if run.hand:
         raise InputError(problem)
-    return session.questioned(f"{problem}; accept it if the gel has printed marks", retry=True)
+    return run.wait_for_acceptance(f"{problem}; accept it if the gel has printed marks", retry=True)
 
 
 def foreign_share(image: Floats) -> float:

@@ -1,21 +1,32 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import REPORT, Bundle, load_bundle, write_bundle
+from gellight.bundle.limits import Limits
 from gellight.calibration.circle import circle_of, drawn
-from gellight.calibration.fitting import draft_path
+from gellight.calibration.display import Progress
 from gellight.calibration.preparing import led_settings
 from gellight.calibration.pressing import ball_of
-from gellight.calibration.report import Shown, page
+from gellight.calibration.records import (
+    CheckErrors,
+    Circle,
+    MethodErrors,
+    PixelSize,
+    Preparation,
+    Verdict,
+    Verification,
+)
+from gellight.calibration.report import page
 from gellight.calibration.rerender import Rerenderer
-from gellight.calibration.sensing import Capture, Watcher, check_light, wait_free, wait_press
-from gellight.calibration.session import Session
+from gellight.calibration.run import CalibrationRun
+from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
+from gellight.calibration.state import CheckRecord
+from gellight.calibration.verification_report import Example
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.errors import surface_errors
@@ -23,6 +34,7 @@ from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of,
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_picture
+from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
 from gellight.training.presses import Ball, Press, PressTable, contact_circle
 from gellight.training.validation import baseline_errors, press_error
@@ -41,13 +53,18 @@ class _Judge:
     rerenderer: Rerenderer
     ball: Ball
 
-    def figures(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, dict[str, float]]:
-        """Return what is felt of a press, and what that says of the draft."""
+    def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
+        """Return what is felt of a press, and its errors."""
         felt = self.reconstructor.reconstruct(frame)
-        figures = figures_of(felt, self.on_gel(press), self.ball)
         seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
-        figures["picture_grey"] = picture_error_grey(seen, press, self.rerenderer)
-        return felt, figures | truth_figures(felt, frame.truth)
+        error = press_error(self.on_gel(press), self.ball, felt)
+        return felt, CheckErrors(
+            depth_mm=error.depth_mae_mm,
+            normal_deg=error.mean_deg,
+            indentation_mm=felt.contact.indentation_mm,
+            picture_grey=picture_error_grey(seen, press, self.rerenderer),
+            **true_errors(felt, frame.truth),
+        )
 
     def on_gel(self, press: Press) -> Press:
         """Return the circle of a press over the undistorted gel: the same where the bundle knows no lens."""
@@ -58,73 +75,56 @@ class _Judge:
         return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
 
 
-def verify(session: Session) -> Bundle | None:
+def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
-    draft = load_bundle(draft_path(session))
+    draft = load_bundle(run.folder.draft)
     rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
-    judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(session))
-    reference = session.folder.reference()
-    watcher = Watcher(reference, draft.manifest.noise_grey)
-    while len(session.folder.checks) < session.options.verifications:
-        _announce(session)
-        wait_free(session, watcher)
-        if session.hand:
-            number = len(session.folder.checks) + session.folder.steps.get("refused_checks", 0)
-            session.hand.check(number, judge.ball.pixel_size_mm, session.camera.image_shape)
-        capture = wait_press(session, watcher, lambda: False)
-        assert capture is not None
-        _take(session, capture, reference, judge)
-        if session.hand:
-            session.hand.lift()
-    wait_free(session, watcher)
-    _announce(session)
-    return _conclude(session, draft, judge)
+    judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
+    reference = run.folder.reference()
+    detector = detector_of(run)
+    while len(run.folder.state.checks) < run.options.verifications:
+        _announce(run)
+        with next_press(run, detector, lambda hand: _press_check(run, hand, judge.ball)) as capture:
+            assert capture is not None
+            _take(run, capture, reference, judge)
+    wait_free(run, detector)
+    _announce(run)
+    return _conclude(run, draft, judge)
 
 
-def _announce(session: Session) -> None:
-    session.bulletin.post(
+def _press_check(run: CalibrationRun, hand: VirtualHand, ball: Ball) -> None:
+    number = len(run.folder.state.checks) + run.folder.state.steps.refused_checks
+    hand.check(number, ball.pixel_size_mm, run.camera.image_shape)
+
+
+def _announce(run: CalibrationRun) -> None:
+    run.display.update(
         instruction="Press the ball at fresh places, its whole contact in the picture: these presses judge the "
         "calibration and are not learnt from.",
-        progress={"done": len(session.folder.checks), "wanted": session.options.verifications, "unit": "presses"},
+        progress=Progress(done=len(run.folder.state.checks), wanted=run.options.verifications, unit="presses"),
     )
 
 
-def _take(session: Session, capture: Capture, reference: Floats, judge: _Judge) -> None:
+def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: _Judge) -> None:
     image = capture.frame.image  # one frame, as the running sensor sees it
     try:
         check_light(image, "the press")
         circle = circle_of(capture.image, reference, judge.ball)
-        _check_whole(circle.center_x_px, circle.center_y_px, circle.contact_radius_px, image.shape)
+        _check_whole(circle, image.shape)
     except InputError as error:
-        refused = session.folder.steps.get("refused_checks", 0) + 1
-        if session.hand and refused > session.options.verifications:
-            raise
-        session.folder.finish("refused_checks", refused)
-        session.bulletin.post(problem=str(error))
+        refused = run.folder.count_refused_check()
+        run.refuse(error, tolerate=refused <= run.options.verifications)
         return
-    felt, figures = judge.figures(capture.frame, Press(image=session.folder.path, **circle.as_json()))
-    record = session.folder.add("checks", image, circle.as_json(), figures=figures)
-    session.bulletin.post(problem="", press={**record, "state": "checked"})
-    session.bulletin.show(press=drawn(image, circle), verify=depth_picture(felt.depth_mm))
+    felt, errors = judge.errors(capture.frame, Press(image=run.folder.path, **dict(circle)))
+    record = run.folder.add_check(image, circle, errors)
+    run.display.update(problem="", press=record.shown("checked"))
+    run.display.show(press=drawn(image, circle), verify=depth_picture(felt.depth_mm))
 
 
-def _check_whole(x: float, y: float, radius: float, shape: tuple[int, ...]) -> None:
-    if min(x, y, shape[1] - 1 - x, shape[0] - 1 - y) < radius:
+def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
+    x, y = circle.center_x_px, circle.center_y_px
+    if min(x, y, shape[1] - 1 - x, shape[0] - 1 - y) < circle.contact_radius_px:
         raise InputError(f"the contact at ({x:.0f}, {y:.0f}) px leaves the picture: press nearer to the middle")
-
-
-def figures_of(felt: TactileFrame, press: Press, ball: Ball) -> dict[str, float]:
-    """Return what a press says of a calibration by its circle on the gel alone, as every sensor can.
-
-    depth_mm: mean absolute error inside the contact circle, mean removed, for a circle does not say how deep its rim
-    lies. normal_deg: mean angle there.
-    """
-    error = press_error(press, ball, felt)
-    return {
-        "depth_mm": error.depth_mae_mm,
-        "normal_deg": error.mean_deg,
-        "indentation_mm": felt.contact.indentation_mm,
-    }
 
 
 def picture_error_grey(seen: TactileFrame, press: Press, rerenderer: Rerenderer) -> float:
@@ -137,8 +137,8 @@ def picture_error_grey(seen: TactileFrame, press: Press, rerenderer: Rerenderer)
     return float(np.abs(predicted - seen.difference[inside]).mean())
 
 
-def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, float]:
-    """Return the errors against what only a simulator knows; nothing on a real sensor."""
+def true_errors(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, float]:
+    """Return the errors of `CheckErrors` against what only a simulator knows; none on a real sensor."""
     if truth is None:
         return {}
     error = surface_errors(felt, truth)
@@ -149,83 +149,81 @@ def truth_figures(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, fl
     }
 
 
-def _conclude(session: Session, draft: Bundle, judge: _Judge) -> Bundle | None:
-    figures = summary(session)
-    figures["second_opinions"] = _second_opinions(session, draft, judge.ball)
-    limits = session.options.limits
-    passed = figures["depth_mm"] <= limits.depth_mm and figures["normal_deg"] <= limits.normal_deg
-    verdict = {
-        "passed": passed,
-        "depth_um": round(1000 * figures["depth_mm"], 1),
-        "normal_deg": round(figures["normal_deg"], 2),
-        "text": _words(figures, passed, session),
-    }
-    session.bulletin.note("verify", figures)
-    session.bulletin.post(verdict=verdict, instruction=str(verdict["text"]))
-    if not passed:
-        session.folder.want_more(MORE_PRESSES)
+def _conclude(run: CalibrationRun, draft: Bundle, judge: _Judge) -> Bundle | None:
+    figures = summary(run.folder.state.checks, _second_opinions(run, draft, judge.ball))
+    verdict = verdict_on(figures, run.options.limits)
+    run.display.add_figures("verify", figures)
+    run.display.update(verdict=verdict, instruction=verdict.text)
+    if not verdict.passed:
+        run.folder.want_more(MORE_PRESSES)
         return None
-    report = page(session, verdict, figures, _shown(session, judge))
-    bundle = _written(session, draft, figures, report)
-    session.folder.finish("verify", figures)
-    session.folder.close()
-    session.bulletin.post(bundle=str(session.options.out))
+    report = page(run, verdict, figures, _example(run, judge))
+    bundle = _write(run, draft, figures, report)
+    run.folder.finish(figures)
+    run.folder.close()
+    run.display.update(bundle=str(run.options.out))
     return bundle
 
 
-def summary(session: Session) -> dict[str, Any]:
+def summary(checks: list[CheckRecord], second_opinions: dict[str, MethodErrors]) -> Verification:
     """Return the means over the fresh presses."""
-    each = [record["figures"] for record in session.folder.checks]
-    return {"presses": len(each), **{name: float(np.mean([one[name] for one in each])) for name in each[0]}}
+    each = [check.figures.as_json() for check in checks]
+    means = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+    return Verification(presses=len(each), second_opinions=second_opinions, **means)
 
 
-def _second_opinions(session: Session, draft: Bundle, ball: Ball) -> dict[str, dict[str, float]]:
+def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
     """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
     table = PressTable.of(draft)
     follow, reference = draft.manifest.follow_light, draft.reference
     found = {}
     for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):
-        errors = baseline_errors(baseline, session.folder.listed("checks"), reference, ball, follow_light=follow)
-        found[name] = {
-            "depth_mm": float(np.mean([error.depth_mae_mm for error in errors])),
-            "normal_deg": float(np.mean([error.mean_deg for error in errors])),
-        }
+        errors = baseline_errors(baseline, run.folder.checks(), reference, ball, follow_light=follow)
+        found[name] = MethodErrors(
+            depth_mm=float(np.mean([error.depth_mae_mm for error in errors])),
+            normal_deg=float(np.mean([error.mean_deg for error in errors])),
+        )
     return found
 
 
-def _words(figures: dict[str, Any], passed: bool, session: Session) -> str:
-    limits = session.options.limits
-    measured = (
-        f"{figures['presses']} fresh presses: depth within {1000 * figures['depth_mm']:.0f} µm, normals within "
-        f"{figures['normal_deg']:.2f} degrees on average"
-    )
-    if passed:
-        return f"Passed. {measured}."
-    return (
-        f"Not passed. {measured}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} degrees. "
-        "Nothing was replaced. Press more, and check the radius of the ball."
-    )
+def verdict_on(figures: Verification, limits: Limits) -> Verdict:
+    """Judge the mean errors: every depth error that is known, and the normals, have to be within the limits."""
+    depth_mm = max(figures.depth_mm, figures.known_depth_mm)
+    passed = depth_mm <= limits.depth_mm and figures.normal_deg <= limits.normal_deg
+    text = f"Passed. {_words(figures)}."
+    if not passed:
+        text = (
+            f"Not passed. {_words(figures)}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} "
+            "degrees. Nothing was replaced. Press more, and check the radius of the ball."
+        )
+    depth_um, normal_deg = round(1000 * figures.known_depth_mm, 1), round(figures.normal_deg, 2)
+    return Verdict(passed=passed, depth_um=depth_um, normal_deg=normal_deg, text=text)
 
 
-def _shown(session: Session, judge: _Judge) -> Shown:
+def _words(figures: Verification) -> str:
+    shape = f"{1000 * figures.depth_mm:.0f} µm with the mean error of each press taken off"
+    depth = f"shape of the depth off by {shape}, since a contact circle does not say how deep its rim lies"
+    if figures.true_depth_mm is not None:
+        depth = f"depth off by {1000 * figures.true_depth_mm:.0f} µm on average in contact ({shape})"
+    return f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+
+
+def _example(run: CalibrationRun, judge: _Judge) -> Example:
     """The fresh press with the median depth error, reconstructed again."""
-    records = session.folder.checks
-    order = np.argsort([record["figures"]["depth_mm"] for record in records])
-    chosen = int(order[len(order) // 2])
-    press = session.folder.listed("checks")[chosen]
+    checks = sorted(run.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
+    press = checks[len(checks) // 2].press(run.folder.path)
     image = read_image(press.image)
     frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
-    return Shown(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
+    return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
 
 
-def _written(session: Session, draft: Bundle, figures: dict[str, Any], report: str) -> Bundle:
+def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
     """Write the bundle with everything that was learnt."""
-    steps, manifest = session.folder.steps, draft.manifest
-    prepared = steps["prepare"]
-    lens = {FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {}
+    steps, manifest = run.folder.state.steps, draft.manifest
+    prepared, lens = run.folder.figures(Preparation), steps.lens
     return write_bundle(
-        session.options.out,
-        sensor=session.options.sensor,
+        run.options.out,
+        sensor=run.options.sensor,
         reference=draft.reference,
         reference_frames=manifest.reference_frames,
         noise_grey=manifest.noise_grey,
@@ -235,14 +233,14 @@ def _written(session: Session, draft: Bundle, figures: dict[str, Any], report: s
         follow_light=manifest.follow_light,
         metrics={
             **draft.metrics,
-            "verification": figures,
-            "pixel_size": steps["pixel_size"],
-            "lens": steps.get("lens", {}),
-            "prepare": prepared,
+            "verification": figures.as_json(),
+            "pixel_size": run.folder.figures(PixelSize).as_json(),
+            "lens": lens.as_json() if lens else {},
+            "prepare": prepared.as_json(),
         },
         presses=draft.presses(),
-        led=led_settings(prepared["led"]),
-        camera=prepared["camera"],
-        extra_files={REPORT: report.encode(), **lens},
-        overwrite=session.options.overwrite,
+        led=led_settings(prepared.led),
+        camera=prepared.camera,
+        extra_files={REPORT: report.encode(), **({FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {})},
+        overwrite=run.options.overwrite,
     )

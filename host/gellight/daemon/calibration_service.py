@@ -4,7 +4,6 @@ The routine reads along the camera of the daemon, so the stream goes on, under w
 watch rests meanwhile. However the routine ends, the sensor is then set and lit as the running bundle says.
 """
 
-import shutil
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,12 +14,12 @@ import platformdirs
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore, ListedBundle
 from gellight.calibration.choices import RING_COLOURS, RoutineOptions
-from gellight.calibration.folder import begun_with, has_state
 from gellight.calibration.routine import Install, Routine
+from gellight.calibration.state import discard, unfinished
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore, sensor_name
 from gellight.frames.camera import Camera
@@ -121,7 +120,7 @@ class CalibrationService:
             sensor=self.sensor,
             simulated=self._daemon.stage is not None,
             defaults=self._defaults(),
-            interrupted=has_state(self._folder),
+            interrupted=self._interrupted(),
             in_service=self._daemon.bundle.identity,
             bundles=tuple(self._store.bundles(self.sensor)),
             routine=self._routine.snapshot() if self._routine else None,
@@ -129,12 +128,19 @@ class CalibrationService:
 
     def _defaults(self) -> CalibrationRequest:
         """The tools of an interrupted calibration, which goes on with no others."""
-        begun = begun_with(self._folder)
-        tools = {name: begun[name] for name in TOOLS if name in begun}
+        hand = self._daemon.stage is not None
         try:
-            return CalibrationRequest(hand=self._daemon.stage is not None, **tools)
-        except ValidationError:  # `begin` says what is wrong with the folder
-            return CalibrationRequest(hand=self._daemon.stage is not None)
+            begun = unfinished(self._folder)
+            tools = {name: getattr(begun, name) for name in TOOLS} if begun else {}
+            return CalibrationRequest(hand=hand, **tools)
+        except (GellightError, ValidationError):  # `begin` says what is wrong with the folder
+            return CalibrationRequest(hand=hand)
+
+    def _interrupted(self) -> bool:
+        try:
+            return unfinished(self._folder) is not None
+        except GellightError:
+            return True  # `begin` says what is wrong with the folder
 
     def begin(self, request: CalibrationRequest) -> None:
         """Begin a calibration; InputError while another one runs or for a request that cannot be met."""
@@ -146,7 +152,7 @@ class CalibrationService:
         with self._lock:
             self._check_idle("begin another")
             if request.anew:
-                shutil.rmtree(self._folder, ignore_errors=True)
+                discard(self._folder)
             self._routine = routine = self._make_routine(request, self._install)
             self._daemon.lend()
             try:
@@ -212,7 +218,7 @@ class CalibrationService:
     def _install(self, bundle: Bundle) -> None:
         install(bundle, sensor=self.sensor, store=self._store, running=self._daemon, camera=self._present())
         # It lies in the store now, and an ended calibration is not to be gone on with.
-        shutil.rmtree(self._folder, ignore_errors=True)
+        discard(self._folder)
 
     def _usual_routine(self, request: CalibrationRequest, install: Install) -> Routine:
         camera = self._daemon.camera

@@ -51,8 +51,8 @@ def test_the_simulated_gel_gives_the_size_of_its_pixels_to_a_third_of_a_percent(
         grey, _ = scene.show(Press("CYLINDER", 0.3, *place))
         found.append(find_cylinder(digitise(grey, 1.0, random) - untouched, 1.0))
     figures = pixel_size(found, 8.0)
-    assert (figures["x_mm"], figures["y_mm"]) == pytest.approx((0.1176, 0.1176), rel=0.0033)
-    assert figures["spread_px"] < 0.2
+    assert (figures.x_mm, figures.y_mm) == pytest.approx((0.1176, 0.1176), rel=0.0033)
+    assert figures.spread_px < 0.2
 
 
 def test_an_untouched_gel_is_no_imprint() -> None:

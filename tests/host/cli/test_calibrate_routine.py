@@ -9,9 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import CameraError, InputError
-from gellight.cli.calibrate.routine import Tools
+from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
+from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
 
 
@@ -31,18 +32,35 @@ def refused(*arguments: str) -> str:
 
 
 def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -> None:
-    (tmp_path / "x.state").mkdir()
-    (tmp_path / "x.state/state.json").write_text(json.dumps({"finished": False}))
+    begun_in(tmp_path / "x.state")
     assert "give --resume to go on, or --restart" in refused("--auto", "--out", str(tmp_path / "x"))
     assert (tmp_path / "x.state/state.json").is_file()
 
 
 def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
-    assert Tools(cylinder_diameter_mm=6.0).chosen(tmp_path) == {"cylinder_diameter_mm": 6.0}
-    begun = {"sensor": "A17", "ball_radius_mm": 2.5, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
-    (tmp_path / "state.json").write_text(json.dumps({"finished": False, "identity": begun}))
+    assert Tools(cylinder_diameter_mm=6.0).chosen(None) == {"cylinder_diameter_mm": 6.0}
+    begin = identity(ball_mm=2.5, pins_mm=2.0)
+    begun_in(tmp_path, begin)
+    assert Target(folder=tmp_path, restart=True).begun() is None
+    assert Target(folder=tmp_path, resume=True).begun() == begin
     given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
-    assert Tools(ball_radius_mm=3.0).chosen(tmp_path) == given
+    assert Tools(ball_radius_mm=3.0).chosen(begin) == given
+
+
+def test_restarting_throws_away_no_folder_of_another_program(tmp_path: Path) -> None:
+    place = tmp_path / "x.state"
+    place.mkdir()
+    (place / "state.json").write_text(json.dumps({"tabs": [], "finished": False}))
+    (place / "diary.txt").write_text("mine")
+    for how in ("--restart", "--resume"):
+        assert "is not the state of a calibration" in refused("--auto", how, "--out", str(tmp_path / "x"))
+    assert sorted(path.name for path in place.iterdir()) == ["diary.txt", "state.json"]
+
+
+def test_a_wrong_option_beside_restart_loses_nothing(tmp_path: Path) -> None:
+    begun_in(tmp_path / "x.state")
+    assert "at least 8" in refused("--auto", "--restart", "--presses", "3", "--out", str(tmp_path / "x"))
+    assert (tmp_path / "x.state/state.json").is_file()
 
 
 def test_pictures_that_are_not_there_are_told_and_nothing_is_written(tmp_path: Path) -> None:

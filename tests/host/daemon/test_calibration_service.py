@@ -1,6 +1,5 @@
 """The calibration beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
 
-import json
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +21,7 @@ from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
+from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_calibration import snapshot
 from tests.helpers.scripted_camera import FlatCamera
@@ -88,13 +88,14 @@ def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(
     service: Service, tmp_path: Path
 ) -> None:
     assert not service.state().interrupted
-    begun = {"ball_radius_mm": 2.5, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": 2.0}
-    (tmp_path / "state").mkdir()
-    for finished in (False, True):
-        state = {"finished": finished, "identity": {"sensor": "A17", **begun}}
-        (tmp_path / "state" / "state.json").write_text(json.dumps(state))
-        assert service.state().interrupted is not finished
-        assert (service.state().defaults.ball_radius_mm == 2.5) is not finished
+    folder = begun_in(tmp_path / "state", identity(ball_mm=2.5, cylinder_mm=6.0, pins_mm=2.0))
+    assert service.state().interrupted
+    defaults = service.state().defaults
+    tools = [getattr(defaults, name) for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm")]
+    assert tools == [2.5, 6.0, 2.0]
+    folder.close()
+    assert not service.state().interrupted
+    assert service.state().defaults.ball_radius_mm == 4.0
     (tmp_path / "state" / "state.json").write_text("{")
     assert service.state().defaults.ball_radius_mm == 4.0
 
@@ -168,14 +169,21 @@ def test_pictures_and_actions_that_are_not_there_are_told(service: Service) -> N
 
 
 def test_an_interrupted_calibration_is_offered_and_forgotten_only_when_asked(service: Service, tmp_path: Path) -> None:
-    (tmp_path / "state").mkdir()
-    (tmp_path / "state/state.json").write_text("{}")
+    begun_in(tmp_path / "state")
     assert service.state().interrupted
     service.begin(Request())
     assert service.state().interrupted
     service.act("abort")
     service.begin(Request(anew=True))
     assert not service.state().interrupted
+
+
+def test_beginning_anew_removes_no_folder_of_another_program(service: Service, tmp_path: Path) -> None:
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state/state.json").write_text("{}")
+    with pytest.raises(InputError, match="is not the state of a calibration"):
+        service.begin(Request(anew=True))
+    assert (tmp_path / "state/state.json").read_text() == "{}"
 
 
 def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> None:

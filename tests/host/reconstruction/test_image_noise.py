@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import load_bundle
-from gellight.calibration.sensing import Watcher
+from gellight.calibration.sensing import TouchDetector
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import measure_noise
@@ -73,5 +73,5 @@ def test_gel_at_rest_stays_untouched_behind_a_camera_that_compresses(
     }
     assert shares[noise.white_grey] < 0.02
     assert shares[noise.pixel_grey] > 0.2, "the noise of single pixels would let most of the gel look touched"
-    watcher = Watcher(reference, noise.white_grey)
+    watcher = TouchDetector(reference, noise.white_grey)
     assert watcher.look(CameraFrame(image=fresh, time_s=0.0, sequence=0)).free

@@ -21,7 +21,7 @@ class Lattice:
     points: Array
     """(N, 2) px"""
     places: NDArray[np.int64]
-    """(N, 2) column, row of the grid; from where they count, and which way, is open"""
+    """(N, 2) column, row of the grid; origin and direction are arbitrary"""
     spacing_px: float
     """median distance between neighbours"""
     strays: int
@@ -65,7 +65,7 @@ def _spacing(found: dict[tuple[int, int], int], points: Array, otherwise: float)
 
 
 def _direction(points: Array, tree: cKDTree, spacing: float) -> Array:
-    """Unit vector along the rows or columns: the angle of neighbours, whose fourfold direction is one and the same."""
+    """Unit vector along the rows or columns: the mean direction from neighbour to neighbour, modulo 90 degrees."""
     pairs = tree.query_pairs(1.25 * spacing, output_type="ndarray")
     steps = points[pairs[:, 1]] - points[pairs[:, 0]]
     fourfold = ((steps[:, 0] + 1j * steps[:, 1]) ** 4 / spacing**4).sum()
@@ -74,7 +74,7 @@ def _direction(points: Array, tree: cKDTree, spacing: float) -> Array:
 
 
 def _grown(seed: int, points: Array, tree: cKDTree, basis: Array) -> dict[tuple[int, int], int]:
-    """Walk from pin to pin; each carries the two steps (2, 2) measured last on the way to it."""
+    """Walk from pin to pin and number them; each keeps the two grid steps (2, 2), px, measured last before it."""
     found = {(0, 0): seed}
     taken = {seed}
     queue = deque([((0, 0), basis)])

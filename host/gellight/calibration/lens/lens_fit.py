@@ -17,17 +17,18 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 LEAST_PINS = 24
-"""in all: twice the unknowns of one picture, with some to spare for checking them"""
+"""in all pictures: they give 48 numbers for the 10 unknowns of a lens and one picture; the rest checks the fit"""
 LEAST_IN_PICTURE = 9
 MOST_STRAYS = 0.2
 CELLS = 4
 """the view is divided into so many times so many cells, each of which must hold a pin"""
 PITCH_TOLERANCE = 0.1
-"""pins and cylinder may differ by so much about the size of a pixel; a grid of another pitch differs by more"""
+"""largest relative difference between the spacing of the pins and what pitch and pixel size say"""
 LARGEST_RESIDUAL_PX = 0.5
 _SOFT_PX = 0.3
 _CENTRE_PRIOR = 1e-3
-"""px of residual per px that the centre of distortion is off the middle: decides only where there is no distortion"""
+"""px of residual per px that the centre of distortion is off the middle: a lens without distortion has no centre that
+the pins could show"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +96,7 @@ def spacing_px(pixel_size_mm: tuple[float, float], pitch_mm: float) -> float:
 def read_pins(
     contrasts: Sequence[Floats], *, pixel_size_mm: tuple[float, float], pitch_mm: float, source: str | Path
 ) -> Lattice:
-    """Find the grid in the best of some (H, W) pictures of bright spots; see `pins.spots` and its siblings.
+    """Find the grid in the one of some (H, W) pictures that shows most of it; `pins.spots` and others make them.
 
     Raises InputError, naming `source`, where there is no regular grid of about this pitch.
     """

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.calibration.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.calibration.lens.pins import dimples, marked, spots
+from gellight.calibration.records import LensFigures
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
@@ -23,8 +23,8 @@ from gellight.training.training import read_reference
 def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, reference: str | None = None) -> LensFit:
     """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
 
-    reference: the untouched gel, for pins that press into it: they are felt by the network of the bundle. Without it
-    they are spots in the picture itself. Raises InputError with the reason where the pictures do not tell the lens.
+    reference: the untouched gel, for pins that press into it; they are found in the depth that the bundle's network
+    feels. Without it they are spots in the picture. Raises InputError, with the reason, where no lens can be fitted.
     """
     if not (np.isfinite(pitch_mm) and pitch_mm > 0):
         raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
@@ -43,7 +43,7 @@ def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, refere
 
 
 def _touching(bundle: Bundle, reference: str) -> Callable[[Picture], Floats]:
-    """Return what feels the (H, W) depth in a picture, mm, over the picture as it was taken."""
+    """Return a function from a picture to its (H, W) depth, mm, in pixels of the picture as it was taken."""
     untouched = read_reference(reference)
     bundle.check_fits(reference, untouched.image_shape)
     bundle = bundle.with_reference(untouched.image, frames=untouched.frames)
@@ -51,7 +51,7 @@ def _touching(bundle: Bundle, reference: str) -> Callable[[Picture], Floats]:
 
 
 def depth_feeler(reconstructor: Reconstructor) -> Callable[[Picture], Floats]:
-    """Return what feels the (H, W) depth in a picture, mm."""
+    """Return a function from a picture to its (H, W) depth, mm."""
 
     def feel(picture: Picture) -> Floats:
         frame = CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")
@@ -66,26 +66,26 @@ def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *,
     return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
 
 
-def figures(fit: LensFit, bundle: Bundle) -> dict[str, Any]:
-    """Return what was measured, ready for JSON; mm at the size of a pixel in the middle of the picture."""
+def figures(fit: LensFit, bundle: Bundle) -> LensFigures:
+    """Return what was measured, rounded for people."""
     x_mm, y_mm = fit.lens.mm_per_px
     mm = float(np.sqrt(x_mm * y_mm))
     undistortion = Undistortion(fit.lens, bundle.pixel_size_mm, from_circles=False)
-    return {
-        "pins": fit.pins,
-        "pictures": len(fit.lattices),
-        "rms_before_px": round(fit.rms_before_px, 4),
-        "rms_after_px": round(fit.rms_after_px, 4),
-        "rms_before_mm": round(fit.rms_before_px * mm, 5),
-        "rms_after_mm": round(fit.rms_after_px * mm, 5),
-        "corner_moves_px": round(fit.lens.bend_px, 2),
-        "k1": round(fit.lens.k1, 5),
-        "k2": round(fit.lens.k2, 5),
-        "centre_px": [round(c, 1) for c in fit.lens.centre_px],
-        "middle_mm_per_px": [round(x_mm, 6), round(y_mm, 6)],
-        "bundle_mm_per_px": list(bundle.pixel_size_mm),
-        "not_seen_share": round(float(1 - undistortion.seen.mean()), 4),
-    }
+    return LensFigures(
+        pins=fit.pins,
+        pictures=len(fit.lattices),
+        rms_before_px=round(fit.rms_before_px, 4),
+        rms_after_px=round(fit.rms_after_px, 4),
+        rms_before_mm=round(fit.rms_before_px * mm, 5),
+        rms_after_mm=round(fit.rms_after_px * mm, 5),
+        corner_moves_px=round(fit.lens.bend_px, 2),
+        k1=round(fit.lens.k1, 5),
+        k2=round(fit.lens.k2, 5),
+        centre_px=(round(fit.lens.centre_px[0], 1), round(fit.lens.centre_px[1], 1)),
+        middle_mm_per_px=(round(x_mm, 6), round(y_mm, 6)),
+        bundle_mm_per_px=bundle.pixel_size_mm,
+        not_seen_share=round(float(1 - undistortion.seen.mean()), 4),
+    )
 
 
 def write_overlay(path: Path, image: Path, fit: LensFit) -> None:

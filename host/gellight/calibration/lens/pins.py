@@ -13,7 +13,7 @@ _WINDOW = 0.35
 """in spacings: radius of the window around a pin whose centroid is its centre"""
 _CENTROID_STEPS = 5
 _CLEAR = 6.0
-"""noise of the blurred picture, times which a picture has to vary to show anything"""
+"""times its noise that a picture has to vary to show pins"""
 
 
 def spots(picture: Floats, spacing_px: float) -> list[Floats]:

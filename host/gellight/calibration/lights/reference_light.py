@@ -1,8 +1,8 @@
 """The light model of a sensor from pictures of its untouched gel: dark, each LED alone, and the whole ring.
 
 Flat gel has the normal (0, 0, 1) everywhere, so each picture of one LED is its light itself. Three unknowns of the
-camera come out on the way. Black is what it shows in the dark. Crosstalk is what the channels show of an LED of another
-colour. Gamma is what makes light add up: the powers g^gamma of the single pictures sum to that of the whole ring.
+camera are found too. Black is what it shows in the dark. Crosstalk is what a channel shows of an LED of another colour.
+Gamma makes light add up: the sum of g^gamma over the pictures of single LEDs is that of the picture of the whole ring.
 """
 
 from dataclasses import dataclass

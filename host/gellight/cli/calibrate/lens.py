@@ -38,7 +38,7 @@ def command(
     if overlay is not None:
         write_overlay(overlay, paths[0], fit)
     written = add_lens(bundle, fit, paths, new.out, overwrite=new.overwrite)
-    result = {"calibration": str(new.out), "identity": written.identity, **figures(fit, bundle)}
+    result = {"calibration": str(new.out), "identity": written.identity, **figures(fit, bundle).as_json()}
     typer.echo(json.dumps(result, indent=2) if as_json else _text(result))
 
 

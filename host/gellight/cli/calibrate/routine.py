@@ -1,7 +1,6 @@
 """`gellight calibrate` itself: the guided routine in the terminal, and by itself on the simulated sensor."""
 
 import json
-import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,8 +15,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.folder import begun_with, has_state
 from gellight.calibration.routine import Routine
+from gellight.calibration.state import Identity, discard, unfinished
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
 from gellight.cli.options import AsJson, Sensor, with_options
@@ -49,17 +48,19 @@ class Target:
         """Folder of the state."""
         return self.folder or self.out.with_name(self.out.name + ".state")
 
-    def prepare(self) -> None:
-        """Throw an interrupted calibration away where that is asked for; InputError unless it is clear what to do."""
-        interrupted = has_state(self.state)
-        if self.resume and not interrupted:
+    def begun(self) -> Identity | None:
+        """Return what the interrupted calibration that is gone on with was begun with; None for a new one.
+
+        Raises InputError unless it is clear what to do.
+        """
+        begun = unfinished(self.state)
+        if self.resume and begun is None:
             raise InputError(
                 f"there is no interrupted calibration in {self.state}: leave --resume out, or give its --folder"
             )
-        if interrupted and self.restart:
-            shutil.rmtree(self.state)
-        elif interrupted and not self.resume:
+        if begun is not None and not (self.resume or self.restart):
             raise InputError(f"an interrupted calibration lies in {self.state}: give --resume to go on, or --restart")
+        return None if self.restart else begun
 
     def installing(self, camera: Camera, options: RoutineOptions) -> Callable[[Bundle], None]:
         """Return what puts a bundle that passed into service, where that is asked for."""
@@ -89,10 +90,9 @@ class Tools:
         ),
     ] = None
 
-    def chosen(self, state: Path) -> dict[str, Any]:
-        """Return what was given, else what the calibration in `state` was begun with; nothing where a default holds."""
-        begun = begun_with(state)
-        sizes = {name: begun.get(name) if size is None else size for name, size in vars(self).items()}
+    def chosen(self, begun: Identity | None) -> dict[str, Any]:
+        """Return what was given, else what the calibration was begun with; nothing where a default holds."""
+        sizes = {name: getattr(begun, name, None) if size is None else size for name, size in vars(self).items()}
         return {name: size for name, size in sizes.items() if size is not None}
 
 
@@ -129,7 +129,7 @@ def command(
     """
     if context.invoked_subcommand:
         return
-    target.prepare()
+    begun = target.begun()
     options = RoutineOptions(
         out=target.out,
         presses=wanted.presses,
@@ -137,8 +137,10 @@ def command(
         limits=wanted.limits(),
         training=how.options(),
         overwrite=target.overwrite,
-        **tools.chosen(target.state),
+        **tools.chosen(begun),
     )
+    if target.restart:
+        discard(target.state)
     _report(_calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json), as_json)
 
 

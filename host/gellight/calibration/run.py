@@ -1,49 +1,35 @@
-"""What the steps of a calibration share: the camera, the options, the state on disk and the talk with the user."""
+"""What the steps of a calibration share: camera, options, state on disk, display, and the actions of the user."""
 
 import queue
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from pathlib import Path
 
 import numpy as np
 
-from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import load_bundle
-from gellight.calibration.bulletin import STEPS, Bulletin
 from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.display import STEPS, Display
 from gellight.calibration.folder import Folder
+from gellight.calibration.records import Preparation
+from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.simulator.virtual_hand import VirtualHand
 
 
-class Aborted(Exception):  # noqa: N818  (it is a wish, not a fault)
+class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
     """The user stopped the calibration."""
 
 
-class Hand(Protocol):
-    """Presses the tools into the gel where no user does."""
+class CalibrationRun:
+    """One calibration while it runs: used by the thread of the routine; any thread may use `submit` and `display`."""
 
-    def cylinder(self, number: int) -> None:
-        """Press the cylinder probe, the `number`-th time."""
-
-    def grid(self) -> None:
-        """Press the pin grid."""
-
-    def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the ball at the `number`-th place to train on."""
-
-    def check(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the ball at the `number`-th fresh place."""
-
-    def lift(self) -> None:
-        """Take the tool off the gel."""
-
-
-class Session:
-    """One calibration while it runs; used by the thread of the routine, `ask` and `bulletin` by any."""
-
-    def __init__(self, camera: Camera, options: RoutineOptions, folder: Any, *, hand: Hand | None = None) -> None:
+    def __init__(
+        self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: VirtualHand | None = None
+    ) -> None:
         """Open the state in `folder`; InputError or BundleError for the folder or bundle of another sensor."""
         _check_target(options, camera.image_shape)
         if camera.stage is not None:
@@ -51,21 +37,21 @@ class Session:
         self.camera = camera
         self.options = options
         self.hand = hand
-        self.bulletin = Bulletin(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
+        self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
-        self._asked: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
+        self._actions: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
 
-    def ask(self, action: str, arguments: dict[str, float]) -> None:
+    def submit(self, action: str, arguments: dict[str, float]) -> None:
         """Hand an action of the user to the thread of the routine."""
         if action == "abort":
             self._stopped.set()
-        self._asked.put((action, arguments))
+        self._actions.put((action, arguments))
 
-    def asked(self) -> tuple[str, dict[str, float]] | None:
+    def next_action(self) -> tuple[str, dict[str, float]] | None:
         """Return the next action of the user, or None; raises Aborted if that is what they want."""
         try:
-            action, arguments = self._asked.get_nowait()
+            action, arguments = self._actions.get_nowait()
         except queue.Empty:
             return None
         if action == "abort":
@@ -88,48 +74,54 @@ class Session:
 
     @contextmanager
     def offering(self, *actions: str) -> Iterator[None]:
-        """Offer these actions, and always to abort, for a while."""
-        self.bulletin.post(actions=(*actions, "abort"))
+        """Offer the user these actions, besides abort, while the block runs."""
+        self.display.update(actions=(*actions, "abort"))
         try:
             yield
         finally:
-            self.bulletin.post(actions=("abort",))
+            self.display.update(actions=("abort",))
 
     def relight(self) -> None:
         """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
-        levels, ring = self.folder.steps["prepare"]["led"], self.camera.ring
+        levels, ring = self.folder.figures(Preparation).led, self.camera.ring
         if levels and ring is not None:
             ring.wait_for_light(ring.set_leds(np.array(levels, np.uint8)).light_id)
 
-    def confirmed(self, instruction: str) -> None:
-        """Show an instruction and wait until the user says next; a hand needs no telling."""
-        self.bulletin.post(instruction=instruction)
+    def wait_for_next(self, instruction: str) -> None:
+        """Show an instruction and wait until the user says next; an automatic hand goes on at once."""
+        self.display.update(instruction=instruction)
         if self.hand:
             return
         with self.offering("next"):
-            while (asked := self.asked()) is None or asked[0] != "next":
-                self.bulletin.show(live=self.frame().image)
+            while (chosen := self.next_action()) is None or chosen[0] != "next":
+                self.display.show(live=self.frame().image)
 
-    def questioned(self, problem: str, *, retry: bool = False) -> bool:
+    def refuse(self, error: GellightError, *, tolerate: bool = False) -> None:
+        """Show why something is refused; raise it where no user can do it again, unless it is to be tolerated."""
+        if self.hand and not tolerate:
+            raise error
+        self.display.update(problem=str(error))
+
+    def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
-        before = self.bulletin.actions
-        self.bulletin.post(problem=problem)
+        before = self.display.actions
+        self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
-            while (asked := self.asked()) is None or asked[0] not in ("accept", "next"):
-                self.bulletin.show(live=self.frame().image)
-        self.bulletin.post(problem="", actions=before)
-        return asked[0] == "accept"
+            while (chosen := self.next_action()) is None or chosen[0] not in ("accept", "next"):
+                self.display.show(live=self.frame().image)
+        self.display.update(problem="", actions=before)
+        return chosen[0] == "accept"
 
 
-def _identity(camera: Camera, options: RoutineOptions) -> dict[str, Any]:
+def _identity(camera: Camera, options: RoutineOptions) -> Identity:
     height, width = camera.image_shape
-    return {
-        "sensor": options.sensor,
-        "image_size_px": [width, height],
-        "ball_radius_mm": options.ball_radius_mm,
-        "cylinder_diameter_mm": options.cylinder_diameter_mm,
-        "pin_pitch_mm": options.pin_pitch_mm,
-    }
+    return Identity(
+        sensor=options.sensor,
+        image_size_px=(width, height),
+        ball_radius_mm=options.ball_radius_mm,
+        cylinder_diameter_mm=options.cylinder_diameter_mm,
+        pin_pitch_mm=options.pin_pitch_mm,
+    )
 
 
 def _check_target(options: RoutineOptions, image_shape: tuple[int, int]) -> None:

@@ -1,0 +1,281 @@
+"""What a calibration measures: a record for each step, as it stands in `state.json` and is shown."""
+
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Record(BaseModel):
+    """Figures with their names."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the figures ready for JSON; what is unknown is left out."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+class StepFigures(Record):
+    """What one finished step measured."""
+
+    step: ClassVar[str]
+    """name of the step, see `display.STEPS`"""
+
+
+class Uniformity(Record):
+    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67, 64.05 %, 96.17 %, 99.90 %."""
+
+    mean_grey: float
+    sigma_grey: float
+    within_1_sigma: float
+    within_2_sigma: float
+    within_3_sigma: float
+    darkest_grey: float
+    """1st percentile"""
+    brightest_grey: float
+    """99th percentile"""
+
+
+class Uniformities(Record):
+    """The distributions of the mean of the colours and of each colour."""
+
+    average: Uniformity
+    red: Uniformity
+    green: Uniformity
+    blue: Uniformity
+
+
+class LedAnswer(Record):
+    """What one LED did to the picture."""
+
+    led: int
+    colour: str
+    """as the ring is built"""
+    grey: float
+    """mean rise of the brightest channel"""
+    seen_colour: str
+    azimuth_deg: float
+    """from where it shines, anticlockwise from the right"""
+
+
+class GroupAnswer(Record):
+    """How far the picture under a light group is from the sum of its LEDs."""
+
+    group: int
+    leds: tuple[int, ...]
+    error: float
+    """as a share of the sum"""
+
+
+class LedCheck(Record):
+    """Every LED and every light group, lit by itself."""
+
+    leds: tuple[LedAnswer, ...]
+    groups: tuple[GroupAnswer, ...]
+    dark_grey: float
+
+
+class Preparation(StepFigures):
+    """Camera and LEDs as they were set, and the light that makes."""
+
+    step = "prepare"
+    camera: dict[str, float]
+    """controls by name"""
+    led: list[list[int]] | None = None
+    """(12, 3) levels; None without a ring"""
+    lights: LedCheck | None = None
+    uniformity: Uniformities
+    advice: str
+
+
+class WarmUp(Record):
+    """How long the light took to become steady, and how far it moved meanwhile."""
+
+    warm_up_frames: int
+    warm_up_grey: float
+    drift_grey: float
+    """between the last two windows"""
+
+
+class UntouchedGel(StepFigures, WarmUp):
+    """The reference image and its noise."""
+
+    step = "reference"
+    frames: int
+    noise_grey: float
+    pixel_noise_grey: float
+
+
+class PixelSize(StepFigures):
+    """The size of a pixel by the cylinder."""
+
+    step = "pixel_size"
+    presses: int
+    diameter_px: float
+    spread_px: float
+    x_mm: float
+    y_mm: float
+    x_spread_mm: float
+    y_spread_mm: float
+    pixel_size_mm: float
+    """geometric mean of x and y"""
+    edge_scatter_px: float
+
+
+class PinGrid(StepFigures):
+    """The pictures of the pin grid; none where the user went on without."""
+
+    step = "lens"
+    pictures: int
+    pitch_mm: float | None = None
+
+
+class LensFigures(Record):
+    """How well a lens explains the pins; mm at the size of a pixel in the middle of the picture."""
+
+    pins: int
+    pictures: int
+    rms_before_px: float
+    rms_after_px: float
+    rms_before_mm: float
+    rms_after_mm: float
+    corner_moves_px: float
+    k1: float
+    k2: float
+    centre_px: tuple[float, float]
+    middle_mm_per_px: tuple[float, float]
+    bundle_mm_per_px: tuple[float, float]
+    not_seen_share: float
+
+
+class MeasuredLens(PinGrid, LensFigures):
+    """The pin grid with the lens that was fitted to it."""
+
+
+class Coverage(Record):
+    """Counts of presses by place, and of pixels by slope; see `coverage`."""
+
+    places: list[list[int]]
+    """rows of presses that reached each part of the view"""
+    slopes: list[list[int]]
+    """labelled pixels by direction, and by band of steepness"""
+    steepness_deg: tuple[float, ...]
+    """where the bands begin and end"""
+    steepest_deg: float
+
+
+HeldOutCurve = tuple[tuple[int, float], ...]
+"""(presses, normal error in degrees of each press by all others), as the presses came in"""
+
+
+class LiveCoverage(Coverage):
+    """The coverage while presses come in."""
+
+    held_out: HeldOutCurve
+
+
+class BallPresses(StepFigures):
+    """The ball presses to train on."""
+
+    step = "presses"
+    presses: int
+    refused: int
+    coverage: Coverage
+    held_out: HeldOutCurve
+    likely_radius_mm: float | None
+    """of the ball, by the light; None where the light does not tell"""
+    press_error_deg: dict[int, float]
+    """by number of the press"""
+
+
+class ErrorSpread(Record):
+    """The error of single pixels; more figures may stand beside the mean."""
+
+    model_config = ConfigDict(extra="allow")
+
+    mean: float
+
+
+class TrainingRecord(Record):
+    """What training says of itself; more than is shown is kept for the bundle."""
+
+    model_config = ConfigDict(extra="allow")
+
+    images: int
+    cpu_seconds: float
+    held_out_images: tuple[int, ...]
+    held_out_normal_error_deg: ErrorSpread
+
+
+class Fit(StepFigures):
+    """The metrics of the draft, and the loss after each epoch."""
+
+    model_config = ConfigDict(extra="allow")
+
+    step = "fit"
+    training: TrainingRecord
+    losses: tuple[float, ...]
+
+
+class MethodErrors(Record):
+    """The errors of one method on fresh presses, inside their contact circles."""
+
+    depth_mm: float
+    """mean absolute depth error after the mean error of each press was taken off: a contact circle does not say how
+    deep its rim lies"""
+    normal_deg: float
+    """mean angle between the normals felt and those of the ball"""
+
+
+class CheckErrors(MethodErrors):
+    """What one fresh press says of the calibration, or the means over several."""
+
+    indentation_mm: float
+    picture_grey: float
+    """mean absolute difference of the picture from the one that the slopes felt would make"""
+    true_depth_mm: float | None = None
+    """mean absolute depth error against a simulator's truth, nothing taken off; None on a real sensor"""
+    true_normal_deg: float | None = None
+    """against the same truth, over the whole map"""
+    true_contact_normal_deg: float | None = None
+
+    @property
+    def known_depth_mm(self) -> float:
+        """The depth error with nothing taken off, where a simulator knows it; else the same as `depth_mm`."""
+        return self.depth_mm if self.true_depth_mm is None else self.true_depth_mm
+
+
+class Verification(StepFigures, CheckErrors):
+    """The mean errors over the fresh presses."""
+
+    step = "verify"
+    presses: int
+    second_opinions: dict[str, MethodErrors]
+
+
+class Verdict(Record):
+    """Whether the calibration is good enough, and why."""
+
+    passed: bool
+    depth_um: float
+    """`CheckErrors.known_depth_mm`"""
+    normal_deg: float
+    text: str
+
+
+class Circle(Record):
+    """A contact circle in the picture."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    center_x_px: float
+    center_y_px: float
+    contact_radius_px: float
+
+
+class ShownCircle(Circle):
+    """The circle of the last press, as it is shown."""
+
+    number: int | None = None
+    state: str
+    """measured, taken, corrected or checked"""
