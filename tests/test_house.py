@@ -201,3 +201,9 @@ def test_no_test_imports_another_test_file() -> None:
         shared = {name for name in imports(path) if name.startswith("tests.")}
         assert not [name for name in shared if any(part.startswith("test_") for part in name.split(".")[:-1])], path
         assert not [name for name in shared if "conftest" in name.split(".")], path
+
+
+def test_helpers_lie_apart_from_the_tests() -> None:
+    apart = {"helpers", "benchmarks", "inside", "machine"}
+    beside = [path for path in TESTS.glob("*/**/*.py") if not apart & set(path.relative_to(TESTS).parts)]
+    assert [path for path in beside if not path.name.startswith("test_") and path.name != "conftest.py"] == []

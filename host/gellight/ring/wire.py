@@ -1,6 +1,7 @@
 """Records and packets: how a message of the light ring becomes bytes, and back."""
 
 import binascii
+import functools
 import struct
 from dataclasses import fields
 from typing import Annotated, NamedTuple, Self, get_args, get_origin, get_type_hints
@@ -35,11 +36,10 @@ class Record:
     """A packed little-endian structure; subclasses are frozen dataclasses of annotated fields."""
 
     @classmethod
+    @functools.cache
     def codec(cls) -> struct.Struct:
         """Return the layout of the record."""
-        if cls not in _CODECS:
-            _CODECS[cls] = struct.Struct("<" + "".join(scalar.code for _, scalar, _ in layout(cls)))
-        return _CODECS[cls]
+        return struct.Struct("<" + "".join(scalar.code for _, scalar, _ in layout(cls)))
 
     def pack(self) -> bytes:
         """Return the bytes of the record; a value that does not fit is a ValueError."""
@@ -69,9 +69,6 @@ def layout(record: type[Record]) -> tuple[tuple[str, Scalar, str], ...]:
         extras = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
         rows.append((field.name, extras[0], extras[1] if len(extras) > 1 else ""))
     return tuple(rows)
-
-
-_CODECS: dict[type, struct.Struct] = {}
 
 
 class Packet(NamedTuple):

@@ -55,10 +55,19 @@ class Sensor:
     ring: Node | None
 
     @property
+    def nodes(self) -> tuple[Node, ...]:
+        """The ring, where there is one, and the camera."""
+        return (self.ring, self.camera) if self.ring else (self.camera,)
+
+    @property
+    def serials(self) -> list[str]:
+        """Serial numbers of both, the ring's first."""
+        return [node.usb.serial for node in self.nodes if node.usb and node.usb.serial]
+
+    @property
     def serial(self) -> str:
         """Serial number: the ring's where it is a device of its own, since cameras often share theirs; may be empty."""
-        nodes = [self.ring, self.camera]
-        return next((node.usb.serial for node in nodes if node and node.usb and node.usb.serial), "")
+        return next(iter(self.serials), "")
 
     @property
     def port(self) -> str:
@@ -85,7 +94,7 @@ class Discovery:
     def called(self, name: str) -> Sensor:
         """Return the sensor with a serial number or at a USB port; UnpluggedError or CameraError with what is there."""
         by_port = [sensor for sensor in self.sensors if sensor.port == name]
-        by_serial = [sensor for sensor in self.sensors if name in _serials(sensor)]
+        by_serial = [sensor for sensor in self.sensors if name in sensor.serials]
         found = by_port or by_serial
         if len(found) == 1:
             return found[0]
@@ -98,7 +107,7 @@ class Discovery:
 
     def url_of(self, sensor: Sensor) -> str:
         """Return the URL that opens this sensor and no other that is plugged in."""
-        named = [other for other in self.sensors if sensor.name in {other.port, *_serials(other)}]
+        named = [other for other in self.sensors if sensor.name in {other.port, *other.serials}]
         return f"sensor://{sensor.name if len(named) == 1 else sensor.port}"
 
     def only(self) -> Sensor:
@@ -110,20 +119,18 @@ class Discovery:
             raise CameraError(f"{len(self.sensors)} sensors are plugged in: choose {choice}")
         if not self.cameras and not self.rings:
             raise UnpluggedError("no camera and no light ring are plugged in: check the cable, or try --sensor sim://")
-        raise UnpluggedError(f"no camera shares a USB parent with a light ring: {self._single()}; {_LIST}")
-
-    def _single(self) -> str:
-        cameras = ", ".join(node.stable for node in self.cameras) or "none"
-        rings = ", ".join(node.stable for node in self.rings) or "none"
+        cameras, rings = (", ".join(node.stable for node in nodes) or "none" for nodes in (self.cameras, self.rings))
         remedy = "plug both into one hub of their own"
         if self.cameras and self.rings:
             remedy += f", or name them with v4l2://{self.cameras[0].stable}?ring={self.rings[0].stable}"
-        return f"cameras {cameras}, rings {rings}: {remedy}"
+        raise UnpluggedError(
+            f"no camera shares a USB parent with a light ring: cameras {cameras}, rings {rings}: {remedy}; {_LIST}"
+        )
 
     def of_camera(self, path: str) -> Sensor:
         """Return the sensor, or the camera alone, at a device node or a link to one; UnpluggedError without one."""
         node = str(Path(path).resolve())
-        for sensor in self._all():
+        for sensor in self.with_cameras():
             if node == str(Path(sensor.camera.path).resolve()):
                 return sensor
         raise UnpluggedError(f"no camera at {path}: plug it in; {_LIST}")
@@ -145,10 +152,11 @@ class Discovery:
 
     def _alike(self, sensor: Sensor) -> list[Sensor]:
         """Everything of the kind and the serial number of `sensor`; rings do not count where it has none."""
-        known = self._all() if sensor.ring else [replace(other, ring=None) for other in self._all()]
+        known = self.with_cameras() if sensor.ring else [replace(other, ring=None) for other in self.with_cameras()]
         return [other for other in known if _same_kind(other, sensor) and other.serial == sensor.serial]
 
-    def _all(self) -> list[Sensor]:
+    def with_cameras(self) -> list[Sensor]:
+        """Return the sensors, and the cameras without a ring as sensors of their own."""
         return [*self.sensors, *(Sensor(camera=camera, ring=None) for camera in self.cameras)]
 
 
@@ -157,7 +165,7 @@ def discover(*, sysfs: Path = SYSFS, dev: Path = DEV) -> Discovery:
     cameras = tuple(_cameras(sysfs, dev))
     rings = tuple(_rings(sysfs, dev))
     sensors, ambiguities = _paired(cameras, rings)
-    paired = {node.path for sensor in sensors for node in (sensor.camera, sensor.ring) if node}
+    paired = {node.path for sensor in sensors for node in sensor.nodes}
     return Discovery(
         sensors=sensors,
         cameras=tuple(node for node in cameras if node.path not in paired),
@@ -171,7 +179,7 @@ def _paired(cameras: tuple[Node, ...], rings: tuple[Node, ...]) -> tuple[tuple[S
     sensors: list[Sensor] = []
     ambiguities: list[str] = []
     for key in (_port, _hub):
-        taken = {node.path for sensor in sensors for node in (sensor.camera, sensor.ring) if node}
+        taken = {node.path for sensor in sensors for node in sensor.nodes}
         groups: dict[str, tuple[list[Node], list[Node]]] = {}
         for index, nodes in enumerate((cameras, rings)):
             for node in nodes:
@@ -203,11 +211,6 @@ def _shared_serials(sensors: tuple[Sensor, ...]) -> Iterator[str]:
         if count > 1:
             alike = [sensor for sensor in sensors if sensor.serial == serial]
             yield f"{count} sensors have the serial number {serial}: tell them apart as {_either(alike, by_port=True)}"
-
-
-def _serials(sensor: Sensor) -> set[str]:
-    nodes = (sensor.camera, sensor.ring)
-    return {node.usb.serial for node in nodes if node and node.usb and node.usb.serial}
 
 
 def _same_kind(one: Sensor, other: Sensor) -> bool:

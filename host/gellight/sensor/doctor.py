@@ -38,7 +38,7 @@ def examine(
     yield from check_found(found, name)
     for sensor in _chosen(found, name):
         yield from check_speed(found, sensor)
-        reachable = [check_permission(node) for node in (sensor.camera, sensor.ring) if node]
+        reachable = [check_permission(node) for node in reversed(sensor.nodes)]
         yield from reachable
         if all(finding.level is not Level.PROBLEM for finding in reachable):
             yield from check_sensor(sensor, surroundings)
@@ -46,13 +46,9 @@ def examine(
 
 def _chosen(found: Discovery, name: str | None) -> list[Sensor]:
     """Return the sensors to examine: all, or the one with a name, a USB port, or a camera at a path."""
-    alone = [Sensor(camera=camera, ring=None) for camera in found.cameras]
     if name is None:
         return list(found.sensors)
-    return [
-        sensor for sensor in (*found.sensors, *alone)
-        if name in (sensor.name, sensor.port, sensor.camera.path, sensor.camera.stable)
-    ]  # fmt: skip
+    return [s for s in found.with_cameras() if name in (s.name, s.port, s.camera.path, s.camera.stable)]
 
 
 def check_rule(folder: Path) -> Finding:
@@ -130,8 +126,8 @@ def check_speed(found: Discovery, sensor: Sensor) -> Iterator[Finding]:
     else:
         yield ok("usb", text)
     bus = usb.port.partition("-")[0]
-    nodes = [*(other.camera for other in found.sensors), *found.cameras]
-    others = [node for node in nodes if node.usb and node.usb.port.partition("-")[0] == bus and node != sensor.camera]
+    nodes = [other.camera for other in found.with_cameras() if other.camera != sensor.camera]
+    others = [node for node in nodes if node.usb and node.usb.port.partition("-")[0] == bus]
     if others and usb.speed_mbps <= HIGH_SPEED_MBPS:
         yield warning(
             "usb", f"{len(others)} more cameras share USB bus {bus} with {sensor.name}",

@@ -14,6 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError, GellightError, InputError
+from gellight.cli import optimize
 from gellight.cli.main import app
 from gellight.design import answers, comparison, comparison_coarse, findings, report, solids, studies
 from gellight.design.geometry import read_geometry
@@ -159,7 +160,7 @@ def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
 
 def test_the_report_takes_shards_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Shard] = []
-    monkeypatch.setattr(findings, "find", lambda subject, way, timed: seen.append(way.shard))
+    monkeypatch.setattr(optimize, "find", lambda subject, way, timed: seen.append(way.shard))
     answer = invoke("report", "--shard", "2/5", "--out", str(tmp_path / "out"), "--json")
     assert answer["complete"] is False
     assert seen == [Shard(2, 5)]

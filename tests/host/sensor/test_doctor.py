@@ -323,7 +323,7 @@ def test_the_udev_rule_is_written_and_applied(tmp_path: Path) -> None:
 
 
 def test_the_udev_rule_names_our_devices_and_comes_before_the_seat_rules() -> None:
-    from gellight.ring.transport import PRODUCT, VENDOR
+    from gellight.ring.usb_numbers import PRODUCT, VENDOR
 
     text = udev.RULE.read_text()
     assert text.count(f'{{idVendor}}=="{VENDOR:04x}"') == text.count(f'{{idProduct}}=="{PRODUCT:04x}"') == 3

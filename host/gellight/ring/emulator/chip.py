@@ -7,6 +7,7 @@ own loop stamps PIO edges late, so clocks, loop and USB host are ours.
 
 from collections.abc import Callable
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 from rp2040py.rp2040 import RP2040
@@ -36,22 +37,16 @@ def temperature_reading(temperature_c: float) -> int:
     return round((0.706 - 0.001721 * (temperature_c - 27)) / 3.3 * 4096)
 
 
-class _Log:
-    """The emulator's logger: a warning is a fault."""
+def log_of(report: Callable[[str], None]) -> SimpleNamespace:
+    """Return a logger for the emulator, whose warnings are faults of the firmware."""
 
-    def __init__(self, report: Callable[[str], None]) -> None:
-        self._report = report
+    def ignore(*_: object) -> None:
+        pass
 
-    def debug(self, *_: object) -> None:
-        """Ignore."""
+    def warn(*words: object) -> None:
+        report("emulator: " + " ".join(map(str, words)))
 
-    info = debug
-
-    def warning(self, *words: object) -> None:
-        """Report."""
-        self._report("emulator: " + " ".join(map(str, words)))
-
-    warn = error = warning
+    return SimpleNamespace(debug=ignore, info=ignore, warning=warn, warn=warn, error=warn)
 
 
 class EmulatedBoard:
@@ -84,7 +79,7 @@ class EmulatedBoard:
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
         chip = self.chip = RP2040()
-        chip.logger = _Log(self.fault)
+        chip.logger = log_of(self.fault)
         chip.load_bootrom(rom_words())
         chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(ROOM_C)
         chip.flash[:FLASH_BYTES] = self.flash

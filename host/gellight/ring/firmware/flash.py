@@ -4,7 +4,7 @@ import logging
 import os
 import struct
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -99,7 +99,7 @@ class Picoboot:
             raise BoardError(f"the boot loader refused command 0x{command:02x} (status {status}): {error}") from error
         return answer
 
-    def flash(self, image: bytes, progress: Callable[[float], None] = lambda _: None) -> None:
+    def flash(self, image: bytes) -> None:
         """Erase, write and read back an image, sector by sector; BoardError if it reads back differently."""
         image_crc(image)
         padded = image + b"\xff" * (-len(image) % SECTOR)
@@ -112,7 +112,6 @@ class Picoboot:
             self._command(WRITE, where, data=sector)
             if self._command(READ, where, count=SECTOR) != sector:
                 raise BoardError(f"the flash at 0x{address:08x} reads back differently: it may be worn out")
-            progress((at + SECTOR) / len(padded))
 
     def reboot(self) -> None:
         """Start what is in flash."""

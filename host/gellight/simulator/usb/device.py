@@ -33,7 +33,6 @@ class VirtualSensor:
         self.modes = modes_of(inside.camera, inside.frame_rate)
         self._inside = inside
         self._cable: UsbCable | None = None
-        self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
         self.unplugged = threading.Event()
         """set while no cable is in"""
@@ -82,8 +81,8 @@ class VirtualSensor:
             lambda: self.serial.run(cable),
             lambda: self.video.run(cable),
         ]
-        self._threads = [threading.Thread(target=self._work, args=(cable, job), daemon=True) for job in jobs]
-        for thread in [*self._threads, threading.Thread(target=self._settle, args=(self._threads,), daemon=True)]:
+        threads = [threading.Thread(target=self._work, args=(cable, job), daemon=True) for job in jobs]
+        for thread in [*threads, threading.Thread(target=self._settle, args=(threads,), daemon=True)]:
             thread.start()
 
     def unplug(self) -> None:

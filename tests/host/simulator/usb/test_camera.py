@@ -236,13 +236,15 @@ def test_faults_are_read_from_text() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("melt=1", "choose one of drop"),
-        ("drop=lots", "give a number"),
-        ("drop=2", "0 to 1"),
-        ("late_ms=-1", "from 0 up"),
-        ("late_ms=inf", "from 0 up"),
-        ("late_ms=nan", "from 0 up"),
-        ("stall_after=1.5", "a whole number, for example stall_after=10"),
+        ("melt=1", "unknown fault melt: choose one of drop"),
+        ("drp=1", "did you mean drop"),
+        ("drop=lots", "drop = lots is not allowed: give a number at least 0 and at most 1"),
+        ("drop=2", "at most 1"),
+        ("drop", "drop =  is not allowed"),
+        ("late_ms=-1", "at least 0"),
+        ("late_ms=inf", "at least 0"),
+        ("late_ms=nan", "at least 0"),
+        ("stall_after=1.5", "a whole number at least 0"),
     ],
 )
 def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
