@@ -14,14 +14,14 @@ from rich.progress import Progress
 
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, with_options
-from gellight.design import answers, designs, studies
+from gellight.design import designs, output, studies
 from gellight.design import report as reporting
-from gellight.design.findings import find
+from gellight.design.all_studies import run_all_studies
+from gellight.design.benchmark_files import write_benchmark
 from gellight.design.geometry import read_geometry
-from gellight.design.solids import write_benchmark
 from gellight.design.store import ResultStore, default_folder
-from gellight.design.studies import Subject
-from gellight.design.sweep import Way, available_cores, parse_shard
+from gellight.design.studies import Setup, setup_of
+from gellight.design.sweep import SweepIncomplete, SweepOptions, available_cores, parse_shard, run_study
 from gellight.design.sweep_times import time_sweep
 from sim_reference.deformation import NotConverged
 from sim_reference.optimizer.exposing import LightGroups
@@ -49,7 +49,7 @@ class Answering:
     def answer(self, name: str, answer: Mapping[str, Any], text: str, files: Mapping[str, bytes | str]) -> None:
         """Write the answer and `files` to the folder, if there is one, and print it as JSON or as text."""
         if self.out is not None:
-            answers.write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
+            output.write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
         typer.echo(json.dumps(answer) if self.as_json else text)
 
 
@@ -71,23 +71,27 @@ class Study(Answering):
         Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
     ] = None
 
-    def subject(self) -> Subject:
+    def setup(self) -> Setup:
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
         if self.out is not None:
-            answers.writable(self.out)
-        return answers.subject_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
+            output.check_writable(self.out)
+        return setup_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
 
     @contextmanager
-    def way(self, title: str) -> Iterator[Way]:
+    def sweep(self, title: str) -> Iterator[SweepOptions]:
         """Yield how to compute, with a progress bar on a terminal.
 
-        Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C.
+        Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C. Ends the command, with
+        a line, where results of other shards are missing.
         """
         store, shard = ResultStore(self.store or default_folder()), parse_shard(self.shard)
         workers = self.workers or available_cores()
         with _progress(title) as show:
             try:
-                yield Way(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
+                yield SweepOptions(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
+            except SweepIncomplete:
+                self._answer_part()
+                raise typer.Exit from None
             except (ValueError, NotConverged) as error:
                 raise InputError(f"this sensor cannot be simulated: {error}") from error
             except KeyboardInterrupt:
@@ -97,7 +101,7 @@ class Study(Answering):
                 )
                 raise
 
-    def answer_part(self) -> None:
+    def _answer_part(self) -> None:
         """Print that only a part of the sweep is there."""
         part = {"shard": self.shard, "complete": False, "store": str(self.store or default_folder())}
         text = f"shard {self.shard} is done; the others are still missing in {part['store']}"
@@ -108,13 +112,10 @@ class Study(Answering):
 @with_options
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
-    subject = study.subject()
-    with study.way("light groups") as way:
-        result = studies.coarse_study(subject, subject.seen_by(LightGroups()), way)
-    if result is None:
-        study.answer_part()
-        return
-    study.answer("coarse", answers.coarse_answer(result), answers.coarse_text(result), answers.coarse_drawings(result))
+    setup = study.setup()
+    with study.sweep("light groups") as options:
+        result = run_study(studies.coarse_study(setup, setup.with_noise(LightGroups())), options)
+    study.answer("coarse", output.coarse_json(result), output.coarse_text(result), output.coarse_charts(result))
 
 
 @app.command()
@@ -124,16 +125,13 @@ def fine(
     step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0,
 ) -> None:
     """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
-    subject = study.subject()
+    setup = study.setup()
     # 0 to 36 mm as in the paper, or less where the gel is nearer to the camera.
-    highest = min(36.0, 0.9 * subject.geometry.camera_height_mm)
+    highest = min(36.0, 0.9 * setup.geometry.camera_height_mm)
     heights = tuple(step * at for at in range(int(highest / step) + 1))
-    with study.way("heights") as way:
-        result = studies.fine_study(subject, heights, way)
-    if result is None:
-        study.answer_part()
-        return
-    study.answer("fine", answers.fine_answer(result), answers.fine_text(result), answers.fine_drawings(result))
+    with study.sweep("heights") as options:
+        result = run_study(studies.fine_study(setup, heights), options)
+    study.answer("fine", output.fine_json(result), output.fine_text(result), output.fine_charts(result))
 
 
 @app.command()
@@ -149,20 +147,13 @@ def design(
     ] = 1.0,
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
-    subject = study.subject()
-    sensor, numbers = subject.geometry, tuple(lights or (12,))
-    conditions = designs.wishes(
-        numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
-    )
-    with study.way("designs") as way:
-        candidates = studies.design_study(subject, conditions, way)
-        given, beyond = studies.given_study(subject, conditions, way), studies.beyond_study(subject, way)
-    if candidates is None or given is None or beyond is None:
-        study.answer_part()
-        return
-    answer = designs.design_answer(candidates, given, beyond, sensor)
-    text = designs.design_text(candidates, given, beyond)
-    study.answer("design", answer, text, designs.design_parts(candidates, sensor))
+    setup = study.setup()
+    sensor, numbers = setup.geometry, tuple(lights or (12,))
+    wishes = designs.wishes(numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit)
+    with study.sweep("designs") as options:
+        result = run_study(designs.full_design_study(setup, wishes), options)
+    answer, files = designs.design_json(result, sensor), designs.design_parts(result, sensor)
+    study.answer("design", answer, designs.design_text(result), files)
 
 
 @app.command()
@@ -176,15 +167,12 @@ def report(
     It is written to --out, by default to the folder gellight-optimize.
     """
     folder = study.out or Path("gellight-optimize")
-    answers.writable(folder)
-    subject = study.subject()
-    with study.way("studies") as way:
-        found = find(subject, way, timed=timed)
-        path = None if found is None else reporting.write_report(found, folder)
-    if found is None or path is None:
-        study.answer_part()
-        return
-    study.answer("report", reporting.report_answer(found, path), reporting.report_text(found, path), {})
+    output.check_writable(folder)
+    setup = study.setup()
+    with study.sweep("studies") as options:
+        results = run_all_studies(setup, options, timed=timed)
+        path = reporting.write_report(results, folder)
+    study.answer("report", reporting.report_json(results, path), reporting.report_text(results, path), {})
 
 
 @app.command()
@@ -198,17 +186,17 @@ def ball(
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""
-    choice, table = answers.ball_choice(read_geometry(geometry), press, radius)
-    drawings = {"ball.svg": answers.ball_chart(table)}
-    answering.answer("ball", answers.ball_answer(choice, table), answers.ball_text(choice), drawings)
+    result = output.ball_study(read_geometry(geometry), press, radius)
+    charts = {"ball.svg": output.ball_chart(result)}
+    answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
 
 
 @app.command()
 def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> None:
     """Time the coarse sweep against plain code that computes one configuration at a time."""
     study = Study(size=size, workers=workers)
-    with study.way("timing") as way:
-        times = time_sweep(study.subject(), way, LightGroups())
+    with study.sweep("timing") as options:
+        times = time_sweep(study.setup(), options, LightGroups())
     typer.echo(json.dumps({**asdict(times), "ratio": times.ratio}) if as_json else times.in_words())
 
 

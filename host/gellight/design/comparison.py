@@ -1,18 +1,15 @@
-"""The statements of the paper beside what was measured here, each with a verdict that the numbers decide."""
+"""The paper's statements on height and ball beside what was measured here; the numbers decide each verdict."""
 
 from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gellight.design.studies import METHODS, FineResult
+from gellight.design.studies import FineResult
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import maximum_elevation
 from sim_reference.optimizer import fine
 from sim_reference.optimizer.refraction import ACRYLIC_MM, Medium, refracted, window_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +20,7 @@ class Statement:
     claim: str
     measured: str
     holds_if: str
-    """what decides, in words"""
+    """the criterion, in words"""
     reproduced: bool
     why: str = ""
 
@@ -55,8 +52,7 @@ def _rises_with_height(result: FineResult) -> Statement:
 
 
 def _half_saturation(result: FineResult, at_20: fine.Illumination) -> Statement:
-    sat = np.array([light.saturation for light in result.light])
-    half = fine.height_of_saturation(np.array(result.heights_mm), sat)
+    half = result.half_saturation_mm
     return Statement(
         section="3.1.2",
         claim="SAT is about 50 % at 20 mm",
@@ -110,7 +106,7 @@ def _uniformity_statements(at_20: fine.Illumination) -> list[Statement]:
 
 
 def _best_height(result: FineResult) -> Statement:
-    air = np.degrees(result.errors_rad["air"][list(METHODS).index("one exposure"), :, 0])
+    air = result.errors_deg("air", "one exposure")[:, 0]
     near, low = (float(np.interp(height, np.array(result.heights_mm), air)) for height in (20, 8))
     return Statement(
         section="3.1.2",
@@ -149,8 +145,19 @@ def ball_statements() -> list[Statement]:
     ]
 
 
-def saturation_table(geometry: SensorGeometry) -> list[tuple[str, float, float]]:
-    """Return the height in mm at which SAT is 50 %, and SAT at 20 mm, for views and cameras."""
+@dataclass(frozen=True)
+class SaturationRow:
+    """SAT of the plane in one view through one camera."""
+
+    view: str
+    half_mm: float
+    """height at which SAT is 50 %, NaN if it never is"""
+    at_20_mm: float
+    """SAT at 20 mm, 0 to 1"""
+
+
+def saturation_table(geometry: SensorGeometry) -> list[SaturationRow]:
+    """Return what view and camera make of SAT."""
     leaky = ((0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8))
     ideal = fine.IDEAL_CAMERA
     views = {
@@ -161,10 +168,11 @@ def saturation_table(geometry: SensorGeometry) -> list[tuple[str, float, float]]
         "gamma of 2.2": fine.View(camera=replace(ideal, gamma=2.2)),
         "bent by the window": fine.View(medium=window_of(geometry)),
     }
-    rows = []
-    for label, view in views.items():
-        highest = min(30.1, 0.9 * geometry.camera_height_mm, geometry.camera_height_mm - view.medium.thickness_mm)
-        heights = np.arange(0.0, highest, 2.0)
-        sat = np.array([fine.illumination(fine.at_height(geometry, h), view).saturation for h in heights.tolist()])
-        rows.append((label, fine.height_of_saturation(heights, sat), float(np.interp(20.0, heights, sat))))
-    return rows
+    return [_saturation_row(geometry, label, view) for label, view in views.items()]
+
+
+def _saturation_row(geometry: SensorGeometry, label: str, view: fine.View) -> SaturationRow:
+    highest = min(30.1, 0.9 * geometry.camera_height_mm, geometry.camera_height_mm - view.medium.thickness_mm)
+    heights = np.arange(0.0, highest, 2.0)
+    sat = np.array([fine.illumination(fine.at_height(geometry, h), view).saturation for h in heights.tolist()])
+    return SaturationRow(label, fine.height_of_saturation(heights, sat), float(np.interp(20.0, heights, sat)))

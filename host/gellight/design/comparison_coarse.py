@@ -1,7 +1,6 @@
 """The statements of section 3.1.1, the coarse stage, beside what was measured here."""
 
 from math import degrees
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +117,7 @@ def _large_blue_region(result: CoarseResult) -> Statement:
         claim="SCROWN and SINWAVE have a large blue region",
         measured=f"cells under 5°: {_largest(blue, 4, 'SINWAVE')}",
         holds_if="at most three have more than either",
-        reproduced=_among(blue, 4, "SCROWN", "SINWAVE"),
+        reproduced=_among_largest(blue, 4, "SCROWN", "SINWAVE"),
         why="those after SCROWN differ by a few cells; which are ahead, " + UNKNOWN_MEASURES,
     )
 
@@ -130,7 +129,7 @@ def _red_region(result: CoarseResult) -> Statement:
         claim="the red region grows with the complexity of the surface, as of the caves and CCONVEX",
         measured=f"cells over 30°: {_largest(red, 3, 'CCONVEX')}",
         holds_if="at most two have more than BALLCAVE or CCONVEX",
-        reproduced=_among(red, 3, "BALLCAVE", "CCONVEX"),
+        reproduced=_among_largest(red, 3, "BALLCAVE", "CCONVEX"),
         why="our CCONVEX is sparse and mostly flat; the paper does not give its measures",
     )
 
@@ -167,32 +166,28 @@ def _steepest_rise(result: CoarseResult) -> Statement:
         claim="CCONVEX and QUCAVE degrade most with the angle",
         measured=f"largest to smallest Top1: {_largest(rise, 3, 'CCONVEX')}",
         holds_if="at most two rise more than either",
-        reproduced=_among(rise, 3, "CCONVEX", "QUCAVE"),
+        reproduced=_among_largest(rise, 3, "CCONVEX", "QUCAVE"),
         why="our CCONVEX is sparse and mostly flat; the paper does not give its measures",
     )
 
 
-def _blue_cells(result: CoarseResult) -> dict[str, int]:
-    """Cells of each object's heat map whose Top1 is under 5 degrees."""
+def _blue_cells(result: CoarseResult) -> dict[str, float]:
+    """Count the cells of each object's heat map whose Top1 is under 5 degrees."""
     return _by_object(result, (result.errors_rad[..., 2] < np.radians(5)).sum(axis=(1, 2)))
 
 
-def _by_object(result: CoarseResult, figures: NDArray[Any]) -> dict[str, Any]:
-    return dict(zip(result.names, figures.tolist(), strict=True))
+def _by_object(result: CoarseResult, values: NDArray[np.floating | np.integer]) -> dict[str, float]:
+    return dict(zip(result.names, values.tolist(), strict=True))
 
 
-def _among(figures: dict[str, Any], count: int, *names: str) -> bool:
-    """Return whether `names` are among the `count` largest; who is level with the last of them is."""
-    least = sorted(figures.values())[-count]
-    return all(name in figures and figures[name] >= least for name in names)
+def _among_largest(values: dict[str, float], count: int, *names: str) -> bool:
+    """Return whether `names` are all among the `count` largest values; one that equals the last of them counts."""
+    least = sorted(values.values())[-count]
+    return all(values.get(name, -np.inf) >= least for name in names)
 
 
-def _order(figures: dict[str, Any]) -> list[str]:
-    return sorted(figures, key=lambda name: -figures[name])
-
-
-def _largest(figures: dict[str, Any], count: int, also: str) -> str:
-    """Return the largest figures with their names, and that of one more object."""
-    order = _order(figures)
-    first = ", ".join(f"{name} {figures[name]:.0f}" for name in order[:count])
-    return first if also in order[:count] or also not in figures else f"{first}; {also} {figures[also]:.0f}"
+def _largest(values: dict[str, float], count: int, also: str) -> str:
+    """Return the largest values with their names, and that of `also` if it is not one of them."""
+    order = sorted(values, key=lambda name: -values[name])
+    first = ", ".join(f"{name} {values[name]:.0f}" for name in order[:count])
+    return first if also in order[:count] or also not in values else f"{first}; {also} {values[also]:.0f}"

@@ -1,27 +1,25 @@
-"""A design: beside the sensor it began with, with what each step beyond the paper gains, and with its parts."""
+"""Designs beside the given sensor: the study, the gain of each step beyond the paper, and the parts to make."""
 
 from dataclasses import asdict, dataclass, replace
 from math import degrees
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.design import drawings, parts
-from gellight.design.answers import Files
 from gellight.design.geometry import STRIP_WIDTH_MM, design_file, outer_radius_mm, ring_colours
-from gellight.design.studies import BEYOND_ANGLES
+from gellight.design.output import Files
+from gellight.design.studies import BEYOND_ANGLES, BeyondResult, Setup, beyond_study, design_study, given_study
+from gellight.design.sweep import Study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import design
 from sim_reference.optimizer.design import Candidate
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Gain:
-    """What one step beyond the paper changes, in degrees of Top1 over the benchmark."""
+    """Top1 of the benchmark in degrees before and after one step beyond the paper."""
 
     step: str
     compared: str
@@ -38,6 +36,32 @@ class Gain:
         return f"{self.step}: {self.before_deg:.2f} -> {self.after_deg:.2f} degrees, {self.factor:.2f} times lower"
 
 
+@dataclass(frozen=True)
+class DesignResult:
+    """The best design with each number of LEDs, the given sensor judged alike, and the methods beyond the paper."""
+
+    candidates: list[Candidate]
+    given: Candidate
+    beyond: BeyondResult
+
+    @property
+    def chosen(self) -> Candidate:
+        """The candidate with the fewest LEDs whose Top1 is within a tenth of the best."""
+        return design.chosen(self.candidates, "top1")
+
+
+def full_design_study(setup: Setup, wanted: design.Wishes) -> Study[DesignResult]:
+    """Return the study of designs that fulfil `wanted`, beside the given sensor and the methods beyond the paper."""
+    candidates, given, beyond = design_study(setup, wanted), given_study(setup, wanted), beyond_study(setup)
+    first, second = len(candidates.tasks), len(candidates.tasks) + len(given.tasks)
+    return Study(
+        [*candidates.tasks, *given.tasks, *beyond.tasks],
+        lambda found: DesignResult(
+            candidates.combine(found[:first]), given.combine(found[first:second]), beyond.combine(found[second:])
+        ),
+    )
+
+
 def wishes(
     numbers: tuple[int, ...],
     geometry: SensorGeometry,
@@ -46,7 +70,11 @@ def wishes(
     noise_grey: float = 1.0,
     exposure_limit: float = 1.0,
 ) -> design.Wishes:
-    """Return what a design has to do; raises InputError for what no design can, ConfigError for LEDs without room."""
+    """Return what a design must fulfil.
+
+    Raises InputError for what no design can fulfil and for more LEDs than fit on the ring, ConfigError for a ring that
+    does not fit into the housing.
+    """
     try:
         wanted = design.Wishes(
             numbers=numbers,
@@ -74,33 +102,31 @@ def designed(candidate: Candidate, geometry: SensorGeometry) -> SensorGeometry:
     return replace(ring, ring_radius_mm=geometry.ring_radius_mm - max(over, 0.0))
 
 
-def gains(beyond: dict[str, Array], given: Candidate, best: Candidate) -> list[Gain]:
-    """Return what each step beyond the paper gains; arguments as of `studies.beyond_study` and two candidates."""
+def gains(result: DesignResult, best: Candidate) -> list[Gain]:
+    """Return what each step beyond the paper gains, the last one by the design `best`."""
     plain, aware, window = (
-        np.degrees(beyond[name][:, 2]) for name in ("least squares", "shadows dropped", "window, same lamps")
+        np.degrees(result.beyond.curves[name][:, 2])
+        for name in ("least squares", "shadows dropped", "window, same lamps")
     )
-    angles = [f"{degrees(angle):.0f}" for angle in BEYOND_ANGLES]
-    one, four = (float(np.degrees(beyond[name][0, 2])) for name in ("one exposure", four_exposures(beyond)))
+    angles = [f"{degrees(angle):.0f}°" for angle in BEYOND_ANGLES]
+    few = result.beyond.few_exposures
+    one, four = (degrees(result.beyond.schemes[name][2]) for name in ("one exposure", few))
+    given = result.given
     return [
         Gain(
             "shadowed observations dropped",
-            f"each at its best angle, {angles[plain.argmin()]}° and {angles[aware.argmin()]}°",
+            f"each at its best angle, {angles[plain.argmin()]} and {angles[aware.argmin()]}",
             float(plain.min()),
             float(aware.min()),
         ),
         Gain(
             "refraction and Fresnel losses known",
-            f"behind the window: at {angles[plain.argmin()]}° in air, best without a window, and at "
-            f"{angles[window.argmin()]}°, best with it",
+            f"behind the window: at {angles[plain.argmin()]} in air, best without a window, and at "
+            f"{angles[window.argmin()]}, best with it",
             float(window[plain.argmin()]),
             float(window.min()),
         ),
-        Gain(
-            f"{four_exposures(beyond)} of three LEDs",
-            "one exposure in three colours, parallel light at 29°",
-            one,
-            four,
-        ),
+        Gain(f"{few} of three LEDs", "one exposure in three colours, parallel light at 29°", one, four),
         Gain(
             "angle, height and exposure searched together",
             f"the given sensor with {given.number} LEDs and the design with {best.number}, read in the same way",
@@ -110,34 +136,26 @@ def gains(beyond: dict[str, Array], given: Candidate, best: Candidate) -> list[G
     ]
 
 
-def four_exposures(beyond: dict[str, Array]) -> str:
-    """Return the name of the scheme that lights three LEDs at a time: four exposures of twelve LEDs."""
-    return next(name for name in beyond if name.endswith("exposures"))
-
-
-def design_answer(
-    candidates: list[Candidate], given: Candidate, beyond: dict[str, Array], geometry: SensorGeometry
-) -> dict[str, Any]:
+def design_json(result: DesignResult, geometry: SensorGeometry) -> dict[str, Any]:
     """Return all candidates and the chosen one, the given sensor judged alike, and the gains."""
-    best = design.chosen(candidates, "top1")
-    ring = designed(best, geometry)
+    ring = designed(result.chosen, geometry)
     return {
-        "chosen": candidate_answer(best),
-        "candidates": [candidate_answer(one) for one in candidates],
-        "given": candidate_answer(given),
-        "gains": [gain_answer(one) for one in gains(beyond, given, best)],
+        "chosen": candidate_json(result.chosen),
+        "candidates": [candidate_json(one) for one in result.candidates],
+        "given": candidate_json(result.given),
+        "gains": [gain_json(one) for one in gains(result, result.chosen)],
         "ring_radius_mm": round(ring.ring_radius_mm, 4),
         "ring_colours": ring_colours(ring),
     }
 
 
-def gain_answer(gain: Gain) -> dict[str, Any]:
+def gain_json(gain: Gain) -> dict[str, Any]:
     """Return a gain with its figures rounded."""
     rounded = {name: round(value, 4) if isinstance(value, float) else value for name, value in asdict(gain).items()}
     return {**rounded, "factor": round(gain.factor, 3)}
 
 
-def candidate_answer(one: Candidate) -> dict[str, Any]:
+def candidate_json(one: Candidate) -> dict[str, Any]:
     """Return a candidate, angles in degrees."""
     return {
         "leds": one.number,
@@ -150,23 +168,22 @@ def candidate_answer(one: Candidate) -> dict[str, Any]:
     }
 
 
-def design_text(candidates: list[Candidate], given: Candidate, beyond: dict[str, Array]) -> str:
+def design_text(result: DesignResult) -> str:
     """Return a line for the given sensor, for each candidate, for the choice and for each gain."""
-    best = design.chosen(candidates, "top1")
     return "\n".join(
         [
-            f"given:  {design.describe(given)}",
-            *(f"        {design.describe(one)}" for one in candidates),
-            f"chosen: {design.describe(best)}",
+            f"given:  {design.describe(result.given)}",
+            *(f"        {design.describe(one)}" for one in result.candidates),
+            f"chosen: {design.describe(result.chosen)}",
             "what each step beyond the paper gains in Top1:",
-            *(f"  {one.in_words()} ({one.compared})" for one in gains(beyond, given, best)),
+            *(f"  {one.in_words()} ({one.compared})" for one in gains(result, result.chosen)),
         ]
     )
 
 
-def design_parts(candidates: list[Candidate], geometry: SensorGeometry) -> Files:
+def design_parts(result: DesignResult, geometry: SensorGeometry) -> Files:
     """Return the parts of the chosen design."""
-    return parts_of(designed(design.chosen(candidates, "top1"), geometry))
+    return parts_of(designed(result.chosen, geometry))
 
 
 def parts_of(geometry: SensorGeometry) -> Files:

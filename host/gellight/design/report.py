@@ -4,35 +4,36 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gellight.design import answers, designs
-from gellight.design.findings import Findings
+from gellight.design import designs
+from gellight.design.all_studies import AllResults
+from gellight.design.output import write_all
 from gellight.design.page import page
 
 
-def write_report(found: Findings, folder: Path) -> Path:
+def write_report(results: AllResults, folder: Path) -> Path:
     """Write report.html and the parts of the given ring and of the chosen one into `folder`; return the page's path.
 
     Raises InputError if that is impossible.
     """
-    for name, geometry in (("given", found.subject.geometry), ("chosen", found.chosen_sensor)):
-        answers.write_all(folder / name, designs.parts_of(geometry))
-    return answers.write_all(folder, {"report.html": page(found)})[0]
+    for name, geometry in (("given", results.setup.geometry), ("chosen", results.chosen_sensor)):
+        write_all(folder / name, designs.parts_of(geometry))
+    return write_all(folder, {"report.html": page(results)})[0]
 
 
-def report_answer(found: Findings, path: Path) -> dict[str, Any]:
-    """Return where the page is, and its verdicts, gains and designs."""
+def report_json(results: AllResults, path: Path) -> dict[str, Any]:
+    """Return the path of the page, and its statements, gains and designs."""
     return {
         "report": str(path),
-        "statements": [asdict(statement) for statement in found.statements()],
-        "gains": [designs.gain_answer(gain) for gain in found.gains()],
-        "given": designs.candidate_answer(found.given),
-        "chosen": designs.candidate_answer(found.chosen),
+        "statements": [asdict(statement) for statement in results.statements()],
+        "gains": [designs.gain_json(gain) for gain in results.gains()],
+        "given": designs.candidate_json(results.given),
+        "chosen": designs.candidate_json(results.chosen),
     }
 
 
-def report_text(found: Findings, path: Path) -> str:
-    """Return the same in a few lines."""
-    rows = found.statements()
+def report_text(results: AllResults, path: Path) -> str:
+    """Return the path of the page, the statements that are not reproduced and the gains as lines of text."""
+    rows = results.statements()
     held = sum(row.reproduced for row in rows)
     return "\n".join(
         [
@@ -40,6 +41,6 @@ def report_text(found: Findings, path: Path) -> str:
             f"{held} of {len(rows)} statements of the paper reproduced; not reproduced:",
             *(f"  {row.claim}: {row.measured}" for row in rows if not row.reproduced),
             "what each step beyond the paper gains in Top1:",
-            *(f"  {gain.in_words()}" for gain in found.gains()),
+            *(f"  {gain.in_words()}" for gain in results.gains()),
         ]
     )

@@ -1,26 +1,28 @@
-"""The studies of `sim_reference.optimizer` as independent tasks, and their results put together again.
+"""The studies of `sim_reference.optimizer`, each as independent tasks and a function that combines their results.
 
-Functions named `..._of_object` and `design_of_number` run in worker processes; what they return JSON can hold.
+The functions that tasks call run in worker processes, so they return what JSON can hold.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from math import radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.design.sweep import Task, Way, run
-from sim_reference.deformation import grid
+from gellight.base.errors import InputError
+from gellight.design.sweep import Study, Task
 from sim_reference.geometry import SensorGeometry, pixel_grid
-from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters, object_height
+from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer import coarse, design, exposures, fine, near_field, sensitivity
 from sim_reference.optimizer.benchmark import Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
 from sim_reference.optimizer.refraction import VACUUM, Medium, window_of
 
 Array = NDArray[np.float64]
-FINE_SAMPLING = Sampling(region_diameter_mm=30.0)
+FINE_DIAMETER_MM = 30.0
+"""of the disc that the fine study evaluates at most"""
 DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
 CAMERA = LightGroups(full_scale_grey=230.0)
 METHODS = {
@@ -29,13 +31,16 @@ METHODS = {
     "each LED by itself, shadows dropped": (False, True),
 }
 """whether all LEDs shine at once, whether shadowed observations are dropped"""
-THINNING = 6
-"""one in so many pixels is enough where a study repeats itself a hundred times"""
+FINE_THINNING, BEYOND_THINNING, DESIGN_THINNING = 6, 3, 2
+"""one in so many pixels is evaluated, because a study repeats itself a hundred times"""
+BEYOND_ANGLES = tuple(radians(angle) for angle in range(5, 86, 8))
+PAPER_ANGLE_RAD = radians(29)
+CROSSTALK = np.array([[0.90, 0.08, 0.02], [0.06, 0.88, 0.06], [0.02, 0.08, 0.90]])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Subject:
-    """What all studies share: the sensor and what is pressed into it."""
+class Setup:
+    """What all studies share: the sensor, the objects that are pressed into it, and the noise of its camera."""
 
     geometry: SensorGeometry
     parameters: ObjectParameters
@@ -43,198 +48,249 @@ class Subject:
     names: tuple[str, ...] = BENCHMARK_NAMES
     noise_grey: float = 1.0
 
-    def seen_by(self, camera: LightGroups) -> LightGroups:
-        """Return `camera` with the noise of this one."""
+    @property
+    def led_count(self) -> int:
+        """Number of LEDs of the sensor."""
+        return len(self.geometry.led_colours)
+
+    def with_noise(self, camera: LightGroups) -> LightGroups:
+        """Return `camera` with the noise of this setup."""
         return replace(camera, noise_grey=self.noise_grey)
 
+    def press(self, name: str, sampling: Sampling, thinning: int) -> "Pressed":
+        """Press an object and return what is evaluated of it: one in `thinning` pixels of the sampled disc."""
+        inside, _, _ = region(sampling, self.geometry)
+        points = np.zeros_like(inside)
+        points.flat[np.flatnonzero(inside)[::thinning]] = True
+        x, y = np.broadcast_arrays(*pixel_grid(sampling.on(self.geometry)))
+        pressed = press_benchmark(name, sampling, self.geometry, self.parameters)
+        return Pressed(near_field.scene(pressed, points), x[points], y[points])
 
-def coarse_of_object(name: str, subject: Subject, groups: LightGroups) -> Any:
-    """Return the errors in rad of every light group, (numbers, angles, 3) as lists."""
-    pressed = press_benchmark(name, subject.sampling, subject.geometry, subject.parameters)
+
+@dataclass(frozen=True)
+class Pressed:
+    """A pressed object at P pixels."""
+
+    scene: near_field.Scene
+    x_mm: Array
+    """(P,)"""
+    y_mm: Array
+    """(P,)"""
+
+
+def setup_of(
+    geometry: SensorGeometry, press_mm: float, relief_mm: float, size_px: int, noise_grey: float = 1.0
+) -> Setup:
+    """Return the setup of a study; raises InputError for a press or relief that is not positive and less than the gel.
+
+    `size_px` is the side of the square picture of each pressed object.
+    """
+    for option, length in (("--relief", relief_mm), ("--press", press_mm)):
+        if not 0 < length < geometry.gel_thickness_mm:
+            raise InputError(
+                f"{option} {length:g} mm: it must be positive and less than the gel's {geometry.gel_thickness_mm:g} mm"
+            )
+    return Setup(
+        geometry=geometry,
+        parameters=ObjectParameters(relief_mm=relief_mm),
+        sampling=Sampling(size_px=size_px, press_depth_mm=press_mm),
+        noise_grey=noise_grey,
+    )
+
+
+def coarse_errors(name: str, setup: Setup, groups: LightGroups) -> Any:
+    """Return MAE, Top5 and Top1 in rad of an object in every light group: (numbers, angles, 3) as lists."""
+    pressed = press_benchmark(name, setup.sampling, setup.geometry, setup.parameters)
     return coarse.evaluate(pressed, groups).tolist()
 
 
-def coarse_tasks(subject: Subject, groups: LightGroups) -> list[Task]:
-    """Return the coarse study, one task an object."""
-    return [Task(name, coarse_of_object, (name, subject, groups)) for name in subject.names]
+def coarse_study(setup: Setup, groups: LightGroups) -> Study[coarse.CoarseResult]:
+    """Return the coarse study: one task an object."""
+    return Study(
+        [Task(name, coarse_errors, (name, setup, groups)) for name in setup.names],
+        lambda errors: coarse.CoarseResult(setup.names, groups, np.array(errors)),
+    )
 
 
-def coarse_study(subject: Subject, groups: LightGroups, way: Way) -> coarse.CoarseResult | None:
-    """Return the coarse study, or None while shards are missing."""
-    errors = run(coarse_tasks(subject, groups), way)
-    if any(found is None for found in errors):
-        return None
-    return coarse.CoarseResult(subject.names, groups, np.array(errors))
-
-
-def scene_of(
-    name: str, subject: Subject, sampling: Sampling, thinning: int = THINNING
-) -> tuple[near_field.Scene, Array, Array]:
-    """Press an object and return what is evaluated of it, with x, y (P,) in mm."""
-    inside, _, _ = region(sampling, subject.geometry)
-    points = np.zeros_like(inside)
-    points.flat[np.flatnonzero(inside)[::thinning]] = True
-    x, y = np.broadcast_arrays(*pixel_grid(sampling.on(subject.geometry)))
-    pressed = press_benchmark(name, sampling, subject.geometry, subject.parameters)
-    return near_field.scene(pressed, points), x[points], y[points]
-
-
-def fine_of_object(name: str, subject: Subject, heights_mm: tuple[float, ...], medium: Medium) -> Any:
+def fine_errors(name: str, setup: Setup, heights_mm: tuple[float, ...], medium: Medium) -> Any:
     """Return MAE and Top1 in rad by method and height: (methods, heights, 2) as lists.
 
-    A height at which the LEDs would be inside the window has None.
+    They are NaN at a height where the LEDs would be inside the window.
     """
-    sampling = replace(
-        subject.sampling, region_diameter_mm=min(FINE_SAMPLING.region_diameter_mm, subject.sampling.region_diameter_mm)
-    )
-    seen, x, y = scene_of(name, subject, sampling)
-    camera = subject.seen_by(CAMERA)
-    rows = [_errors_at(fine.at_height(subject.geometry, height), seen, x, y, medium, camera) for height in heights_mm]
-    return [[None if row is None else row[method] for row in rows] for method in range(len(METHODS))]
+    diameter = min(FINE_DIAMETER_MM, setup.sampling.region_diameter_mm)
+    pressed = setup.press(name, replace(setup.sampling, region_diameter_mm=diameter), FINE_THINNING)
+    camera = setup.with_noise(CAMERA)
+    by_height = [_errors_at(fine.at_height(setup.geometry, height), pressed, medium, camera) for height in heights_mm]
+    return np.swapaxes(by_height, 0, 1).tolist()
 
 
-def _errors_at(
-    geometry: SensorGeometry, seen: near_field.Scene, x: Array, y: Array, medium: Medium, camera: LightGroups
-) -> Any:
+def _errors_at(geometry: SensorGeometry, pressed: Pressed, medium: Medium, camera: LightGroups) -> Array:
+    """Return MAE and Top1 in rad of each method: (methods, 2)."""
     if geometry.camera_height_mm - geometry.mounting_height_mm <= medium.thickness_mm:
-        return None
-    ring = near_field.ring_light_vectors(geometry, x, y, medium)
-    found = [
-        near_field.normal_error(seen, ring, near_field.mixing(geometry, one_shot=at_once), camera, drop_shadows=drop)
+        return np.full((len(METHODS), 2), np.nan)
+    ring = near_field.ring_light_vectors(geometry, pressed.x_mm, pressed.y_mm, medium)
+    errors = [
+        near_field.normal_error(
+            pressed.scene, ring, near_field.mixing(geometry, one_shot=at_once), camera, drop_shadows=drop
+        )
         for at_once, drop in METHODS.values()
     ]
-    return [[mae, top1] for mae, _, top1 in found]
+    return np.array([[mae, top1] for mae, _, top1 in errors])
 
 
 @dataclass(frozen=True)
 class FineResult:
-    """The fine stage: how a plane is lit, and what is reconstructed, at each height."""
+    """The fine stage: how a plane is lit, and how well the normals are reconstructed, at each height."""
 
     heights_mm: tuple[float, ...]
     light: list[fine.Illumination]
     errors_rad: dict[str, Array]
     """by medium, (methods, heights, 2): MAE and Top1 averaged over the objects, NaN inside the window"""
 
+    @property
+    def half_saturation_mm(self) -> float:
+        """Height at which SAT reaches 50 %, NaN if it does at none of the heights."""
+        return fine.height_of_saturation(np.array(self.heights_mm), np.array([one.saturation for one in self.light]))
 
-def fine_study(subject: Subject, heights_mm: tuple[float, ...], way: Way) -> FineResult | None:
-    """Return the fine study, or None while shards are missing."""
-    media = {"air": VACUUM, "window": window_of(subject.geometry)}
+    def errors_deg(self, medium: str, method: str) -> Array:
+        """Return MAE and Top1 in degrees by height, (heights, 2), of one of `METHODS`."""
+        return np.asarray(np.degrees(self.errors_rad[medium][list(METHODS).index(method)]))
+
+
+def fine_study(setup: Setup, heights_mm: tuple[float, ...]) -> Study[FineResult]:
+    """Return the fine study: one task an object and medium."""
+    media = {"air": VACUUM, "window": window_of(setup.geometry)}
+
+    def combine(errors: list[Any]) -> FineResult:
+        shape = (len(media), len(setup.names), len(METHODS), len(heights_mm), 2)
+        averaged = np.array(errors).reshape(shape).mean(axis=1)
+        light = [fine.illumination(fine.at_height(setup.geometry, height), fine.View()) for height in heights_mm]
+        return FineResult(heights_mm, light, dict(zip(media, averaged, strict=True)))
+
     tasks = [
-        Task(f"{name} ({label})", fine_of_object, (name, subject, heights_mm, medium))
+        Task(f"{name} ({label})", fine_errors, (name, setup, heights_mm, medium))
         for label, medium in media.items()
-        for name in subject.names
+        for name in setup.names
     ]
-    found = run(tasks, way)
-    if any(errors is None for errors in found):
-        return None
-    return _fine_result(subject, heights_mm, tuple(media), found)
+    return Study(tasks, combine)
 
 
-def _fine_result(subject: Subject, heights: tuple[float, ...], media: tuple[str, ...], found: list[Any]) -> FineResult:
-    count = len(subject.names)
-    nothing = [float("nan"), float("nan")]
-    filled = [[[cell or nothing for cell in method] for method in errors] for errors in found]
-    averaged = {medium: np.array(filled[count * at : count * (at + 1)]).mean(axis=0) for at, medium in enumerate(media)}
-    light = [fine.illumination(fine.at_height(subject.geometry, height), fine.View()) for height in heights]
-    return FineResult(heights, light, averaged)
+@dataclass(frozen=True)
+class BeyondResult:
+    """MAE, Top5 and Top1 in rad of the methods beyond the paper, averaged over the objects."""
+
+    curves: Mapping[str, Array]
+    """by method, (angles, 3): an error for each of `BEYOND_ANGLES`"""
+    schemes: Mapping[str, Array]
+    """by exposure scheme, (3,), at the paper's incident angle"""
+
+    @property
+    def few_exposures(self) -> str:
+        """Name of the scheme that lights three LEDs in each exposure: "4 exposures" of twelve LEDs."""
+        return list(self.schemes)[1]
 
 
-BEYOND_ANGLES = tuple(radians(angle) for angle in range(5, 86, 8))
-CROSSTALK = np.array([[0.90, 0.08, 0.02], [0.06, 0.88, 0.06], [0.02, 0.08, 0.90]])
-
-
-def beyond_of_object(name: str, subject: Subject) -> Any:
-    """Return MAE, Top5, Top1 in rad of what goes beyond the paper, by the name of the method, as lists."""
-    seen, _, _ = scene_of(name, subject, subject.sampling, 3)
-    camera = subject.seen_by(LightGroups())
-    number = len(subject.geometry.led_colours) // 3 * 3
-    twelve = exposures.in_turn(number)
-    window = window_of(subject.geometry)
-    curves = {
-        "least squares": [exposures.directional_error([seen], twelve, a, camera) for a in BEYOND_ANGLES],
-        "shadows dropped": [
-            exposures.directional_error([seen], twelve, a, camera, drop_shadows=True) for a in BEYOND_ANGLES
-        ],
+def beyond_errors(name: str, setup: Setup) -> Any:
+    """Return the lists of errors of `BeyondResult` for one object: curves and schemes, by name."""
+    scenes = [setup.press(name, setup.sampling, BEYOND_THINNING).scene]
+    camera = setup.with_noise(LightGroups())
+    number = setup.led_count // 3 * 3
+    window = window_of(setup.geometry)
+    methods: dict[str, dict[str, Any]] = {
+        "least squares": {},
+        "shadows dropped": {"drop_shadows": True},
+        "window, same lamps": {"medium": window},
+        "window, exposure restored": {"medium": window, "exposure_restored": True},
     }
-    for label, restored in (("window, same lamps", False), ("window, exposure restored", True)):
-        curves[label] = [
-            exposures.directional_error([seen], twelve, a, camera, medium=window, exposure_restored=restored)
-            for a in BEYOND_ANGLES
-        ]
-    for label, crosstalk in (("", None), (", crosstalk", CROSSTALK)):
-        for scheme in (exposures.one_exposure(number, crosstalk), exposures.single_leds(number, crosstalk)):
-            curves[scheme.name + label] = [exposures.directional_error([seen], scheme, radians(29), camera)]
-    return curves
+    in_turn = exposures.in_turn(number)
+    curves = {
+        method: [exposures.directional_error(scenes, in_turn, angle, camera, **options) for angle in BEYOND_ANGLES]
+        for method, options in methods.items()
+    }
+    schemes = {
+        scheme.name + label: exposures.directional_error(scenes, scheme, PAPER_ANGLE_RAD, camera)
+        for label, crosstalk in (("", None), (", crosstalk", CROSSTALK))
+        for scheme in (exposures.one_exposure(number, crosstalk), exposures.single_leds(number, crosstalk))
+    }
+    return {"curves": curves, "schemes": schemes}
 
 
-def beyond_study(subject: Subject, way: Way) -> dict[str, Array] | None:
-    """Return (angles, 3) rad by the name of the method, averaged over the objects; None while shards are missing."""
-    found = run([Task(name, beyond_of_object, (name, subject)) for name in subject.names], way)
-    if any(curves is None for curves in found):
-        return None
-    complete: list[dict[str, Any]] = [curves for curves in found if curves is not None]
-    return {label: np.mean([curves[label] for curves in complete], axis=0) for label in complete[0]}
+def beyond_study(setup: Setup) -> Study[BeyondResult]:
+    """Return the study of what goes beyond the paper: one task an object."""
+
+    def averaged(errors: list[Any], part: str) -> dict[str, Array]:
+        return {name: np.mean([one[part][name] for one in errors], axis=0) for name in errors[0][part]}
+
+    return Study(
+        [Task(name, beyond_errors, (name, setup)) for name in setup.names],
+        lambda errors: BeyondResult(averaged(errors, "curves"), averaged(errors, "schemes")),
+    )
 
 
-def design_of_number(number: int, subject: Subject, wishes: design.Wishes) -> Any:
-    """Return the best design with one number of LEDs, as the fields of `design.Candidate`."""
-    (candidate,) = design.optimise(subject.geometry, _place(subject), replace(wishes, numbers=(number,)))
-    return candidate.__dict__
+def best_candidate(setup: Setup, wishes: design.Wishes) -> Any:
+    """Return the best design that fulfils `wishes`, which name one number of LEDs, as fields of `design.Candidate`."""
+    (candidate,) = design.optimise(setup.geometry, _place(setup), wishes)
+    return asdict(candidate)
 
 
-def given_sensor(subject: Subject, wishes: design.Wishes) -> Any:
-    """Return the sensor as it is, judged like a design, as the fields of `design.Candidate`."""
-    return design.assessed(subject.geometry, _place(subject), wishes, design.STARTING_GREY).__dict__
+def given_candidate(setup: Setup, wishes: design.Wishes) -> Any:
+    """Return the sensor as it is, judged like a design, as fields of `design.Candidate`."""
+    return asdict(design.assessed(setup.geometry, _place(setup), wishes, design.STARTING_GREY))
 
 
-def _place(subject: Subject) -> design.Place:
-    sampling = replace(DESIGN_SAMPLING, press_depth_mm=subject.sampling.press_depth_mm)
-    found = [scene_of(name, subject, sampling, 2) for name in subject.names]
-    return design.Place([seen for seen, _, _ in found], found[0][1], found[0][2])
+def _place(setup: Setup) -> design.Place:
+    sampling = replace(DESIGN_SAMPLING, press_depth_mm=setup.sampling.press_depth_mm)
+    pressed = [setup.press(name, sampling, DESIGN_THINNING) for name in setup.names]
+    return design.Place([one.scene for one in pressed], pressed[0].x_mm, pressed[0].y_mm)
 
 
-def given_study(subject: Subject, wishes: design.Wishes, way: Way) -> design.Candidate | None:
-    """Return the sensor as it is, judged like a design; None while its shard is missing."""
-    (found,) = run([Task("given", given_sensor, (subject, wishes))], way)
-    return None if found is None else design.Candidate(**found)
+def given_study(setup: Setup, wishes: design.Wishes) -> Study[design.Candidate]:
+    """Return the study of the sensor as it is, judged like a design: one task."""
+    return Study([Task("given", given_candidate, (setup, wishes))], lambda found: design.Candidate(**found[0]))
 
 
-def design_study(subject: Subject, wishes: design.Wishes, way: Way) -> list[design.Candidate] | None:
-    """Return the best design for each number of LEDs; None while shards are missing."""
-    tasks = [
-        Task(f"{number} LEDs", design_of_number, (number, subject, replace(wishes, numbers=(number,))))
-        for number in wishes.numbers
-    ]
-    found = run(tasks, way)
-    return None if any(one is None for one in found) else [design.Candidate(**one) for one in found if one]
+def design_study(setup: Setup, wishes: design.Wishes) -> Study[list[design.Candidate]]:
+    """Return the study of the best designs: one task a number of LEDs."""
+    return Study(
+        [
+            Task(f"{number} LEDs", best_candidate, (setup, replace(wishes, numbers=(number,))))
+            for number in wishes.numbers
+        ],
+        lambda found: [design.Candidate(**one) for one in found],
+    )
 
 
-def variant_of_object(name: str, variant: sensitivity.Variant) -> Any:
+@dataclass(frozen=True)
+class VariantResult:
+    """The coarse study with one thing changed."""
+
+    variant: sensitivity.Variant
+    best_angle_rad: float
+    """of the curve averaged over the objects"""
+    mean_best_angle_rad: float
+    """mean of the objects' best angles"""
+
+
+def variant_errors(name: str, variant: sensitivity.Variant) -> Any:
     """Return Top1 in rad by angle, 12 lights, of an object under a variant of the study."""
     pressed = press_benchmark(name, variant.sampling, variant.geometry, variant.parameters)
     return coarse.evaluate(pressed, variant.groups)[0, :, 2].tolist()
 
 
-def sensitivity_study(subject: Subject, way: Way) -> list[tuple[sensitivity.Variant, float, float]] | None:
-    """Return each variant with the best angle of the averaged curve and the mean of the objects' best, in rad."""
-    studied = sensitivity.variants(subject.geometry, subject.seen_by(sensitivity.STUDIED))
+def sensitivity_study(setup: Setup) -> Study[list[VariantResult]]:
+    """Return the study of what the best angle depends on: one task a variant and object."""
+    variants = sensitivity.variants(setup.geometry, setup.with_noise(sensitivity.STUDIED))
+
+    def combine(errors: list[Any]) -> list[VariantResult]:
+        curves = np.array(errors).reshape(len(variants), len(setup.names), -1)
+        angles = np.array(variants[0].groups.angles_rad)
+        best = angles[curves.mean(axis=1).argmin(axis=1)]
+        means = angles[curves.argmin(axis=2)].mean(axis=1)
+        return [VariantResult(*one) for one in zip(variants, best.tolist(), means.tolist(), strict=True)]
+
     tasks = [
-        Task(f"{variant.quantity} {variant.setting}: {name}", variant_of_object, (name, variant))
-        for variant in studied
-        for name in subject.names
+        Task(f"{variant.quantity} {variant.setting}: {name}", variant_errors, (name, variant))
+        for variant in variants
+        for name in setup.names
     ]
-    found = run(tasks, way)
-    if any(curve is None for curve in found):
-        return None
-    curves = np.array(found).reshape(len(studied), len(subject.names), -1)
-    angles = np.array(studied[0].groups.angles_rad)
-    best = angles[curves.mean(axis=1).argmin(axis=1)]
-    means = angles[curves.argmin(axis=2)].mean(axis=1)
-    return list(zip(studied, best.tolist(), means.tolist(), strict=True))
-
-
-def benchmark_height(name: str, relief_mm: float, size: int) -> tuple[Array, float]:
-    """Return an object's height map (size, size) in mm over 36 mm, highest point 0, and its spacing in mm."""
-    spacing = 36.0 / size
-    at = grid(size, spacing)
-    return object_height(name, at[None, :], at[:, None], ObjectParameters(relief_mm=relief_mm)), spacing
+    return Study(tasks, combine)

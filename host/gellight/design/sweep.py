@@ -1,4 +1,4 @@
-"""Many independent computations: spread over processes, each kept as soon as it is there, none done twice."""
+"""Sweeps: independent tasks spread over processes; each result is kept at once, and none is computed twice."""
 
 import hashlib
 import importlib.util
@@ -10,18 +10,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from gellight.base.errors import InputError
 from gellight.design.store import ResultStore
 
 Progress = Callable[[int, int, str], None]
-"""called with done, total and what was finished last, nothing at first"""
+"""called with the number of tasks done, of all tasks, and the label of the last one done, "" at first"""
+ResultT = TypeVar("ResultT")
 
 
 @dataclass(frozen=True)
 class Task:
-    """A call of a function of a module, with arguments whose `repr` says all about them."""
+    """A call of a module's function; the `repr` of its arguments must tell them apart, its result must fit JSON."""
 
     label: str
     function: Callable[..., Any]
@@ -29,14 +30,14 @@ class Task:
 
     @property
     def key(self) -> str:
-        """Name of the result: it changes with the function, its arguments and the source of the simulator."""
+        """Digest of the function's name, its arguments and the simulator's source: it names the result."""
         call = f"{self.function.__module__}.{self.function.__qualname__}{self.arguments!r}"
         return hashlib.sha256(f"{simulator_digest()}\n{call}".encode()).hexdigest()
 
 
 @dataclass(frozen=True)
 class Shard:
-    """One of `count` equal parts of a sweep, counted from 1."""
+    """Part `number`, counted from 1, of a sweep that is cut into `count` equal parts."""
 
     number: int = 1
     count: int = 1
@@ -47,8 +48,8 @@ class Shard:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
-    """How a sweep is computed."""
+class SweepOptions:
+    """Where a sweep keeps its results, which part of it is computed, and by what."""
 
     store: ResultStore
     workers: int = 1
@@ -56,6 +57,18 @@ class Way:
     scheduler: str | None = None
     """address of a Dask scheduler, instead of processes on this machine"""
     progress: Progress | None = None
+
+
+@dataclass(frozen=True)
+class Study(Generic[ResultT]):
+    """Tasks, and how their results, in the same order, become the result of the study."""
+
+    tasks: list[Task]
+    combine: Callable[[list[Any]], ResultT]
+
+
+class SweepIncomplete(Exception):  # noqa: N818 - nothing went wrong
+    """This shard is done; results of other shards are missing in the store."""
 
 
 def parse_shard(text: str) -> Shard:
@@ -68,7 +81,7 @@ def parse_shard(text: str) -> Shard:
 
 @cache
 def simulator_digest() -> str:
-    """Return the digest of the simulator's source: results of another version are not used."""
+    """Return the digest of the source of `sim_reference`, so that results of another version are not used."""
     found = importlib.util.find_spec("sim_reference")
     assert found is not None
     assert found.origin is not None
@@ -84,42 +97,55 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def run(tasks: Sequence[Task], way: Way) -> list[Any | None]:
-    """Return the results in the order of `tasks`, None for those of other shards that are not there yet.
+def run_study(study: Study[ResultT], options: SweepOptions) -> ResultT:
+    """Return the result of a study; raises SweepIncomplete while shards are missing, and what a task raises."""
+    return study.combine(run_all(study.tasks, options))
 
-    What the store holds is not computed; what is computed is stored at once, so an interrupted sweep goes on where it
-    stopped. Raises what a task raises.
-    """
-    results = [way.store.get(task.key) for task in tasks]
-    missing = [at for at, found in enumerate(results) if found is None and way.shard.holds(at)]
-    done = sum(found is not None for found in results)
-    if way.progress:
-        way.progress(done, len(tasks), "")
-    for at, result in _computed([(at, tasks[at]) for at in missing], way):
-        way.store.put(tasks[at].key, result)
-        results[at] = result
-        done += 1
-        if way.progress:
-            way.progress(done, len(tasks), tasks[at].label)
+
+def run_all(tasks: Sequence[Task], options: SweepOptions) -> list[Any]:
+    """Return all results in the order of `tasks`; raises SweepIncomplete, after the work, if some are missing."""
+    results = run(tasks, options)
+    if any(result is None for result in results):
+        raise SweepIncomplete
     return results
 
 
-def _computed(numbered: list[tuple[int, Task]], way: Way) -> Iterator[tuple[int, Any]]:
+def run(tasks: Sequence[Task], options: SweepOptions) -> list[Any | None]:
+    """Return the results in the order of `tasks`, None for those of other shards that the store does not hold.
+
+    What the store holds is not computed again; each new result is stored at once, so an interrupted sweep goes on
+    where it stopped. Raises what a task raises.
+    """
+    results = [options.store.get(task.key) for task in tasks]
+    missing = [at for at, found in enumerate(results) if found is None and options.shard.holds(at)]
+    done = sum(found is not None for found in results)
+    if options.progress:
+        options.progress(done, len(tasks), "")
+    for at, result in _computed([(at, tasks[at]) for at in missing], options):
+        options.store.put(tasks[at].key, result)
+        results[at] = result
+        done += 1
+        if options.progress:
+            options.progress(done, len(tasks), tasks[at].label)
+    return results
+
+
+def _computed(numbered: list[tuple[int, Task]], options: SweepOptions) -> Iterator[tuple[int, Any]]:
     if not numbered:
         return
-    if way.workers == 1 and way.scheduler is None:
+    if options.workers == 1 and options.scheduler is None:
         for at, task in numbered:
             yield at, task.function(*task.arguments)
         return
-    with executor(way) as pool:
+    with executor(options) as pool:
         waiting = {pool.submit(task.function, *task.arguments): at for at, task in numbered}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
         except BrokenExecutor:
             raise InputError(
-                f"a worker was killed, perhaps because memory was short: use fewer --workers than {way.workers}. What "
-                f"is done is kept in {way.store.folder}; the same command goes on there"
+                f"a worker was killed, perhaps because memory was short: use fewer --workers than {options.workers}. "
+                f"What is done is kept in {options.store.folder}; the same command goes on there"
             ) from None
         finally:
             for future in waiting:
@@ -127,11 +153,14 @@ def _computed(numbered: list[tuple[int, Task]], way: Way) -> Iterator[tuple[int,
 
 
 @contextmanager
-def executor(way: Way) -> Iterator[Executor]:
-    """Yield what runs the tasks: processes of this machine, or a Dask cluster."""
-    if way.scheduler is None:
+def executor(options: SweepOptions) -> Iterator[Executor]:
+    """Yield the pool that runs the tasks: processes of this machine, or a Dask cluster.
+
+    Raises InputError if Dask is not installed or its scheduler does not answer.
+    """
+    if options.scheduler is None:
         # Not forked: a progress bar's thread may hold a lock at that moment.
-        with ProcessPoolExecutor(way.workers, multiprocessing.get_context("forkserver")) as pool:
+        with ProcessPoolExecutor(options.workers, multiprocessing.get_context("forkserver")) as pool:
             yield pool
         return
     try:
@@ -139,8 +168,10 @@ def executor(way: Way) -> Iterator[Executor]:
     except ImportError:
         raise InputError('--scheduler needs Dask: pip install "gellight[cluster]"') from None
     try:
-        client = Client(way.scheduler, timeout="10s")
+        client = Client(options.scheduler, timeout="10s")
     except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler at {way.scheduler} ({error}): start one with `dask scheduler`") from error
+        raise InputError(
+            f"no Dask scheduler at {options.scheduler} ({error}): start one with `dask scheduler`"
+        ) from error
     with client:
         yield client.get_executor()

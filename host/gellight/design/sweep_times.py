@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.design.studies import Subject
-from gellight.design.sweep import Way, executor
+from gellight.design.studies import Setup
+from gellight.design.sweep import SweepOptions, executor
 from sim_reference.optimizer import coarse, plain
 from sim_reference.optimizer.benchmark import PressedObject, press_benchmark
 from sim_reference.optimizer.exposing import LightGroups
@@ -15,7 +15,7 @@ from sim_reference.optimizer.exposing import LightGroups
 
 @dataclass(frozen=True)
 class SweepTimes:
-    """Both ways over the same pressed objects in the same run, and how far their errors differ."""
+    """Times of the sweep ("shared") and of the plain code on the same objects, and how far their errors differ."""
 
     size_px: int
     objects: int
@@ -29,11 +29,11 @@ class SweepTimes:
 
     @property
     def ratio(self) -> float:
-        """How many times faster the sweep is, by the clock on the wall."""
+        """How many times faster the sweep is, in wall-clock time."""
         return self.plain_s / self.shared_s
 
     def in_words(self) -> str:
-        """Return the comparison as a sentence or two."""
+        """Return the comparison in two sentences."""
         return (
             f"{self.objects} objects × {self.configurations} configurations at {self.size_px} × {self.size_px} pixels, "
             f"the objects pressed beforehand: {self.shared_s:.1f} s on {self.workers} cores; plain NumPy, one "
@@ -43,11 +43,13 @@ class SweepTimes:
         )
 
 
-def time_sweep(subject: Subject, way: Way, groups: LightGroups) -> SweepTimes:
-    """Time the sweep on all workers, started beforehand, and the plain code on one."""
-    pressed = [press_benchmark(name, subject.sampling, subject.geometry, subject.parameters) for name in subject.names]
-    with executor(way) as pool:
-        list(pool.map(_shared, pressed[:1] * 2 * way.workers, [replace(groups, numbers=(3,))] * 2 * way.workers))
+def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> SweepTimes:
+    """Time the sweep on all workers, which are warm, and the plain code on one."""
+    pressed = [press_benchmark(name, setup.sampling, setup.geometry, setup.parameters) for name in setup.names]
+    with executor(options) as pool:
+        list(
+            pool.map(_shared, pressed[:1] * 2 * options.workers, [replace(groups, numbers=(3,))] * 2 * options.workers)
+        )
         start = time.perf_counter()
         shared = list(pool.map(_shared, pressed, [groups] * len(pressed)))
         shared_s = time.perf_counter() - start
@@ -56,10 +58,10 @@ def time_sweep(subject: Subject, way: Way, groups: LightGroups) -> SweepTimes:
     plain_s, plain_cpu_s = time.perf_counter() - start, time.process_time() - start_cpu
     difference = max(float(np.abs(errors - slowly).max()) for (errors, _), slowly in zip(shared, plainly, strict=True))
     return SweepTimes(
-        subject.sampling.size_px,
+        setup.sampling.size_px,
         len(pressed),
         len(groups.numbers) * len(groups.angles_rad),
-        way.workers,
+        options.workers,
         shared_s,
         plain_s,
         sum(cpu for _, cpu in shared),

@@ -1,4 +1,4 @@
-"""`gellight optimize`: studies that resume, answers in JSON, and refusals with a reason."""
+"""`gellight optimize`: sweeps that resume, results in JSON, and bad input refused with the reason."""
 
 import json
 import logging
@@ -14,16 +14,15 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError, GellightError, InputError
-from gellight.cli import optimize
 from gellight.cli.main import app
-from gellight.design import answers, comparison, comparison_coarse, findings, report, solids, studies
+from gellight.design import all_studies, benchmark_files, comparison, comparison_coarse, output, report, studies
 from gellight.design.geometry import read_geometry
 from gellight.design.store import ResultStore
-from gellight.design.sweep import Shard, Task, Way, parse_shard, run
-from gellight.design.sweep_times import time_sweep
+from gellight.design.sweep import Shard, Study, SweepIncomplete, SweepOptions, Task, parse_shard, run, run_study
+from gellight.design.sweep_times import SweepTimes, time_sweep
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
-from sim_reference.optimizer import sensitivity
+from sim_reference.optimizer import plain, sensitivity
 from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 
@@ -31,8 +30,8 @@ FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
 
 
 @pytest.fixture
-def way(tmp_path: Path) -> Way:
-    return Way(store=ResultStore(tmp_path / "store"))
+def options(tmp_path: Path) -> SweepOptions:
+    return SweepOptions(store=ResultStore(tmp_path / "store"))
 
 
 @pytest.fixture(autouse=True)
@@ -40,8 +39,8 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def subject(size: int = 64, names: tuple[str, ...] = FEW) -> studies.Subject:
-    return replace(answers.subject_of(SensorGeometry(), 0.9, 1.0, size), names=names)
+def setup(size: int = 64, names: tuple[str, ...] = FEW) -> studies.Setup:
+    return replace(studies.setup_of(SensorGeometry(), 0.9, 1.0, size), names=names)
 
 
 def invoke(*arguments: str) -> Any:
@@ -65,38 +64,40 @@ def tasks(*numbers: int) -> list[Task]:
     return [Task(str(number), square, (number,)) for number in numbers]
 
 
-def test_an_interrupted_sweep_goes_on_where_it_stopped(way: Way) -> None:
+def test_an_interrupted_sweep_goes_on_where_it_stopped(options: SweepOptions) -> None:
     with pytest.raises(KeyboardInterrupt):
-        run(tasks(1, 2, -1, 3), way)
+        run(tasks(1, 2, -1, 3), options)
     assert calls == [1, 2, -1]
-    assert run(tasks(1, 2, 3), way) == [1, 4, 9]
+    assert run(tasks(1, 2, 3), options) == [1, 4, 9]
     assert calls == [3]
 
 
 @pytest.mark.parametrize("damage", [b"", b"{}", b"[1]", b'{"key": "x", "sha256": "", "result": 5}', b"\xff\x00"])
-def test_a_damaged_result_is_computed_again(way: Way, damage: bytes, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_damaged_result_is_computed_again(
+    options: SweepOptions, damage: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
     (task,) = tasks(7)
-    run([task], way)
-    way.store.path(task.key).write_bytes(damage)
+    run([task], options)
+    options.store.path(task.key).write_bytes(damage)
     with caplog.at_level(logging.WARNING):
-        assert run([task], way) == [49]
+        assert run([task], options) == [49]
     assert calls == [7, 7]
     assert "is damaged" in caplog.text
-    assert way.store.get(task.key) == 49
+    assert options.store.get(task.key) == 49
 
 
-def test_a_result_that_was_altered_is_computed_again(way: Way) -> None:
+def test_a_result_that_was_altered_is_computed_again(options: SweepOptions) -> None:
     (task,) = tasks(7)
-    run([task], way)
-    path = way.store.path(task.key)
+    run([task], options)
+    path = options.store.path(task.key)
     path.write_text(path.read_text().replace("49", "50"))
-    assert run([task], way) == [49]
+    assert run([task], options) == [49]
 
 
-def test_shards_are_disjoint_and_add_up(way: Way) -> None:
+def test_shards_are_disjoint_and_add_up(options: SweepOptions) -> None:
     numbered = tasks(0, 1, 2, 3, 4)
-    assert run(numbered, replace(way, shard=Shard(1, 2))) == [0, None, 4, None, 16]
-    assert run(numbered, replace(way, shard=Shard(2, 2))) == [0, 1, 4, 9, 16]
+    assert run(numbered, replace(options, shard=Shard(1, 2))) == [0, None, 4, None, 16]
+    assert run(numbered, replace(options, shard=Shard(2, 2))) == [0, 1, 4, 9, 16]
     assert calls == [0, 2, 4, 1, 3]
 
 
@@ -112,40 +113,52 @@ def test_a_result_is_named_by_all_that_it_depends_on() -> None:
         task.key
         for size in (64, 65)
         for noise in (1.0, 2.0)
-        for task in studies.coarse_tasks(subject(size), replace(groups, noise_grey=noise))
+        for task in studies.coarse_study(setup(size), replace(groups, noise_grey=noise)).tasks
     }
     assert len(keys) == 4 * len(FEW)
-    again = studies.coarse_tasks(subject(64), groups)
+    again = studies.coarse_study(setup(64), groups).tasks
     assert {task.key for task in again} <= keys
 
 
-def test_processes_compute_what_one_computes(way: Way, tmp_path: Path) -> None:
+def test_processes_compute_what_one_computes(options: SweepOptions, tmp_path: Path) -> None:
     groups = LightGroups(numbers=(3, 12))
     seen: list[tuple[int, int]] = []
-    several = Way(
+    several = SweepOptions(
         store=ResultStore(tmp_path / "other"), workers=2, progress=lambda done, total, label: seen.append((done, total))
     )
-    one, two = (studies.coarse_study(subject(), groups, how) for how in (way, several))
-    assert one is not None
-    assert two is not None
+    one, two = (run_study(studies.coarse_study(setup(), groups), how) for how in (options, several))
     assert (one.errors_rad == two.errors_rad).all()
     assert seen == [(done, 4) for done in (0, 1, 2, 3, 4)]
 
 
-def test_the_timing_compares_equal_errors(way: Way) -> None:
-    times = time_sweep(subject(48, FEW[:2]), replace(way, workers=2), LightGroups(numbers=(3, 6)))
+def test_the_timing_compares_equal_errors(options: SweepOptions) -> None:
+    times = time_sweep(setup(48, FEW[:2]), replace(options, workers=2), LightGroups(numbers=(3, 6)))
     assert times.largest_difference_deg < 1e-6
-    assert times.configurations == 22
-    assert times.ratio == times.plain_s / times.shared_s > 0
+    assert (times.objects, times.configurations, times.workers, times.size_px) == (2, 22, 2, 48)
+    assert min(times.shared_s, times.plain_s, times.shared_cpu_s, times.plain_cpu_s) > 0
 
 
-def test_coarse_answers_in_json_and_draws(tmp_path: Path) -> None:
+def test_the_timing_sees_a_difference(options: SweepOptions, monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = plain.evaluate
+    monkeypatch.setattr(plain, "evaluate", lambda pressed, groups: honest(pressed, groups) + np.radians([0, 0, 0.25]))
+    times = time_sweep(setup(48, FEW[:1]), options, LightGroups(numbers=(3,), angles_rad=(0.5,)))
+    assert times.largest_difference_deg == pytest.approx(0.25, abs=1e-6)
+
+
+def test_the_timing_says_how_many_times_faster_the_sweep_is() -> None:
+    times = SweepTimes(64, 10, 77, 2, shared_s=4, plain_s=12, shared_cpu_s=7, plain_cpu_s=11, largest_difference_deg=0)
+    assert times.ratio == 3
+    assert "4.0 s on 2 cores; plain NumPy, one configuration at a time: 12.0 s, 3.0 times as long" in times.in_words()
+
+
+def test_the_coarse_study_writes_json_and_charts(tmp_path: Path) -> None:
     answer = invoke("coarse", "--size", "96", "--workers", "1", "--out", str(tmp_path / "out"), "--json")
     assert answer["best_angle_deg"] == 29
     assert 29 <= answer["mean_best_angle_deg"] <= 37
     assert list(answer["best_angle_by_object"]) == list(BENCHMARK_NAMES)
     assert np.shape(answer["top1_deg"]) == (7, 11)
-    assert answer["map_mean_by_lights"]["12"] == 1
+    means = answer["map_mean_by_lights"]
+    assert means["3"] > means["6"] > means["12"] == 1
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"coarse.json", "mean.svg", "TSTEP.svg"}
     assert (tmp_path / "out/TSTEP.svg").read_text().count("<rect") == 77
     again = invoke("coarse", "--size", "96", "--workers", "1", "--json")
@@ -158,16 +171,26 @@ def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
     assert len(list(Path(answer["store"]).iterdir())) == 2
 
 
-def test_the_report_takes_shards_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[Shard] = []
-    monkeypatch.setattr(optimize, "find", lambda subject, way, timed: seen.append(way.shard))
-    answer = invoke("report", "--shard", "2/5", "--out", str(tmp_path / "out"), "--json")
+def test_the_report_takes_shards_too(tmp_path: Path) -> None:
+    # The 200th task is of the last study; it is computed although those of the other studies are missing.
+    answer = invoke(
+        "report", "--shard", "200/300", "--workers", "1", "--size", "32", "--out", str(tmp_path / "out"), "--json"
+    )
     assert answer["complete"] is False
-    assert seen == [Shard(2, 5)]
+    assert len(list(Path(answer["store"]).iterdir())) == 1
     assert not list((tmp_path / "out").iterdir())
 
 
-def test_fine_answers_in_json() -> None:
+def test_a_study_has_a_result_when_all_its_shards_are_there(options: SweepOptions) -> None:
+    study = Study(tasks(3, 2, 1), sum)
+    with pytest.raises(SweepIncomplete):
+        run_study(study, replace(options, shard=Shard(1, 2)))
+    assert calls == [3, 1]
+    assert run_study(study, replace(options, shard=Shard(2, 2))) == 14
+    assert run_study(replace(study, combine=list), options) == [9, 4, 1]
+
+
+def test_the_fine_study_prints_json() -> None:
     answer = invoke("fine", "--size", "48", "--step", "12", "--workers", "1", "--json")
     assert answer["height_mm"] == [0, 12, 24, 36]
     assert len(answer["sat"]) == len(answer["nsd"]) == len(answer["normal_error_deg"]) == 4
@@ -175,7 +198,7 @@ def test_fine_answers_in_json() -> None:
     assert answer["errors_deg"]["window"]["one exposure"]["mae"][3] is None
 
 
-def test_the_ball_answers_in_json() -> None:
+def test_the_ball_is_printed_as_json() -> None:
     answer = invoke("ball", "--json")
     assert answer["radius_mm"] == 4
     assert answer["elevation_deg"] == pytest.approx(60, abs=1e-9)
@@ -260,9 +283,9 @@ def die(number: int) -> int:
     return number
 
 
-def test_a_worker_that_was_killed_is_told_and_the_results_before_it_are_kept(way: Way) -> None:
+def test_a_worker_that_was_killed_is_reported(options: SweepOptions) -> None:
     with pytest.raises(InputError, match="use fewer --workers than 2"):
-        run([Task("die", die, (1,))], replace(way, workers=2))
+        run([Task("die", die, (1,))], replace(options, workers=2))
 
 
 def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -286,12 +309,14 @@ def test_a_store_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="choose another"):
         ResultStore(tmp_path / "file" / "store")
     with pytest.raises(InputError, match="choose another"):
-        answers.write_all(tmp_path / "file" / "out", {"x": "y"})
+        output.write_all(tmp_path / "file" / "out", {"x": "y"})
 
 
 def test_the_solids_are_closed(tmp_path: Path) -> None:
-    height, spacing = studies.benchmark_height("TSTEP", 1.0, 24)
-    records = np.frombuffer(solids.solid_stl(np.maximum(height, -2.0), spacing)[84:], solids.STL_RECORD)
+    height, spacing = benchmark_files.benchmark_height("TSTEP", 1.0, 24)
+    records = np.frombuffer(
+        benchmark_files.solid_stl(np.maximum(height, -2.0), spacing)[84:], benchmark_files.STL_RECORD
+    )
     corners = np.round(records["corners"].astype(float), 5)
     edges: dict[tuple[Any, Any], int] = {}
     for triangle in corners.tolist():
@@ -307,23 +332,29 @@ def test_the_solids_are_closed(tmp_path: Path) -> None:
 
 
 def test_the_objects_can_be_exported(tmp_path: Path) -> None:
-    written = solids.write_benchmark(tmp_path, 1.0, 32)
-    assert len(written) == 20
-    assert np.load(tmp_path / "WAVE.npy").max() == 0
+    written = benchmark_files.write_benchmark(tmp_path, 1.0, 32)
+    assert sorted(path.name for path in written) == sorted(
+        f"{name}.{kind}" for name in BENCHMARK_NAMES for kind in ("npy", "stl")
+    )
+    height = np.load(tmp_path / "WAVE.npy")
+    assert height.shape == (32, 32)
+    relief = height[height > -100]  # around the object lies nothing
+    assert (relief.min(), relief.max()) == pytest.approx((-1, 0), abs=0.1)
+    corners = np.frombuffer((tmp_path / "WAVE.stl").read_bytes()[84:], benchmark_files.STL_RECORD)["corners"]
+    assert corners[..., 2].max() == height.max()
 
 
 def test_the_report_holds_everything_and_decides_by_the_numbers(
-    way: Way, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    options: SweepOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = sensitivity.variants(SensorGeometry())[:2]
     monkeypatch.setattr(sensitivity, "variants", lambda geometry, groups: first)
     monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=32))
-    six = replace(subject(48, FEW), geometry=SensorGeometry(led_colours="RRGGBB"))
-    found = findings.find(six, way, timed=False, numbers=(6,))
-    assert found is not None
-    path = report.write_report(found, tmp_path / "out")
+    six = replace(setup(48, FEW), geometry=SensorGeometry(led_colours="RRGGBB"))
+    results = all_studies.run_all_studies(six, options, timed=False, numbers=(6,))
+    path = report.write_report(results, tmp_path / "out")
     text = path.read_text()
-    answer = report.report_answer(found, path)
+    answer = report.report_json(results, path)
     assert answer["chosen"]["leds"] == 6, "as many as the given sensor has"
     assert [gain["step"] for gain in answer["gains"]] == [
         "shadowed observations dropped",
@@ -332,7 +363,7 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
         "angle, height and exposure searched together",
     ]
     assert min(gain["factor"] for gain in answer["gains"]) >= 1
-    assert all(f"<td>{gain.factor:.2f}×" in text for gain in found.gains())
+    assert all(f"<td>{gain.factor:.2f}×" in text for gain in results.gains())
     assert {row["reproduced"] for row in answer["statements"]} == {True, False}
     assert all(row["why"] for row in answer["statements"] if not row["reproduced"])
     assert text.count("<svg") >= 20
@@ -345,7 +376,7 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
 
 def test_the_heights_stay_above_the_gel_of_a_low_camera() -> None:
     rows = comparison.saturation_table(SensorGeometry(camera_height_mm=10.0, mounting_height_mm=1.0))
-    assert all(0 < at_20 < 1 for _, _, at_20 in rows)
+    assert all(0 < row.at_20_mm < 1 for row in rows)
 
 
 def test_objects_that_are_level_are_among_the_first_alike() -> None:
@@ -356,9 +387,8 @@ def test_objects_that_are_level_are_among_the_first_alike() -> None:
     assert not verdicts["a simple form with a sharp step, TSTEP, has a large error"]
 
 
-def test_a_statement_that_does_not_hold_is_not_reproduced(way: Way) -> None:
-    result = studies.coarse_study(subject(48), LightGroups(), way)
-    assert result is not None
+def test_a_statement_that_does_not_hold_is_not_reproduced(options: SweepOptions) -> None:
+    result = run_study(studies.coarse_study(setup(48), LightGroups()), options)
     honest = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(result)}
     turned = replace(result, errors_rad=result.errors_rad[:, :, ::-1])
     other = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(turned)}

@@ -1,11 +1,11 @@
-"""The pictures of the report: the pressed objects, and the plane under the ring at each height."""
+"""Rendered pictures of the report: the pressed objects, and the plane under the ring at each height."""
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.design.studies import Subject
+from gellight.design.studies import Setup
 from gellight.report.charts import picture
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry
@@ -22,12 +22,12 @@ WIDTH_PX = 115
 """ten in a row"""
 
 
-def benchmark_depths(subject: Subject) -> str:
+def benchmark_depths(setup: Setup) -> str:
     """Return the depth of every pressed object, light where it is deep."""
     figures = []
-    for name in subject.names:
+    for name in setup.names:
         pressed = press_benchmark(
-            name, replace(SMALL, press_depth_mm=subject.sampling.press_depth_mm), subject.geometry, subject.parameters
+            name, replace(SMALL, press_depth_mm=setup.sampling.press_depth_mm), setup.geometry, setup.parameters
         )
         slope = np.degrees(pressed.steepest_rad())
         depth = pressed.depth_mm - pressed.depth_mm.min()
@@ -36,20 +36,20 @@ def benchmark_depths(subject: Subject) -> str:
     return "".join(figures)
 
 
-def benchmark_pictures(subject: Subject) -> str:
+def benchmark_pictures(setup: Setup) -> str:
     """Return figure 4d: every object under the coloured ring."""
-    square = SMALL.on(subject.geometry)
+    square = SMALL.on(setup.geometry)
     exposed = _exposed(square)
     figures = []
-    for name in subject.names:
-        deformation = deformed(name, subject.sampling, square, subject.parameters)
+    for name in setup.names:
+        deformation = deformed(name, setup.sampling, square, setup.parameters)
         figures.append(picture(_picture(sample(deformation, square, 0, 0), square, exposed), name, WIDTH_PX))
     return "".join(figures)
 
 
-def plane_pictures(subject: Subject, heights_mm: tuple[float, ...]) -> str:
+def plane_pictures(setup: Setup, heights_mm: tuple[float, ...]) -> str:
     """Return the upper row of figure 4e: the plane at each height, exposed as at the first."""
-    square = SMALL.on(subject.geometry)
+    square = SMALL.on(setup.geometry)
     exposed, first = _exposed(fine.at_height(square, heights_mm[0])), square.camera_height_mm - heights_mm[0]
     figures = []
     for height in heights_mm:
@@ -61,9 +61,9 @@ def plane_pictures(subject: Subject, heights_mm: tuple[float, ...]) -> str:
     return "".join(figures)
 
 
-def channel_pictures(subject: Subject) -> str:
+def channel_pictures(setup: Setup) -> str:
     """Return figure 4c: each channel of the plane with contour lines."""
-    square = SMALL.on(subject.geometry)
+    square = SMALL.on(setup.geometry)
     light = ring_irradiance(untouched(square), square, ring_light(square))
     figures = [picture(_picture(untouched(square), square, _exposed(square)), "plane", 130)]
     for channel, name in enumerate(("red", "green", "blue")):

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.design.answers import write_all
-from gellight.design.studies import benchmark_height
-from sim_reference.objects import BENCHMARK_NAMES
+from gellight.design.output import write_all
+from sim_reference.deformation import grid
+from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters, object_height
 
 Array = NDArray[np.float64]
+SIDE_MM = 36.0
+"""of the square that holds an object"""
 FOOT_MM = 5.0
 """of solid below the lowest point of the relief"""
 STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -26,6 +28,13 @@ def write_benchmark(folder: Path, relief_mm: float, size: int) -> list[Path]:
         files[f"{name}.npy"] = content.getvalue()
         files[f"{name}.stl"] = solid_stl(np.maximum(height, -2 * relief_mm), spacing)
     return write_all(folder, files)
+
+
+def benchmark_height(name: str, relief_mm: float, size: int) -> tuple[Array, float]:
+    """Return an object's height map (size, size) in mm, highest point 0, and its spacing in mm."""
+    spacing = SIDE_MM / size
+    at = grid(size, spacing)
+    return object_height(name, at[None, :], at[:, None], ObjectParameters(relief_mm=relief_mm)), spacing
 
 
 def solid_stl(height_mm: Array, spacing_mm: float) -> bytes:

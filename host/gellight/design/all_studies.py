@@ -1,0 +1,110 @@
+"""All studies of a sensor, as the report shows them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from gellight.design import comparison, comparison_coarse, designs, output, parts, studies
+from gellight.design.comparison import Statement
+from gellight.design.designs import DesignResult, Gain
+from gellight.design.output import BallResult
+from gellight.design.studies import BeyondResult, FineResult, Setup, VariantResult
+from gellight.design.sweep import Study, SweepOptions, run_all, run_study
+from gellight.design.sweep_times import SweepTimes, time_sweep
+from sim_reference.geometry import SensorGeometry
+from sim_reference.optimizer import design, fine
+from sim_reference.optimizer.coarse import CoarseResult
+from sim_reference.optimizer.exposing import LightGroups
+
+NUMBERS = (6, 9, 12, 15)
+"""of LEDs that are designed for where they fit, besides those of the given sensor"""
+BALL_PRESS_MM = 2.0
+BALL_PRESS_SHARE = 0.4
+"""of the gel's thickness, where that is less"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllResults:
+    """Everything the page shows."""
+
+    setup: Setup
+    coarse: CoarseResult
+    fine: FineResult
+    ball: BallResult
+    beyond: BeyondResult
+    given: design.Candidate
+    """the given sensor, every LED by itself"""
+    designs: list[design.Candidate]
+    one_shot_given: design.Candidate
+    one_shot_designs: list[design.Candidate]
+    bright_designs: list[design.Candidate]
+    """without a limit of the exposure"""
+    sensitivity: list[VariantResult]
+    times: SweepTimes | None
+
+    @property
+    def chosen(self) -> design.Candidate:
+        """The design with as many LEDs as the given sensor, for its firmware drives that many; else the best."""
+        same = [one for one in self.designs if one.number == self.setup.led_count]
+        return same[0] if same else design.chosen(self.designs, "top1")
+
+    @property
+    def chosen_sensor(self) -> SensorGeometry:
+        """The sensor with the chosen ring."""
+        return designs.designed(self.chosen, self.setup.geometry)
+
+    def gains(self) -> list[Gain]:
+        """Return what each step beyond the paper gains."""
+        return designs.gains(DesignResult(self.designs, self.given, self.beyond), self.chosen)
+
+    def statements(self) -> list[Statement]:
+        """Return the paper, line by line."""
+        return [
+            *comparison_coarse.coarse_statements(self.coarse),
+            *comparison.fine_statements(self.fine, self.setup.geometry),
+            *comparison.ball_statements(),
+        ]
+
+
+def run_all_studies(
+    setup: Setup, options: SweepOptions, *, timed: bool, numbers: tuple[int, ...] = NUMBERS
+) -> AllResults:
+    """Run all studies in one sweep; `timed` adds the timing of the coarse sweep.
+
+    Raises InputError or ConfigError for a sensor that cannot be studied, before anything is computed, and
+    SweepIncomplete while other shards are missing.
+    """
+    geometry, groups, noise = setup.geometry, setup.with_noise(LightGroups()), setup.noise_grey
+    own = setup.led_count // 3 * 3
+    several = tuple(sorted({own, *(number for number in numbers if parts.fits(number, geometry))}))
+    alike = designs.wishes(several, geometry, noise_grey=noise)
+    at_once = designs.wishes((own,), geometry, one_shot=True, noise_grey=noise)
+    bright = designs.wishes((own,), geometry, noise_grey=noise, exposure_limit=float("inf"))
+    ball = output.ball_study(geometry, min(BALL_PRESS_MM, BALL_PRESS_SHARE * geometry.gel_thickness_mm), None)
+    coarse, beyond = studies.coarse_study(setup, groups), studies.beyond_study(setup)
+    heights = studies.fine_study(setup, _heights(geometry))
+    given, one_shot_given = (studies.given_study(setup, wishes) for wishes in (alike, at_once))
+    best, one_shot_best, bright_best = (studies.design_study(setup, wishes) for wishes in (alike, at_once, bright))
+    sensitivity = studies.sensitivity_study(setup)
+    every: tuple[Study[Any], ...] = (
+        coarse, heights, beyond, given, best, one_shot_given, one_shot_best, bright_best, sensitivity,
+    )  # fmt: skip
+    run_all([task for study in every for task in study.tasks], options)
+    return AllResults(
+        setup=setup,
+        coarse=run_study(coarse, options),
+        fine=run_study(heights, options),
+        ball=ball,
+        beyond=run_study(beyond, options),
+        given=run_study(given, options),
+        designs=run_study(best, options),
+        one_shot_given=run_study(one_shot_given, options),
+        one_shot_designs=run_study(one_shot_best, options),
+        bright_designs=run_study(bright_best, options),
+        sensitivity=run_study(sensitivity, options),
+        times=time_sweep(setup, options, groups) if timed else None,
+    )
+
+
+def _heights(geometry: SensorGeometry) -> tuple[float, ...]:
+    """Return the paper's heights, as far as the LEDs stay above the gel surface."""
+    return tuple(height for height in fine.HEIGHTS_MM if height <= 0.9 * geometry.camera_height_mm)
