@@ -13,13 +13,6 @@ Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_defa
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
 
 
-def attach(app: typer.Typer) -> None:
-    """Add the verbs to `gellight calibrate`."""
-    app.command("list")(list_bundles)
-    app.command("install")(install_bundle)
-    app.command("restore")(restore_bundle)
-
-
 def list_bundles(
     name: Annotated[str | None, typer.Option(help="only the bundles of the sensor with this serial number")] = None,
     as_json: AsJson = False,

@@ -35,16 +35,8 @@ GeometryFile = Annotated[
     ),
 ]
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
-Press = Annotated[float, typer.Option("--press", help="How deep the objects are pressed, mm.")]
-Relief = Annotated[float, typer.Option("--relief", help="Relief of the objects, mm.")]
-Noise = Annotated[float, typer.Option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]
-ShardText = Annotated[str, typer.Option("--shard", metavar="I/N", help="Compute only this part of the sweep.")]
-Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="URL", help="Dask scheduler, tcp://...")]
-Keep = Annotated[
-    Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
-]
 
 
 @dataclass(frozen=True)
@@ -66,14 +58,18 @@ class Study(Answering):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
-    press: Press = 0.9
-    relief: Relief = 1.0
-    noise: Noise = 1.0
+    press: Annotated[float, typer.Option("--press", help="How deep the objects are pressed, mm.")] = 0.9
+    relief: Annotated[float, typer.Option("--relief", help="Relief of the objects, mm.")] = 1.0
+    noise: Annotated[float, typer.Option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")] = 1.0
     size: Size = 256
     workers: Workers = 0
-    shard: ShardText = "1/1"
-    scheduler: Scheduler = None
-    store: Keep = None
+    shard: Annotated[str, typer.Option("--shard", metavar="I/N", help="Compute only this part of the sweep.")] = "1/1"
+    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="URL", help="Dask scheduler, tcp://...")] = (
+        None
+    )
+    store: Annotated[
+        Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
+    ] = None
 
     def setup(self) -> Setup:
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
