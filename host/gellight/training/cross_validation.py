@@ -17,7 +17,7 @@ from gellight.training.labelling.refinement import FirstFits, refine_others
 from gellight.training.labelling.refinement import refine as refinement_of
 from gellight.training.presses import Ball, Press, PressTable
 from gellight.training.training import Reference, TrainingOptions, fit
-from gellight.training.validation import PressError, PressFigures, maps_of, press_error, press_errors, summarised
+from gellight.training.validation import PressError, PressFigures, frames_by, press_error, press_errors, summarised
 
 Floats = NDArray[np.float32]
 _FOLD_SEED = 1
@@ -132,11 +132,11 @@ def _errors_of_fold(bundle: Bundle, held_out: dict[str, list[Press]], reference:
     }
     errors = {(labels, _NETWORK): press_errors(bundle, presses, ball) for labels, presses in held_out.items()}
     for name, baseline in baselines.items():
-        # The images are the same whatever their labels, so their maps are computed once.
-        maps = maps_of(baseline, held_out[_GIVEN], reference, ball, follow_light=bundle.manifest.follow_light)
+        # The images are the same whatever their labels, so they are reconstructed once.
+        frames = frames_by(baseline, held_out[_GIVEN], reference, ball, follow_light=bundle.manifest.follow_light)
         for labels, presses in held_out.items():
-            judged = zip(presses, maps, strict=True)
-            errors[labels, name] = [press_error(press, ball, found) for press, found in judged]
+            judged = zip(presses, frames, strict=True)
+            errors[labels, name] = [press_error(press, ball, frame) for press, frame in judged]
     return errors
 
 

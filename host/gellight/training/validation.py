@@ -2,19 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.integration import angle_deg, integrate, normals
 from gellight.reconstruction.light_drift import light_drift
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.reconstruction.pipeline import Reconstructor, Stages, tactile_frame
 from gellight.reconstruction.smoothing import Smoother
 from gellight.training.baselines import Baseline
 from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
@@ -22,34 +21,9 @@ from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle,
 Floats = NDArray[np.float32]
 
 
-class Maps(Protocol):
-    """What a press is judged by, as a tactile frame has it."""
-
-    @property
-    def normal_map(self) -> Floats:
-        """(H, W, 3)"""
-
-    @property
-    def depth_mm(self) -> Floats:
-        """(H, W)"""
-
-    @property
-    def contact(self) -> Contact:
-        """Where the gel was found to be touched."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BaselineMaps:
-    """The maps that a baseline makes of one image."""
-
-    normal_map: Floats
-    depth_mm: Floats
-    contact: Contact
-
-
 @dataclass(frozen=True, kw_only=True)
 class PressError:
-    """The maps of one press against its label."""
+    """The tactile frame of one press against its label."""
 
     image: str
     angle_deg: Floats
@@ -81,24 +55,25 @@ class AngleFigures:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImageFigures:
-    """The errors inside the circle of one image."""
-
-    image: str
-    pixels: int
+class _Figures:
     normal_error_deg: AngleFigures
+    """over the pixels inside the circles"""
     depth_mae_mm: float
     contact_iou: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class PressFigures:
-    """The errors on several presses, in which every pixel counts the same."""
+class ImageFigures(_Figures):
+    """The errors on one image."""
 
-    normal_error_deg: AngleFigures
-    depth_mae_mm: float
-    contact_iou: float
-    """mean over the images"""
+    image: str
+    pixels: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressFigures(_Figures):
+    """The errors on several presses: every pixel counts the same, and for the contact patch every image."""
+
     images: tuple[ImageFigures, ...]
 
     def as_json(self) -> dict[str, object]:
@@ -129,40 +104,40 @@ def frame_of(press: Press) -> CameraFrame:
     return CameraFrame(image=read_image(press.image), time_s=0.0, sequence=0, source=str(press.image))
 
 
-def maps_of(
+def frames_by(
     baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
-) -> list[BaselineMaps]:
+) -> list[TactileFrame]:
     """Reconstruct each press with the slopes of a baseline: drift, smoothing, depth, contact as in the frame path."""
-    maps, smoother = [], Smoother()
+    frames, smoother, pixel_size_mm = [], Smoother(), (ball.pixel_size_mm, ball.pixel_size_mm)
     for press in presses:
-        difference = read_image(press.image).astype(np.float32) - reference
+        camera_frame = frame_of(press)
+        difference = camera_frame.image.astype(np.float32) - reference
         if follow_light:
             difference -= light_drift(difference)
         slopes, noise = smoother.narrow(baseline.gradient_map(difference))
-        depth_mm = np.asarray(integrate(slopes, ball.pixel_size_mm), np.float32)
-        gradient_map = smoother.of_surface(depth_mm, ball.pixel_size_mm, slopes, noise)
-        contact = find_contact(depth_mm, ball.pixel_size_mm)
-        maps.append(BaselineMaps(normal_map=normals(gradient_map), depth_mm=depth_mm, contact=contact))
-    return maps
+        depth_mm = np.asarray(integrate(slopes, pixel_size_mm), np.float32)
+        gradient_map = smoother.of_surface(depth_mm, pixel_size_mm, slopes, noise)
+        frames.append(tactile_frame(camera_frame, difference, gradient_map, depth_mm, pixel_size_mm, Stages()))
+    return frames
 
 
 def baseline_errors(
     baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
 ) -> list[PressError]:
     """Do as `press_errors` with the slopes of a baseline."""
-    maps = maps_of(baseline, presses, reference, ball, follow_light=follow_light)
-    return [press_error(press, ball, found) for press, found in zip(presses, maps, strict=True)]
+    frames = frames_by(baseline, presses, reference, ball, follow_light=follow_light)
+    return [press_error(press, ball, frame) for press, frame in zip(presses, frames, strict=True)]
 
 
-def press_error(press: Press, ball: Ball, maps: Maps) -> PressError:
+def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
     """Compare normals, depth and contact patch with a label."""
-    shape = (maps.depth_mm.shape[0], maps.depth_mm.shape[1])
-    inside, patch = contact_circle(press, shape), maps.contact.mask
+    shape = (frame.depth_mm.shape[0], frame.depth_mm.shape[1])
+    inside, patch = contact_circle(press, shape), frame.contact.mask
     true_normals = normals(sphere_gradient(press, ball, shape))
-    depth_error = maps.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(
         image=press.image.name,
-        angle_deg=angle_deg(maps.normal_map[inside], true_normals[inside]),
+        angle_deg=angle_deg(frame.normal_map[inside], true_normals[inside]),
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
         contact_iou=float((patch & inside).sum() / (patch | inside).sum()),
     )

@@ -45,7 +45,7 @@ class RingLight:
     """rms of what the fit leaves, as a share of the rms of the picture"""
 
 
-def fit_ring(bundle: Bundle) -> RingLight | None:
+def fit_ring_light(bundle: Bundle) -> RingLight | None:
     """Fit the ring to the reference image of a bundle; None where it names no LEDs or the fit is too poor for that."""
     if not bundle.manifest.led:
         return None

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.watch.cells import CELL_PX, Cells, cell_means, positions_mm
-from gellight.watch.light import RingLight, fit_ring
+from gellight.watch.light import RingLight, fit_ring_light
 
 Mask = NDArray[np.bool_]
 """(h, w)"""
@@ -49,7 +49,7 @@ class UntouchedModel:
     def __init__(self, bundle: Bundle) -> None:
         """Learn from the reference image of a bundle; takes a fraction of a second."""
         self.reference: Cells = cell_means(bundle.reference)
-        self.ring: RingLight | None = fit_ring(bundle)
+        self.ring: RingLight | None = fit_ring_light(bundle)
         self.noise_grey = float(np.sqrt(bundle.manifest.noise_grey**2 + 1 / 12)) / CELL_PX
         """standard deviation of the mean of one cell"""
         channels = np.eye(3, dtype=np.float32)
