@@ -75,7 +75,7 @@ class LightTimeline:
         index = bisect_right(self._times, time_us) - 1
         if index < 0 and self._forgotten:
             raise BoardError(
-                f"what the simulated LEDs showed at {time_us / 1e6:.3f} s is forgotten after {KEPT_LIGHTS} more lights: "
+                f"what simulated LEDs showed at {time_us / 1e6:.3f} s is forgotten after {KEPT_LIGHTS} more lights: "
                 "the machine is too busy; open sim:// anew"
             )
         return DARK if index < 0 else self._colours[index]

@@ -144,4 +144,5 @@ def _watch_changes(
                     break
     finally:
         watch.close()
+        ring.blank()  # ends the sequence, so that the light of before can be given back
     return meter.estimate()
