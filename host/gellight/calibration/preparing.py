@@ -17,7 +17,6 @@ from gellight.calibration.sensing import check_light, mean_image
 from gellight.calibration.session import Session
 from gellight.calibration.uniformity import contour_picture, of_image
 from gellight.frames.camera import Camera, CameraControls
-from gellight.ring.light_ring import LightRing
 
 LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
 """of the 99th percentile of the brightest colour of the untouched gel"""
@@ -38,8 +37,8 @@ def prepare(session: Session) -> None:
     figures: dict[str, Any] = {"camera": _locked(camera), "led": None}
     if camera.ring is not None:
         colours = full_colours(options.led_colours)
-        figures["lights"] = led_check.check_lights(session, camera.ring, colours)
-        levels = _balanced(session, camera.ring)
+        figures["lights"] = led_check.check_lights(session, colours)
+        levels = _balanced(session)
         figures["led"] = levels.tolist()
     elif camera.controls is not None:
         _expose(session, camera.controls, lambda: _brightest(_picture(session)))
@@ -98,7 +97,7 @@ def _brightest(image: NDArray[np.float32]) -> float:
     return float(np.percentile(image.reshape(-1, 3), 99, axis=0).max())
 
 
-def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
+def _balanced(session: Session) -> NDArray[np.uint8]:
     """Dim the brighter colours until the means of the channels agree, and expose; (12, 3) levels.
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
@@ -106,10 +105,10 @@ def _balanced(session: Session, ring: LightRing) -> NDArray[np.uint8]:
     share, colours = np.ones(3), session.options.led_colours
     for _ in range(_ROUNDS):
         level = (float(share[0]), float(share[1]), float(share[2]))
-        image = led_check.light(session, ring, full_colours(colours, level))
+        image = led_check.light(session, full_colours(colours, level))
         if session.camera.controls is not None:
             _expose(session, session.camera.controls, lambda: _brightest(_picture(session)))
-            image = led_check.light(session, ring, full_colours(colours, level))
+            image = led_check.light(session, full_colours(colours, level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
             raise InputError(

@@ -99,7 +99,7 @@ class Session:
         """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
         levels, ring = self.folder.steps["prepare"]["led"], self.camera.ring
         if levels and ring is not None:
-            ring.wait_for_light(ring.set_leds(np.array(levels, np.uint8)).light_id)
+            ring.light(np.array(levels, np.uint8))
 
     def confirmed(self, instruction: str) -> None:
         """Show an instruction and wait until the user says next; a hand needs no telling."""

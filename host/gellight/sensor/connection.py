@@ -6,7 +6,7 @@ that were exposed after camera and ring were set, and while the ring was lit: `L
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -109,10 +109,9 @@ class Connection:
         if self.ring is not None:
             self.ring.light(colours)
 
-    def apply(self, setup: Setup) -> None:
-        """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
-        options = setup.options
-        self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
+    def apply(self, setup: Setup, controls: Mapping[str, float]) -> None:
+        """Set these controls, and light the ring, in the same mode; frames are of the new light after that."""
+        self.camera.controls.lock(controls, power_line_hz=int(setup.options.power_line_hz))
         self._light(setup.colours)
         self._set_s = self._clock()
 

@@ -104,8 +104,10 @@ def test_what_the_url_says_holds_when_others_are_adopted_and_unknown_controls_ar
         camera.adopt({"exposure_us": 9000, "white_balance_k": 4000}, None)
         assert device.controls[c.EXPOSURE].value == 40
         assert device.controls[c.WHITE_BALANCE].value == 4000
+        assert camera.controls is not None
+        camera.controls.set("white_balance_k", 4500)
         camera.adopt({}, np.full((12, 3), 7, np.uint8))
-        assert device.controls[c.WHITE_BALANCE].value == 4000, "what is not named stays"
+        assert device.controls[c.WHITE_BALANCE].value == 4500, "what is not named stays"
         assert (bench.rings[0].lit == 7).all()
         with pytest.raises(CameraError, match="no control 'focus'"):
             camera.adopt({"focus": 3}, None)
