@@ -18,7 +18,7 @@ from gellight.ring.emulator.chip import (
     temperature_reading,
 )
 from gellight.ring.emulator.registers import UsbGuard
-from gellight.ring.emulator.waveform import DARK, Light
+from gellight.ring.emulator.waveform import DARK, Light, LightTimeline, WaveformDecoder
 
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5
@@ -49,10 +49,26 @@ class SuspendingUsb(UsbGuard):
         super().write_uint32_atomic(offset, value, alias)
 
 
+class NotingDecoder(WaveformDecoder):
+    """Remembers when each frame on the wire began."""
+
+    def __init__(self, timeline: LightTimeline, report: Callable[[str], None]) -> None:
+        super().__init__(timeline, report)
+        self.frame_starts_us: list[float] = []
+
+    def _rise(self, time_ns: float) -> None:
+        self.settle(time_ns)
+        if not self._frame:
+            self.frame_starts_us.append(time_ns / 1e3)
+        super()._rise(time_ns)
+
+
 class BenchBoard(EmulatedBoard):
     """A board to which everything can happen that happens to hardware."""
 
     usb_block = SuspendingUsb
+    decoder = NotingDecoder
+    waveform: NotingDecoder
 
     def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
         self.powered = True

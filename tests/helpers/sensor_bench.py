@@ -1,5 +1,6 @@
 """A computer with a kernel and a bus made of nothing, into which sensors are plugged and from which they are pulled."""
 
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,8 +9,6 @@ import numpy as np
 
 from gellight.base.errors import BoardError
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
-from gellight.ring.enumerations import Dark
-from gellight.ring.protocol import DarkEvent
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.sensor_camera import SensorCamera, open_sensor
 from tests.helpers.fake_kernel import FakeCamera, FakeKernel
@@ -30,22 +29,25 @@ class FakeRing:
         self.refusal: BoardError | None = None
         self.mute = False
         self.still: np.ndarray | None = None
-        self.event_listeners: list[Any] = []
-        self.ping_listeners: list[Any] = []
-        self.untold: list[DarkEvent] = []
+        self.untold = False
 
     def clock(self) -> None:
         if self.mute:
             raise BoardError("the board did not answer CLOCK")
-        while self.untold:
-            for listener in self.event_listeners:
-                listener(self.untold[0])
-            self.untold.pop(0)
+
+    def lit_since_s(self) -> float:
+        """As a ring whose board spoke last more than half a second ago; what became dark is lit again soon after."""
+        self.clock()
+        if self.untold:
+            self.untold = False
+            self.kernel.at(self.kernel.now_s + 0.25, lambda: self.light(self.still))
+            self.lit_s = inf
+        return self.lit_s
 
     def go_dark(self) -> None:
         """What a board does that does not hear from its host for a second; it tells it when it is asked."""
         self.lit = np.zeros((12, 3), np.uint8)
-        self.untold.append(DarkEvent(time_us=0, events_dropped=0, dark=Dark.HOST_SILENT))
+        self.untold = True
 
     def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
         if self.refusal:

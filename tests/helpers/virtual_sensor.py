@@ -12,7 +12,8 @@ from gellight.ring import light_ring
 from gellight.ring.emulator.waveform import Light
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.light_ring import LightRing
-from gellight.sensor.lighting import hold, light_watch
+from gellight.sensor import set_and_light
+from gellight.sensor.lighting import light_watch
 from gellight.simulator.shutter import Shutter, row_weights
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -114,6 +115,6 @@ def virtual_sensor(monkeypatch: pytest.MonkeyPatch, **options) -> VirtualCamera:
     """A new sensor; the modules that are tested get its clock instead of the wall clock."""
     board = BenchBoard(committed_image())
     clock = HostClock(board)
-    for module in (light_ring, light_watch, hold):
+    for module in (light_ring, light_watch, set_and_light):
         monkeypatch.setattr(module, "time", clock)
     return VirtualCamera(board, clock, **options)

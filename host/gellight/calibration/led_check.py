@@ -1,6 +1,5 @@
 """Lights each LED and each light group by itself and looks whether the right one shines, in the right colour."""
 
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,11 +12,10 @@ from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import BLOCK_PX
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.ring.light_ring import LightRing
+from gellight.sensor.set_and_light import set_and_light
 
 Floats = NDArray[np.float32]
 COLOURS = "RGB"
-_SETTLE_S = 0.004
 _SAME_GREY = 1.0
 """frames under the same light differ by less, in the mean over blocks"""
 _LONGEST_WAIT_FRAMES = 90
@@ -28,41 +26,37 @@ _GROUP_ERROR = 0.08
 """a light group may differ from the sum of its LEDs by this share: more is a supply that sags"""
 
 
-def light(run: CalibrationRun, ring: LightRing, colours: NDArray[np.uint8]) -> Floats:
+def light(run: CalibrationRun, colours: NDArray[np.uint8]) -> Floats:
     """Light the LEDs and return the block means of the picture that was exposed wholly under them.
 
     Two frames in a row that agree are waited for, since not every camera tells exactly when it exposed. Raises
     CameraError if the picture does not come to rest.
     """
-    reply = ring.set_leds(colours)
-    ring.wait_for_light(reply.light_id)
-    lit_s = time.monotonic() + _SETTLE_S
-    before: Floats | None = None
+    (frame,) = set_and_light(run.camera, {}, colours)
+    before = block_means(frame.image, BLOCK_PX)
     for _ in range(_LONGEST_WAIT_FRAMES):
-        frame = run.frame()
-        if frame.time_s < lit_s or (frame.light is not None and not np.array_equal(frame.light, colours)):
-            continue
-        seen = block_means(frame.image, BLOCK_PX)
-        run.display.show(live=frame.image)
-        if before is not None and float(np.abs(seen - before).mean()) < _SAME_GREY:
+        image = run.frame().image
+        seen = block_means(image, BLOCK_PX)
+        run.display.show(live=image)
+        if float(np.abs(seen - before).mean()) < _SAME_GREY:
             return np.asarray((seen + before) / 2, np.float32)
         before = seen
     raise CameraError("the picture does not come to rest under steady light: cover the sensor from other light")
 
 
-def check_lights(run: CalibrationRun, ring: LightRing, colours: NDArray[np.uint8]) -> LedCheck:
+def check_lights(run: CalibrationRun, colours: NDArray[np.uint8]) -> LedCheck:
     """Light every LED of (12, 3) `colours` and every colour triple; return what was seen.
 
     Raises BoardError that names every LED that is dead, far too weak, or shines in a colour that is not its own.
     """
-    dark = light(run, ring, np.zeros_like(colours))
+    dark = light(run, np.zeros_like(colours))
     rises: list[Floats] = []
     for led, group in enumerate(single_leds(colours)):
         run.display.update(progress=Progress(done=led, wanted=len(colours), unit="LEDs"))
-        rises.append(light(run, ring, group) - dark)
+        rises.append(light(run, group) - dark)
     answers = tuple(_answer(led, rise, colours) for led, rise in enumerate(rises))
     _refuse(answers)
-    groups = _check_groups(run, ring, colours, dark, rises)
+    groups = _check_groups(run, colours, dark, rises)
     return LedCheck(leds=answers, groups=groups, dark_grey=float(dark.mean()))
 
 
@@ -106,13 +100,13 @@ def _listed(names: Sequence[object]) -> str:
 
 
 def _check_groups(
-    run: CalibrationRun, ring: LightRing, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]
+    run: CalibrationRun, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]
 ) -> tuple[GroupAnswer, ...]:
     """Light each colour triple: its picture has to be the sum of its LEDs."""
     found = []
     for number, group in enumerate(colour_triples(colours)):
         members = [led for led in range(len(colours)) if group[led].any()]
-        rise = light(run, ring, group) - dark
+        rise = light(run, group) - dark
         wanted = np.sum([rises[led] for led in members], axis=0)
         error = float(np.abs(rise - wanted).mean() / max(float(np.abs(wanted).mean()), 1e-6))
         if error > _GROUP_ERROR:

@@ -16,7 +16,6 @@ from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, mean_image
 from gellight.calibration.uniformity import contour_picture, of_image
 from gellight.frames.camera import Camera, CameraControls
-from gellight.ring.light_ring import LightRing
 
 LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
 """of the 99th percentile of the brightest colour of the untouched gel"""
@@ -37,8 +36,8 @@ def prepare(run: CalibrationRun) -> None:
     _lock(camera)
     lights, led = None, None
     if camera.ring is not None:
-        lights = led_check.check_lights(run, camera.ring, full_colours(options.led_colours))
-        led = _balanced(run, camera.ring).tolist()
+        lights = led_check.check_lights(run, full_colours(options.led_colours))
+        led = _balanced(run).tolist()
     elif camera.controls is not None:
         _expose(run, camera.controls)
     image = mean_image([run.frame() for _ in range(options.reference_frames // 2)])
@@ -92,7 +91,7 @@ def _brightest(run: CalibrationRun) -> float:
     return float(np.percentile(frame.image[::4, ::4].reshape(-1, 3), 99, axis=0).max())
 
 
-def _balanced(run: CalibrationRun, ring: LightRing) -> NDArray[np.uint8]:
+def _balanced(run: CalibrationRun) -> NDArray[np.uint8]:
     """Dim the brighter colours until the means of the channels agree, and expose; (12, 3) levels.
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
@@ -100,10 +99,10 @@ def _balanced(run: CalibrationRun, ring: LightRing) -> NDArray[np.uint8]:
     share, colours = np.ones(3), run.options.led_colours
     for _ in range(_ROUNDS):
         level = (float(share[0]), float(share[1]), float(share[2]))
-        image = led_check.light(run, ring, full_colours(colours, level))
+        image = led_check.light(run, full_colours(colours, level))
         if run.camera.controls is not None:
             _expose(run, run.camera.controls)
-            image = led_check.light(run, ring, full_colours(colours, level))
+            image = led_check.light(run, full_colours(colours, level))
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
             raise InputError(

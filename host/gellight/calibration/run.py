@@ -85,7 +85,7 @@ class CalibrationRun:
         """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
         levels, ring = self.folder.figures(Preparation).led, self.camera.ring
         if levels and ring is not None:
-            ring.wait_for_light(ring.set_leds(np.array(levels, np.uint8)).light_id)
+            ring.light(np.array(levels, np.uint8))
 
     def wait_for_next(self, instruction: str) -> None:
         """Show an instruction and wait until the user says next; an automatic hand goes on at once."""

@@ -1,62 +1,28 @@
-"""A camera that is read by a daemon already, as a second reader sees it: a calibration, for example.
-
-Who reads a camera alone knows that a frame is exposed after he asked for it, under the light that he has set before.
-So it is here: a frame whose exposure began earlier is passed over.
-"""
+"""A camera that a daemon reads, for a second reader: a calibration, for example."""
 
 import time
-from collections.abc import Mapping
-
-import numpy as np
-from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError
 from gellight.base.mailbox import Mailbox
-from gellight.frames.camera import Camera, CameraControls
+from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
-from gellight.frames.judging import FrameJudge
-from gellight.frames.timing import CameraTiming
-from gellight.ring.light_ring import LightRing
 
 TIMEOUT_S = 20.0
 """as long as a scene of the simulated sensor may take, and longer than any camera"""
 
 
-class SharedCamera(Camera):
-    """Gives frames of the daemon that were exposed after they were asked for; the others, this reader misses."""
+class SharedCamera(CameraWrapper):
+    """Gives frames whose exposure began after they were asked for, so under the light that was set before.
+
+    Any thread but the daemon's may read it. The frames in between are not seen by this reader.
+    """
 
     def __init__(self, camera: Camera, captured: Mailbox[CameraFrame]) -> None:
-        """Read along `camera`, whose frames arrive in `captured`."""
-        self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
-        self._camera, self._captured = camera, captured
+        """Wrap the camera of a daemon, which puts its frames into `captured`."""
+        super().__init__(camera)
+        self._captured = captured
         self._number = 0
-
-    @property
-    def ring(self) -> LightRing | None:  # type: ignore[override]  # another one after the sensor was unplugged
-        """The ring of the camera."""
-        return self._camera.ring
-
-    @property
-    def controls(self) -> CameraControls | None:  # type: ignore[override]  # as the ring
-        """The controls of the camera."""
-        return self._camera.controls
-
-    @property
-    def timing(self) -> CameraTiming | None:
-        """When the camera exposes its rows."""
-        return self._camera.timing
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
-        """Return the judge of the camera."""
-        return self._camera.selfcheck(pixel_size_mm)
-
-    def status(self) -> dict[str, object]:
-        """Return what is known of the camera inside."""
-        return self._camera.status()
-
-    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
-        """Set and light the camera inside."""
-        self._camera.adopt(controls, colours)
 
     def read(self) -> CameraFrame:
         """Wait for a frame whose exposure began after this call; raises what ended the camera."""

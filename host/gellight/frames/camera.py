@@ -122,15 +122,20 @@ class Camera(Protocol):
         self.close()
 
 
-def set_controls(camera: Camera, controls: Mapping[str, float]) -> None:
-    """Set controls by name; CameraError for one that the camera does not have, before any is set."""
-    known = camera.controls.names() if camera.controls else ()
+def set_controls(camera: Camera, controls: Mapping[str, float]) -> bool:
+    """Set controls by name, and return whether one of them has changed.
+
+    Raises CameraError for one that the camera does not have, before any is set, and otherwise as `CameraControls.set`.
+    """
+    theirs = camera.controls
+    known = theirs.names() if theirs else ()
     for name in controls:
         if name not in known:
             raise CameraError(f"{camera.url} has no control {name!r}, which the calibration needs: use the same camera")
-    for name, value in controls.items():
-        assert camera.controls is not None
-        camera.controls.set(name, value)
+    if theirs is None:
+        return False
+    before = {name: theirs.read(name) for name in controls}
+    return before != {name: theirs.set(name, value) for name, value in controls.items()}
 
 
 def timing_of(camera: Camera, known: CameraTiming | None = None) -> CameraTiming:

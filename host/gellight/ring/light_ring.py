@@ -4,6 +4,7 @@ with connect("sim://") as ring:
     ring.set_leds(np.full((12, 3), 40, np.uint8))
 """
 
+import itertools
 import logging
 import threading
 import time
@@ -11,6 +12,7 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -25,6 +27,11 @@ from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Packet, Record, decode, 
 
 logger = logging.getLogger(__name__)
 R = TypeVar("R", bound=Record)
+
+SILENCE_S = 0.5
+"""a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
+LATCH_TIMEOUT_S = 5.0
+"""a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
 
 REMEDIES = {
     Status.UNKNOWN_COMMAND: "flash the firmware that belongs to this host with `gellight firmware flash`",
@@ -101,8 +108,12 @@ class LightRing:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._open = True
-        self._darkened = False
-        """the board has darkened its LEDs because the host was silent"""
+        self.lit_s = -inf
+        """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
+        self._dark: Dark | None = None
+        """why the board has made its LEDs dark by itself; None: it has not, or they are lit again"""
+        self._heard_s = -inf
+        """`time.monotonic` of the last answer"""
         try:
             transport.write(b"\0")  # ends whatever somebody else left half sent
             self.hello = self._greet()
@@ -167,17 +178,27 @@ class LightRing:
                 silent = False
 
     def _light_again(self) -> None:
-        """Show the last still light once more where the board took it away because it heard nothing from here."""
+        """Show the last still light once more where the board has made it dark by itself."""
         with self._lock:
-            if not self._darkened:
+            if self._dark is None:
                 return
-            if self.still is not None:
-                self.set_leds(self.still)
-            self._darkened = False  # not before: a light that failed is tried again
-            logger.warning(
-                "this program was held up for so long that the board darkened its LEDs (machine busy?); %s",
-                "a sequence that ran has ended" if self.still is None else "they are lit again",
-            )
+            why = self._dark.name.replace("_", " ").lower()
+            if self.still is None:
+                self._dark = None
+                logger.warning("the board made its LEDs dark (%s); a sequence that ran has ended", why)
+            else:
+                self.light(self.still)
+                logger.warning("the board made its LEDs dark (%s); they are lit again", why)
+
+    def lit_since_s(self) -> float:
+        """Return from when on (`time.monotonic`) the light of the last `light` surely was on until now.
+
+        A board that was not heard of for `SILENCE_S` is asked first, since it may have made its LEDs dark. Then, and
+        until they are lit again, this is inf. Raises BoardError where the board does not answer.
+        """
+        if time.monotonic() - self._heard_s > SILENCE_S:
+            self.clock()
+        return self.lit_s
 
     # ---- requests ----
 
@@ -238,7 +259,9 @@ class LightRing:
         for code, record in protocol.EVENTS.values():
             if code == packet.type:
                 event = record.unpack(packet.payload)
-                self._darkened |= isinstance(event, protocol.DarkEvent) and event.dark == Dark.HOST_SILENT
+                if isinstance(event, protocol.DarkEvent):
+                    self._dark = Dark(event.dark)
+                    self.lit_s = inf if self.still is not None else self.lit_s
                 self.events.append(event)
                 for listener in tuple(self.event_listeners):
                     listener(event)
@@ -255,6 +278,7 @@ class LightRing:
     def _tell_ping(self, host_sent_s: float, board_received_us: int, board_sent_us: int) -> None:
         ping = Ping(host_sent_s=host_sent_s, board_received_us=board_received_us, board_sent_us=board_sent_us,
                     host_received_s=time.monotonic())  # fmt: skip
+        self._heard_s = ping.host_received_s
         for listener in tuple(self.ping_listeners):
             listener(ping)
 
@@ -264,28 +288,37 @@ class LightRing:
         self.still = np.array(colours)
         return reply
 
-    def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = 1.0) -> int:
-        """Show a still light, (12, 3) uint8 RGB, and wait until the LEDs have latched it; None: make them dark.
+    def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = LATCH_TIMEOUT_S) -> int:
+        """Show a still light, (12, 3) uint8 RGB, and wait until the LEDs have latched it; return its number.
 
-        Returns the number of the light, 0 for None. Raises BoardError where the board refuses the light, scales it to
+        None ends a sequence and makes the LEDs dark. Raises BoardError where the board refuses the light, scales it to
         its current limit, or does not latch it.
         """
-        if colours is None:
-            self.blank()
-            return 0
-        reply = self.set_leds(colours)
-        if reply.scale != protocol.FULL_SCALE:
-            raise BoardError(
-                f"the current limit scales this light to {reply.scale / protocol.FULL_SCALE:.1%}, so it is not the "
-                "light that was asked for: dim it, or raise the limit with an external supply"
-            )
-        self.wait_for_light(reply.light_id, timeout_s)
-        return reply.light_id
+        with self._lock:
+            if colours is None:
+                self.blank()
+            reply = self.set_leds(np.zeros((LED_COUNT, 3), np.uint8) if colours is None else colours)
+            if colours is not None and reply.scale != protocol.FULL_SCALE:
+                raise BoardError(
+                    f"the current limit scales this light to {reply.scale / protocol.FULL_SCALE:.1%}, so it is not the "
+                    "light that was asked for: dim it, or raise the limit with an external supply"
+                )
+            self.still = None if colours is None else self.still
+            latched = self.wait_for_light(reply.light_id, timeout_s)
+            if not self._darkened_after(latched):
+                self._dark, self.lit_s = None, time.monotonic()
+            return reply.light_id
+
+    def _darkened_after(self, latched: protocol.LightEvent) -> bool:
+        """Whether the board has told since a light was latched that it has made its LEDs dark."""
+        since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
+        return any(isinstance(event, protocol.DarkEvent) for event in since)
 
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
         self.still = None
         self._request("BLANK", protocol.Empty)
+        self._dark = None
 
     def load_sequence(self, groups: Sequence[NDArray[np.uint8]], steps: Sequence[Step], *, loops: int = 0) -> None:
         """Stage groups, each (12, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless."""

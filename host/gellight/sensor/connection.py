@@ -1,14 +1,14 @@
-"""A sensor as long as it is plugged in: its camera set and its ring lit as the calibration bundle says.
+"""A sensor as long as it is plugged in: its camera set and its ring lit as asked.
 
-`sensor_camera.py` opens one, and another one when the sensor is back after it was unplugged. A board makes its LEDs
-dark by itself when this computer was too busy to speak to it for a second, or for safety; then they are lit again, and
-no frame that came after such a silence is delivered without asking the board.
+`sensor_camera.py` opens one, and another one when the sensor is back after it was unplugged. Only frames are delivered
+that were exposed after camera and ring were set, and while the ring was lit: `LightRing` knows since when it is.
 """
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, GellightError
 from gellight.frames.frames import CameraFrame
-from gellight.ring.enumerations import Dark
-from gellight.ring.light_ring import LightRing, Ping, connect
-from gellight.ring.protocol import DarkEvent
-from gellight.ring.wire import Record
+from gellight.ring.light_ring import LightRing, connect
 from gellight.sensor.discovery import DEV, SYSFS, Discovery, Sensor, discover
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
 from gellight.sensor.v4l2.kernel import Kernel
@@ -30,10 +27,8 @@ logger = logging.getLogger(__name__)
 
 WATCH_S = 2.0
 """how often ring and controls are looked at while frames come"""
-SILENCE_S = 0.5
-"""so long after its last word a board is asked before a frame is believed to be lit; it waits 1 s for the host"""
 OLD_S = 5.0
-"""so long frames from before the light are waited out"""
+"""frames from before the light are waited out for this long"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +68,6 @@ class Connection:
         self.sensor = sensor
         self._named_ring = setup.options.ring
         self._clock = around.kernel.clock
-        self._colours: NDArray[np.uint8] | None = None
-        self._gone_dark: Dark | None = None
         self.ring = self._open_ring(around)
         try:
             self.camera = V4l2Camera(
@@ -93,10 +86,7 @@ class Connection:
         except BaseException:
             self.close()
             raise
-        self._lit_s = self._watched_s = self._heard_s = self._clock()
-        if self.ring is not None:
-            self.ring.event_listeners.append(self._note)
-            self.ring.ping_listeners.append(self._hear)
+        self._set_s = self._watched_s = self._clock()
 
     def _open_ring(self, around: Surroundings) -> LightRing | None:
         """Open the ring that the URL names, or else the one beside the camera, which has to be the board it was."""
@@ -116,57 +106,36 @@ class Connection:
         return ring
 
     def _light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show these colours, and wait until the LEDs have latched them; None: make them dark."""
-        self._colours = colours
         if self.ring is not None:
             self.ring.light(colours)
 
-    def _hear(self, ping: Ping) -> None:
-        self._heard_s = self._clock()
-
-    def _note(self, event: Record) -> None:
-        """Note that the board has made our light dark; who has shown another one meanwhile looks after it himself."""
-        shown = self.ring.still if self.ring else None
-        if shown is None or self._colours is None or not isinstance(event, DarkEvent):
-            return
-        if np.array_equal(shown, self._colours):
-            self._gone_dark = Dark(event.dark)
-
-    def _keep_lit(self) -> None:
-        """Light the LEDs again where the board has made them dark; BoardError where it has died."""
-        if self.ring is None:
-            return
-        if self._clock() - self._heard_s > SILENCE_S:
-            self.ring.clock()  # what it has to tell comes with the answer
-            self._heard_s = self._clock()
-        why, self._gone_dark = self._gone_dark, None
-        if why is not None and self._colours is not None:
-            logger.warning("the board made its LEDs dark (%s); they are lit again", why.name.replace("_", " ").lower())
-            self.ring.light(self._colours)
-            self._lit_s = self._clock()
-
-    def apply(self, setup: Setup) -> None:
-        """Set and light the sensor otherwise, in the same mode; frames are of the new light after that."""
-        options = setup.options
-        self.camera.controls.lock(options.controls(), power_line_hz=int(options.power_line_hz))
+    def apply(self, setup: Setup, controls: Mapping[str, float]) -> None:
+        """Set these controls, and light the ring, in the same mode; frames are of the new light after that."""
+        self.camera.controls.lock(controls, power_line_hz=int(setup.options.power_line_hz))
         self._light(setup.colours)
-        self._lit_s = self._clock()
+        self._set_s = self._clock()
 
     def newest(self) -> CameraFrame:
-        """Wait for the newest frame that was exposed after the LEDs were lit.
+        """Wait for the newest frame that was exposed after camera and ring were set, while the ring was lit.
 
         Raises UnpluggedError, StalledError or BoardError where the sensor cannot go on as it is.
         """
-        while True:
+        begun_s = self._clock()
+        while self._clock() < max(begun_s, self._set_s) + OLD_S:
             frame = self.camera.read()
             self._watch()
-            self._keep_lit()
             # How late a camera stamps its frames is often not known: a frame counts once it was lit in any case.
-            if frame.time_s - self.camera.timing.stamp_error_s > self._lit_s:
+            if self.camera.timing.span_s(frame.time_s)[0] > self._lit_since_s():
                 return frame
-            if self._clock() > self._lit_s + OLD_S:
-                break
+        if self._lit_since_s() == inf:
+            raise BoardError(f"the board of sensor {self.sensor.name} keeps its LEDs dark: see `gellight ring info`")
         raise StalledError(f"{self.sensor.camera.stable}: its time stamps stand still; it is started anew")
+
+    def _lit_since_s(self) -> float:
+        """From when on frames show what was set; BoardError where the board does not answer."""
+        if self.ring is None:
+            return self._set_s
+        return max(self._set_s, self.ring.lit_since_s() + self.camera.timing.pulse_period_s)
 
     def _watch(self) -> None:
         """Look now and then whether ring and controls are as they have to be."""

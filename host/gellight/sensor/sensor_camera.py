@@ -103,11 +103,12 @@ class SensorCamera(Camera):
         if connection is None:
             return
         try:
-            connection.apply(self._setup)
+            named = {name: value for name, value in controls.items() if name not in self._given.model_fields_set}
+            connection.apply(self._setup, named)
         except GellightError:
             self._setup = before
             try:
-                connection.apply(before)
+                connection.apply(before, before.options.controls())
             except GellightError as error:
                 logger.warning("the sensor is not set as before: %s", error)
             raise

@@ -172,8 +172,7 @@ def check_ring_clock(ring: LightRing, surroundings: Surroundings) -> Finding:
 def check_leds(ring: LightRing, camera: V4l2Camera) -> Finding:
     """Light the ring and look whether the camera sees it."""
     dark = _mean_grey(camera)
-    reply = ring.set_leds(np.full((12, 3), TEST_BRIGHTNESS, np.uint8))
-    ring.wait_for_light(reply.light_id)
+    ring.light(np.full((12, 3), TEST_BRIGHTNESS, np.uint8))
     lit = _mean_grey(camera)
     ring.blank()
     text = (

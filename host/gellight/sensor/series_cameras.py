@@ -4,7 +4,6 @@ Both wrap the camera of a sensor and stand in for it. The frames that were spent
 as lost: the sequence numbers go on as if the camera had rested meanwhile.
 """
 
-import logging
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,20 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.frames.camera import Camera, CameraControls, ReconnectingError
+from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
-from gellight.frames.judging import FrameJudge
 from gellight.frames.series import ExposureSeries
-from gellight.frames.timing import CameraTiming
 from gellight.reconstruction.photometric.static_scene import BLOCK_PX, repetition_limit
 from gellight.reconstruction.pixel_grid import block_means
-from gellight.ring.light_ring import LightRing
-from gellight.sensor.lighting.hold import MOST_ATTEMPTS, Hold, still_lit
+from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.set_and_light import set_and_settle
 
-logger = logging.getLogger(__name__)
 EXPOSURE = "exposure_us"
-SETTLING_FRAMES = 4
-"""a camera may show up to so many more frames with the exposure of before"""
 LOOK_EVERY = 5
 """frames between two looks at whether the scene rests"""
 LOOKS_AT_REST = 3
@@ -35,72 +30,46 @@ MEASURE_EVERY_S = 10.0
 """from the end of one series to the next: what the stream pauses for stays a small share"""
 
 
-class RingCamera(Camera):
-    """A camera that passes everything on to the one it wraps; base of those that light the ring."""
+class RingCamera(CameraWrapper):
+    """A camera whose ring it lights; base of those below."""
 
     def __init__(self, camera: Camera, groups: NDArray[np.uint8], *, exposure_us: float | None, frames: int) -> None:
         """Take over `camera`, and light `groups` (G, 12, 3) uint8 in turn, `frames` of each, exposed `exposure_us`.
 
         Without `exposure_us` the exposure is left as it is. Raises CameraError for a camera without a light ring.
         """
+        super().__init__(camera)
         if camera.ring is None:
             raise CameraError(
                 f"{camera.url} has no light ring that can be driven, and photometric stereo needs one light after the "
                 "other: connect the ring's board, or use --mode network"
             )
-        self._camera = camera
         self._groups = groups
         self._frames = frames
         self._bright_us = exposure_us
         self._skipped = 0
-        self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
-
-    @property
-    def ring(self) -> LightRing | None:  # type: ignore[override]  # another one after the sensor was unplugged
-        """The ring of the camera inside."""
-        return self._camera.ring
-
-    @property
-    def controls(self) -> CameraControls | None:  # type: ignore[override]  # as the ring
-        """The controls of the camera inside."""
-        return self._camera.controls
-
-    @property
-    def timing(self) -> CameraTiming | None:
-        """When the camera inside exposes its rows."""
-        return self._camera.timing
-
-    def status(self) -> dict[str, object]:
-        """Return what is known of the camera inside."""
-        return self._camera.status()
 
     def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
-        """Set and light the camera inside."""
-        self._camera.adopt(controls, colours)
+        """Set and light the camera inside, between two series."""
+        with self._alone():
+            super().adopt(controls, colours)
+            self._forget()
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
-        """Return the judge of the camera."""
-        return self._camera.selfcheck(pixel_size_mm)
-
-    def close(self) -> None:
-        """Close the camera, with the LEDs dark."""
-        self._camera.close()
+    def _forget(self) -> None:
+        """Begin anew: another light was on, or another exposure was set."""
 
     def _expose(self, hold: Hold, index: int) -> tuple[CameraFrame, ...]:
-        """Take the frames of one group; the light stays on after the first."""
-        return frames_under(hold, self._camera, self._groups[index], index, self._frames)
+        """Take the frames of one group; the light stays on after that."""
+        return hold.expose(self._groups[index], index, self._frames)
 
     def _set_exposure(self, exposure_us: float | None) -> float | None:
         """Set it, wait until frames show it, and return what holds now; None where the camera does not tell."""
-        controls = self._camera.controls
+        controls = self.controls
         if controls is None or EXPOSURE not in controls.names():
             return None
-        if exposure_us is None or abs(exposure_us - controls.read(EXPOSURE)) < 1:
-            return controls.read(EXPOSURE)
-        held = controls.set(EXPOSURE, exposure_us)
-        for _ in range(SETTLING_FRAMES):
-            self._camera.read()
-        return held
+        if exposure_us is not None:
+            set_and_settle(self._camera, {EXPOSURE: exposure_us})
+        return controls.read(EXPOSURE)
 
     def _numbered(self, frame: CameraFrame) -> int:
         return frame.sequence - self._skipped
@@ -116,20 +85,29 @@ class SeriesCamera(RingCamera):
     """series so far, which is how they are numbered"""
 
     def read(self) -> ExposureSeries:
-        """Take the exposures of all groups; raises what they raise, ReconnectingError while they are away."""
-        try:
-            return self._take()
-        except (BoardError, ReconnectingError):
-            self._hold = self._next = None  # what they knew of the light is over
-            self._camera.read()  # while the sensor is away this says so; else the ring alone has failed
-            raise
+        """Take the exposures of all groups; raises what they raise, ReconnectingError while the sensor is away."""
+        with self._alone():
+            if self.ring is None:
+                self._camera.read()  # raises ReconnectingError while the sensor is away
+            ring = self.ring
+            try:
+                return self._take()
+            except ReconnectingError:
+                self._forget()
+                raise
+            except BoardError as error:
+                self._forget()
+                raise self._why_failed(error, ring) from error
+
+    def _forget(self) -> None:
+        self._hold = self._next = None
 
     def _take(self) -> ExposureSeries:
         hold = self._begun()
         first = (self._next,) if self._next and self._frames == 1 else self._expose(hold, 0)
         opening = first[0]
         frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
-        self._next = closing = hold.expose(self._groups[0], 0)
+        self._next = closing = hold.expose(self._groups[0], 0)[0]
         self._taken += 1
         return as_series(opening, closing, frames, self._groups, number=self._taken, exposure_us=self._exposure_us)
 
@@ -187,11 +165,12 @@ class RestingCamera(RingCamera):
         return series
 
     def _try_series(self, frame: CameraFrame) -> ExposureSeries:
-        try:
-            return self._series(frame)
-        except BoardError:
-            self._camera.read()  # while the sensor is away this says so; else the ring alone has failed
-            raise
+        with self._alone():
+            ring = self.ring
+            try:
+                return self._series(frame)
+            except BoardError as error:
+                raise self._why_failed(error, ring) from error
 
     def _look(self, frame: CameraFrame) -> None:
         small = _small(frame.image)
@@ -202,8 +181,7 @@ class RestingCamera(RingCamera):
 
     def _series(self, opening: CameraFrame) -> ExposureSeries:
         before = self._set_exposure(None)
-        assert self._camera.ring is not None
-        whole_ring = self._camera.ring.still
+        whole_ring = self.ring.still if self.ring else None
         if whole_ring is None:
             raise CameraError(f"{self.url} streams without a still light: set one before hybrid mode starts")
         try:
@@ -213,31 +191,10 @@ class RestingCamera(RingCamera):
         finally:
             self._set_exposure(before)
         with Hold(self._camera) as hold:
-            closing = hold.expose(whole_ring, len(self._groups))
+            closing = hold.expose(whole_ring, len(self._groups))[0]
         number = self._numbered(opening)
         self._skipped += closing.sequence - opening.sequence
         return as_series(opening, closing, frames, self._groups, number=number, exposure_us=held)
-
-
-def frames_under(
-    hold: Hold, camera: Camera, group: NDArray[np.uint8], index: int, frames: int
-) -> tuple[CameraFrame, ...]:
-    """Light `group` (12, 3) and take frames wholly under it, of which the first is waited for.
-
-    Raises BoardError where the light does not stay on, and what `Hold.expose` raises.
-    """
-    assert camera.ring is not None
-    for _ in range(MOST_ATTEMPTS):
-        first = hold.expose(group, index)
-        light_id = camera.ring.status().light_id
-        more = tuple(replace(camera.read(), label=first.label) for _ in range(frames - 1))
-        if not more or still_lit(camera.ring, light_id):
-            return first, *more
-        logger.warning("light group %d went out while %d frames of it were taken; they are taken again", index, frames)
-    raise BoardError(
-        f"light group {index} did not stay on for {frames} frames in {MOST_ATTEMPTS} attempts: does another program "
-        "use the ring?"
-    )
 
 
 def as_series(

@@ -20,8 +20,8 @@ from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
 from gellight.frames.judging import SelfCheckResult
 from gellight.reconstruction.pixel_grid import block_means
-from sim_reference.camera import CameraResponse, linear_grey
-from sim_reference.geometry import SensorGeometry
+from gellight.simulator.scene import Scene
+from sim_reference.camera import linear_grey
 from sim_reference.imaging import normals, ring_irradiance, ring_light
 from sim_reference.integration import integrate
 from sim_reference.metrics import angular_error
@@ -50,22 +50,11 @@ STEEP_QUANTILE = 0.997
 class SelfCheck:
     """Compares tactile frames of a simulated sensor with the reference simulator."""
 
-    def __init__(
-        self,
-        geometry: SensorGeometry,
-        response: CameraResponse,
-        pixel_size_mm: tuple[float, float],
-        *,
-        led_gain: NDArray[np.float64] | None = None,
-    ) -> None:
-        """Judge a sensor of `geometry` with a camera of `response`; the host takes pixels to be `pixel_size_mm`.
-
-        led_gain: (12,) how bright each LED really is, as a share of its nominal brightness.
-        """
+    def __init__(self, scene: Scene, pixel_size_mm: tuple[float, float]) -> None:
+        """Judge the sensor of `scene`, also after its camera is set anew; the host takes pixels as `pixel_size_mm`."""
+        self._scene = scene
         self._pixel_size_mm = pixel_size_mm
-        self.response = response
-        """replaced by the camera when its controls are set"""
-        self._led_gain = np.ones(len(geometry.led_colours)) if led_gain is None else led_gain
+        geometry = scene.geometry
         self._light_slope = (geometry.camera_height_mm - geometry.mounting_height_mm) / geometry.ring_radius_mm
         self._small = replace(
             geometry,
@@ -104,10 +93,10 @@ class SelfCheck:
 
     def _picture_error_grey(self, frame: TactileFrame) -> float:
         light = frame.camera_frame.light
-        lit = (ring_light(self._small) if light is None else light / 255.0) * self._led_gain[:, None]
+        lit = (ring_light(self._small) if light is None else light / 255.0) * self._scene.led_gain[:, None]
         depth, gradient = _shrunken(frame.depth_mm), _shrunken(frame.gradient_map)
         surface = Surface(depth, gradient, np.zeros(depth.shape, bool))
-        rendered = linear_grey(ring_irradiance(surface, self._small, lit), self.response)
+        rendered = linear_grey(ring_irradiance(surface, self._small, lit), self._scene.response)
         return float(np.abs(rendered - _shrunken(frame.camera_frame.image)).mean())
 
 

@@ -17,14 +17,14 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import hypot
+from math import hypot, inf
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
-from gellight.base.errors import CameraError, ConfigError, InputError
+from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.ring.emulator.child import SimulatedBoard
@@ -41,6 +41,8 @@ from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
 
 RETURN_FRAMES = 300
 """so long after a visitor's last touch the programme goes on"""
+DARK_S = 5.0
+"""LEDs that the board has made dark are lit again within this time, or never"""
 
 
 PROGRAMME = (
@@ -171,13 +173,13 @@ class SimulatedCamera(Camera):
         self.ring = ring
         self._shutter = Shutter()
         self._response = scene.response
-        self._judges: list[SelfCheck] = []
         self.controls = SimulatedControls(self._take_controls)
         self._period_s = 1 / fps
         self._rng = np.random.default_rng(seed)
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
         self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
         self._sequence = 0
+        self._set_s = -inf
         self._due_s = time.monotonic()
         self._closed = False
 
@@ -189,10 +191,7 @@ class SimulatedCamera(Camera):
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""
-        scene = self._scene
-        judge = SelfCheck(scene.geometry, scene.response, pixel_size_mm, led_gain=scene.led_gain)
-        self._judges.append(judge)
-        return judge
+        return SelfCheck(self._scene, pixel_size_mm)
 
     def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
         """Expose for so long from the next frame on, each channel amplified; the noise is amplified with it."""
@@ -206,25 +205,37 @@ class SimulatedCamera(Camera):
             noise_grey=base.noise_grey * channel_gain[1],
         )
         self._shutter = replace(self._shutter, exposure_us=exposure_us)
-        for judge in self._judges:
-            judge.response = self._scene.response
+        self._set_s = time.monotonic()
 
     def read(self) -> CameraFrame:
-        """Wait until the next frame is due, expose it and return it with its truth."""
+        """Wait until the next frame is due, expose it and return it with its truth.
+
+        As from a real sensor, frames come that began after its controls were set and its ring was lit.
+        """
         if self._closed:
             raise CameraError(f"{self.url} is closed: open it again")
         press = self.stage.next_press()
         self._scene.prepare(press)
-        self._due_s = max(self._due_s + self._period_s, time.monotonic())
-        time.sleep(max(self._due_s - time.monotonic(), 0.0))
-        begun_s = time.monotonic() - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
-        weights, colours = self._light_since(begun_s)
+        begun_s, weights, colours = self._expose()
         grey, truth = self._look(press, weights)
         image = digitise(grey, self._scene.response.noise_grey, self._rng)
         self._sequence += 1
         return CameraFrame(
             image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours, truth=truth
         )
+
+    def _expose(self) -> tuple[float, Array, NDArray[np.uint8]]:
+        """Return when the next frame that is due began, and its light as `_light_since` does."""
+        given_up_s = time.monotonic() + DARK_S
+        while time.monotonic() < given_up_s:
+            self._due_s = max(self._due_s + self._period_s, time.monotonic())
+            time.sleep(max(self._due_s - time.monotonic(), 0.0))
+            begun_s = time.monotonic() - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+            seen = self._light_since(begun_s)
+            lit_s = self.ring.lit_since_s() + self._shutter.pulse_period_us * 1e-6 if self.ring else 0.0
+            if begun_s >= max(self._set_s, lit_s):
+                return begun_s, *seen
+        raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
 
     def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8]]:
         """(12, 3) or (H, 12, 3) light of the exposure that began then, and the colours that were latched then."""
@@ -306,12 +317,11 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
 
 
 def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
-    """Start a simulated board and light its LEDs with (12, 3) `colours`; returns when they have shone for a while."""
+    """Start a simulated board and light its LEDs with (12, 3) `colours`."""
     # A busy computer may keep the emulator from the processor for a while; a real board always answers.
     ring = LightRing(open_transport("sim://"), timeout_s=1.0)
     try:
-        ring.wait_for_light(ring.set_leds(colours).light_id)
-        time.sleep(2 * (Shutter().duration_us + Shutter().transfer_us) * 1e-6)
+        ring.light(colours)
     except BaseException:
         ring.close()
         raise

@@ -20,8 +20,8 @@ MARGIN = 1.1
 """in contact radii: a circle that the border of the picture cuts would be refused"""
 CHECK_MARGIN = 1.2
 STRETCH = 0.08
-"""so much of the even sequence falls beyond the border and is pressed at it: what lies outside of all presses is
-learnt worst"""
+"""this share of the places, on each side, falls beyond the border of the view and is moved onto it, since a network
+learns worst where no press reaches"""
 BALL_RADIUS_MM = 4.0
 CHECK_SEED = 1000
 

@@ -1,5 +1,6 @@
 """A real sensor on a kernel and a bus made of nothing: lit, set, unplugged in mid-stream, found again, never stale."""
 
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -103,8 +104,10 @@ def test_what_the_url_says_holds_when_others_are_adopted_and_unknown_controls_ar
         camera.adopt({"exposure_us": 9000, "white_balance_k": 4000}, None)
         assert device.controls[c.EXPOSURE].value == 40
         assert device.controls[c.WHITE_BALANCE].value == 4000
+        assert camera.controls is not None
+        camera.controls.set("white_balance_k", 4500)
         camera.adopt({}, np.full((12, 3), 7, np.uint8))
-        assert device.controls[c.WHITE_BALANCE].value == 4000, "what is not named stays"
+        assert device.controls[c.WHITE_BALANCE].value == 4500, "what is not named stays"
         assert (bench.rings[0].lit == 7).all()
         with pytest.raises(CameraError, match="no control 'focus'"):
             camera.adopt({"focus": 3}, None)
@@ -290,31 +293,30 @@ def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Ben
         assert bench.rings[1].lit.any()
 
 
-def test_leds_that_the_board_made_dark_are_lit_again_and_no_dark_frame_is_delivered(
-    bench: Bench, bundle: Bundle, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_no_dark_frame_is_delivered_while_the_ring_lights_its_leds_again(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     device.payload = lambda number: bytes([200 if bench.rings[0].lit.any() else 10, 128] * 32 * 24)
     with bench.open("auto", bundle) as camera:
         camera.read()
         bench.kernel.at(bench.kernel.now_s + 1.0, bench.rings[0].go_dark)
         bench.kernel.sleep(1.5)
+        dark_until_s = bench.kernel.now_s + 0.25
         frames = [camera.read() for _ in range(5)]
         assert min(frame.image.mean() for frame in frames) > 150
-        assert (bench.rings[0].lit == [led.rgb for led in bundle.manifest.led]).all()
+        assert frames[0].time_s > dark_until_s
+        assert (bench.rings[0].lit == bundle.colours).all()
         assert camera.status()["reconnections"] == 0
-    assert "made its LEDs dark (host silent); they are lit again" in caplog.text
 
 
-def test_a_light_of_somebody_else_that_went_dark_is_left_to_him(bench: Bench, bundle: Bundle) -> None:
+def test_a_board_that_keeps_its_leds_dark_is_named_and_the_sensor_is_opened_anew(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
-        bench.rings[0].set_leds(np.full((12, 3), 9, np.uint8))
-        bench.rings[0].go_dark()
-        bench.kernel.sleep(1.0)
+        bench.rings[0].lit_s = inf
+        with pytest.raises(ReconnectingError, match="keeps its LEDs dark: see `gellight ring info`"):
+            camera.read()
         camera.read()
-        assert not bench.rings[0].lit.any()
+        assert bench.rings[1].lit.any()
 
 
 def test_a_bundle_that_does_not_tell_its_light_is_told(

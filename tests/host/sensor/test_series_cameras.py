@@ -1,7 +1,8 @@
 """Cameras that drive the ring: order of the lights, sequence numbers, exposure, rest; without a board or a clock."""
 
+import threading
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,42 +12,15 @@ import pytest
 from gellight.base.errors import BoardError, BundleError, CameraError
 from gellight.base.settings import ReconstructionSettings
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.series import ExposureSeries
 from gellight.reconstruction.photometric.light_model import LightGroups
-from gellight.ring import protocol
-from gellight.ring.enumerations import Dark, State
-from gellight.sensor import series_cameras
 from gellight.sensor.series_cameras import RestingCamera, SeriesCamera
+from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import GROUPS, RING, Gel
 
 TRIPLES = GROUPS[LightGroups.TRIPLES]
-
-
-@dataclass
-class FakeRing:
-    """Lights at once; `dies_after` more lights it is dark."""
-
-    still: np.ndarray | None = None
-    light_id: int = 0
-    shown: list[np.ndarray] = field(default_factory=list)
-    goes_out: bool = False
-
-    def set_leds(self, colours: np.ndarray) -> Any:
-        self.still = np.array(colours)
-        self.light_id += 1
-        self.shown.append(self.still)
-        return SimpleNamespace(light_id=self.light_id, scale=protocol.FULL_SCALE)
-
-    def wait_for_light(self, light_id: int, timeout_s: float = 1.0) -> None:
-        assert light_id == self.light_id
-
-    def blank(self) -> None:
-        self.still = None
-
-    def status(self) -> Any:
-        return SimpleNamespace(state=State.STILL, dark=Dark.NOT_DARK, light_id=self.light_id)
 
 
 class FakeControls:
@@ -77,7 +51,7 @@ class FakeCamera(Camera):
     stage = None
 
     def __init__(self, *, ring: bool = True, controls: bool = True) -> None:
-        self.ring = FakeRing(np.array(RING.colours)) if ring else None  # type: ignore[assignment]
+        self.ring = ScriptedRing(np.array(RING.colours)) if ring else None  # type: ignore[assignment]
         self.controls = FakeControls() if controls else None
         self.sequence = 0
         self.touched = 0
@@ -116,7 +90,7 @@ def until_series(camera: RestingCamera, limit: int = 40) -> tuple[list[CameraFra
 @pytest.mark.parametrize("frames", [1, 3])
 def test_a_series_has_every_light_once_and_the_first_again(kind: LightGroups, frames: int) -> None:
     camera, groups = FakeCamera(), GROUPS[kind]
-    assert isinstance(camera.ring, FakeRing)
+    assert isinstance(camera.ring, ScriptedRing)
     with SeriesCamera(camera, groups, exposure_us=None, frames=frames) as series_camera:
         series = series_camera.read()
         shown = camera.ring.shown
@@ -144,15 +118,92 @@ def test_the_exposure_is_raised_before_the_first_series() -> None:
     assert inner.controls.was_set == [24000.0]
 
 
-def test_a_light_that_goes_out_while_frames_are_averaged_is_taken_again_and_then_reported(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(series_cameras, "still_lit", lambda ring, light_id: False)
-    with (
-        SeriesCamera(FakeCamera(), TRIPLES, exposure_us=None, frames=2) as camera,
-        pytest.raises(BoardError, match="did not stay on for 2 frames"),
-    ):
-        camera.read()
+def test_a_light_that_goes_out_while_frames_are_averaged_is_taken_again_and_then_reported() -> None:
+    camera = FakeCamera()
+    assert isinstance(camera.ring, ScriptedRing)
+    with SeriesCamera(camera, TRIPLES, exposure_us=None, frames=2) as series:
+        camera.ring.lost.extend([False, True, False])  # the first question is whether a sequence runs
+        assert len(series.read().frames[0]) == 2
+        assert [light.tolist() for light in camera.ring.shown[:2]] == [TRIPLES[0].tolist()] * 2
+        camera.ring.lost.extend([True] * 3)
+        with pytest.raises(BoardError, match="did not stay on in 3 attempts"):
+            series.read()
+
+
+def test_a_sensor_that_is_unplugged_is_looked_for_and_its_series_go_on_with_the_new_ring() -> None:
+    camera = FakeCamera()
+    with SeriesCamera(camera, TRIPLES, exposure_us=24000.0, frames=1) as series:
+        series.read()
+        read, controls = camera.read, camera.controls
+
+        def away() -> CameraFrame:
+            camera.ring = camera.controls = None
+            raise ReconnectingError("it was unplugged")
+
+        camera.read = away  # type: ignore[method-assign]
+        for _ in range(3):
+            with pytest.raises(ReconnectingError):
+                series.read()
+        camera.ring, camera.controls, camera.read = ScriptedRing(), controls, read  # type: ignore[method-assign]
+        assert isinstance(camera.controls, FakeControls)
+        camera.controls.exposure_us = 8000.0
+        assert series.read().exposure_us == 24000.0
+        assert [light.tolist() for light in camera.ring.shown] == [*TRIPLES.tolist(), TRIPLES[0].tolist()]
+
+
+def test_a_ring_that_failed_is_told_unless_another_one_is_there_already() -> None:
+    camera = FakeCamera()
+    with SeriesCamera(camera, TRIPLES, exposure_us=None, frames=1) as series:
+        assert isinstance(camera.ring, ScriptedRing)
+
+        def fail(colours: np.ndarray) -> Any:
+            raise BoardError("the board is gone")
+
+        camera.ring.set_leds = fail  # type: ignore[method-assign]
+        with pytest.raises(BoardError, match="gone"):
+            series.read()
+        read = camera.read
+
+        def back() -> CameraFrame:
+            camera.ring = ScriptedRing()
+            return read()
+
+        camera.read = back  # type: ignore[method-assign]
+        with pytest.raises(ReconnectingError, match=r"was unplugged and is back: the board is gone"):
+            series.read()
+        camera.read = read  # type: ignore[method-assign]
+        assert series.read().sequence == 1
+
+
+def test_the_exposure_of_a_series_is_raised_again_after_other_settings_were_adopted() -> None:
+    camera = FakeCamera()
+    with SeriesCamera(camera, TRIPLES, exposure_us=24000.0, frames=1) as series:
+        series.read()
+        series.adopt({"exposure_us": 8000.0}, np.array(RING.colours))
+        assert series.read().exposure_us == 24000.0
+        assert isinstance(camera.controls, FakeControls)
+        assert camera.controls.was_set == [24000.0, 8000.0, 24000.0]
+
+
+def test_settings_are_adopted_between_two_series_of_a_camera_that_takes_one_after_the_other() -> None:
+    camera = FakeCamera()
+    with SeriesCamera(camera, TRIPLES, exposure_us=None, frames=1) as series:
+        stop = threading.Event()
+
+        def take() -> None:
+            while not stop.is_set():
+                series.read()
+
+        reader = threading.Thread(target=take)
+        reader.start()
+        try:
+            begun_s = time.monotonic()
+            for level in range(20):
+                series.adopt({}, np.full((12, 3), level, np.uint8))
+            assert time.monotonic() - begun_s < 5, "it need not wait for a pause of the reader"
+        finally:
+            stop.set()
+            reader.join()
 
 
 def test_without_a_ring_the_remedy_is_told() -> None:
@@ -162,7 +213,7 @@ def test_without_a_ring_the_remedy_is_told() -> None:
 
 def test_a_series_is_taken_when_a_touched_scene_rests_and_the_stream_goes_on_after_it() -> None:
     inner = FakeCamera()
-    assert isinstance(inner.ring, FakeRing)
+    assert isinstance(inner.ring, ScriptedRing)
     assert isinstance(inner.controls, FakeControls)
     inner.touched = 40
     with resting(inner) as camera:

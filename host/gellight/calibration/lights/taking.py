@@ -13,7 +13,7 @@ from gellight.reconstruction.photometric.light_model import LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.lighting.hold import Hold
-from gellight.sensor.series_cameras import EXPOSURE, frames_under
+from gellight.sensor.series_cameras import EXPOSURE
 
 FRAMES = 8
 Progress = Callable[[int, int], None]
@@ -63,7 +63,7 @@ def _take_pictures(camera: Camera, colours: NDArray[np.uint8], frames: int, prog
     taken = []
     with Hold(camera) as hold:
         for index, group in enumerate(groups):
-            images = [frame.image for frame in frames_under(hold, camera, group, index, frames)]
+            images = [frame.image for frame in hold.expose(group, index, frames)]
             # The dark by its median: noise that is cut off at 0 would lift the mean.
             taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
             progress(index + 1, len(groups))

@@ -53,6 +53,7 @@ class EmulatedBoard:
     """A board with power; `run` lets virtual time pass."""
 
     usb_block = registers.UsbGuard
+    decoder = WaveformDecoder
 
     def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
         """Flash an image and switch the power on."""
@@ -60,7 +61,7 @@ class EmulatedBoard:
         self.flash = bytearray(image.ljust(FLASH_BYTES, b"\xff"))
         self.faults: list[str] = []
         self.timeline = LightTimeline()
-        self.waveform = WaveformDecoder(self.timeline, self.fault)
+        self.waveform = self.decoder(self.timeline, self.fault)
         self.resets = 0
         self.in_bootloader = False
         self._past_ns = self._chip_ns = 0.0

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import BoardError
 from gellight.ring.wire import LED_COUNT
 
 BITS = 24 * LED_COUNT
@@ -19,6 +20,8 @@ WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.
 ONE_NS = 500.0
 """a longer pulse is a 1"""
 DARK = np.zeros((LED_COUNT, 3), np.uint8)
+KEPT_LIGHTS = 4096
+"""at least so many are remembered: 8 s of the fastest sequence; a camera asks for the last tenth of a second"""
 
 
 class Light(NamedTuple):
@@ -38,12 +41,13 @@ class Bit(NamedTuple):
 
 
 class LightTimeline:
-    """Which light the LEDs showed when; dark before the first entry."""
+    """Which light the LEDs showed when, dark before the first one; the oldest lights are forgotten."""
 
     def __init__(self) -> None:
         """Begin in the dark."""
         self._times: list[float] = []
         self._colours: list[NDArray[np.uint8]] = []
+        self._forgotten = 0
 
     def append(self, light: Light) -> None:
         """Add a light; times only grow."""
@@ -51,18 +55,29 @@ class LightTimeline:
             raise ValueError(f"the light of {light.time_us} us comes before that of {self._times[-1]} us")
         self._times.append(light.time_us)
         self._colours.append(light.colours)
+        if len(self._times) >= 2 * KEPT_LIGHTS:
+            del self._times[:KEPT_LIGHTS], self._colours[:KEPT_LIGHTS]
+            self._forgotten += KEPT_LIGHTS
 
     def __len__(self) -> int:
-        """Return how many lights were latched."""
-        return len(self._times)
+        """Return how many lights were latched, with those that are forgotten."""
+        return self._forgotten + len(self._times)
 
     def __getitem__(self, index: int) -> Light:
-        """Return the light by its number."""
-        return Light(self._times[index], self._colours[index])
+        """Return the light by its number, from 0 or backwards from -1; IndexError for one that is forgotten."""
+        kept = index if index < 0 else index - self._forgotten
+        if not -len(self._times) <= kept < len(self._times) or (index >= 0 > kept):
+            raise IndexError(f"light {index} of {len(self)}: {self._forgotten} are forgotten")
+        return Light(self._times[kept], self._colours[kept])
 
     def at(self, time_us: float) -> NDArray[np.uint8]:
-        """Return the (12, 3) colours that are latched at a time."""
+        """Return the (12, 3) colours that are latched at a time; BoardError for one that is forgotten."""
         index = bisect_right(self._times, time_us) - 1
+        if index < 0 and self._forgotten:
+            raise BoardError(
+                f"what simulated LEDs showed at {time_us / 1e6:.3f} s is forgotten after {KEPT_LIGHTS} more lights: "
+                "the machine is too busy; open sim:// anew"
+            )
         return DARK if index < 0 else self._colours[index]
 
     def interval(self, start_us: float, end_us: float) -> list[Light]:
@@ -82,7 +97,6 @@ class WaveformDecoder:
         self.timeline = timeline
         self.bits: list[Bit] = []
         """of the last frame that was latched"""
-        self.frame_starts_us: list[float] = []
         self._report = report
         self._frame: list[Bit] = []
         self._rise_ns = self._fall_ns = 0.0
@@ -109,8 +123,6 @@ class WaveformDecoder:
         if self._frame:
             self._frame[-1] = Bit(self._frame[-1].high_ns, time_ns - self._fall_ns)
             self._check(self._frame[-1])
-        else:
-            self.frame_starts_us.append(time_ns / 1e3)
         self._rise_ns = time_ns
 
     def _check(self, bit: Bit) -> None:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera, timing_of
+from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.frames.judging import FrameJudge
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.enumerations import Edge, State, SyncMode
-from gellight.ring.light_ring import Step
+from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.lighting.hold_time import hold_frames
@@ -60,7 +60,7 @@ class LightCounters:
     trims: int = 0
 
 
-class SequencedCamera(Camera):
+class SequencedCamera(CameraWrapper):
     """Wraps a camera that has a ring; `read` gives its frames with their label. Closing it closes the camera."""
 
     def __init__(
@@ -71,53 +71,67 @@ class SequencedCamera(Camera):
         """Show `groups` (n, 12, 3) uint8 RGB in turn, `frames` frame periods each (default: the fewest that can do).
 
         `timing` is by default what `timing_of` tells. `check` compares every frame with the reference images.
-        `strobe_to_end_s` (EXT) is from the edge of the strobe
-        to the end of the last row; default: the strobe's edge is the start of the frame. Raises CameraError without a
-        ring, BoardError where the board refuses, InputError for a number of groups that it cannot hold.
+        `strobe_to_end_s` (EXT) is from the edge of the strobe to the end of the last row; default: the strobe's edge is
+        the start of the frame. Raises CameraError without a ring, BoardError where the board refuses, InputError for a
+        number of groups that it cannot hold.
         """
+        super().__init__(camera)
         if not 1 <= len(groups) <= protocol.GROUP_COUNT:
             raise InputError(f"{len(groups)} light groups: the board holds 1 to {protocol.GROUP_COUNT}")
         if camera.ring is None:
             raise CameraError(f"{camera.url} has no light ring to run a sequence on: connect the ring's board")
-        self.url, self.image_shape, self.stage = camera.url, camera.image_shape, camera.stage
-        self.ring = self._ring = camera.ring
-        self.controls, self._camera, self.mode = camera.controls, camera, mode
-        self._timing, self._check = timing or timing_of(camera), check
+        self.mode, self._check = mode, check
+        self._given_timing, self._given_frames = timing, frames
+        self._strobe_edge, self._strobe_to_end_s = strobe_edge, strobe_to_end_s
         self._groups = [np.asarray(group, np.uint8) for group in groups]
-        error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
-        self.frames = frames or hold_frames(self.timing, locked=True, clock_error_s=error_s)
+        self._before = camera.ring.still
         self.counters = LightCounters()
-        self._before, self._next, self._trim = self._ring.still, 0, Trim(0, 0.0)
-        self._trimmed_light = -TRIM_LIGHTS
-        self._lock = PhaseLock(self.timing, frames=self.frames)
-        self._hold = Hold(camera, timing=self.timing, check=check)
-        self._strobe = (
-            strobe_edge,
-            self.timing.duration_s + self.timing.stamp_delay_s if strobe_to_end_s is None else strobe_to_end_s,
-        )
         self.watch: LightWatch | None = None
+        self._started_on: LightRing | None = None
         self._start()
 
     def _start(self) -> None:
-        if self._ring.status().state == State.RUNNING:
+        """Begin the sequence on the ring as it is now."""
+        ring = self.ring
+        if ring is None:
+            raise BoardError(f"{self.url} has lost its light ring: plug it in again")
+        if ring.status().state == State.RUNNING:
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
-        if self.mode is LightMode.HOLD:
-            return
+        self._timing = self._given_timing or timing_of(self._camera)
+        error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if self.mode is LightMode.EXT else 0.0)
+        self.frames = self._given_frames or hold_frames(self._timing, locked=True, clock_error_s=error_s)
+        self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
+        self._lock = PhaseLock(self._timing, frames=self.frames)
+        self._hold = Hold(self._camera, timing=self._timing, check=self._check)
+        if self.mode is not LightMode.HOLD:
+            self._run(ring)
+        self._started_on = ring
+
+    def _run(self, ring: LightRing) -> None:
+        """Load the sequence and start it, in FREE mode with the period of the camera."""
         free = self.mode is LightMode.FREE
-        period_s = self._learn_period_s() if free else self.timing.period_s
+        period_s = self._learn_period_s() if free else self._timing.period_s
         self._lock.dwell_us = max(round(self.frames * period_s * 1e6), protocol.DWELL_MIN_US)
-        self.watch = LightWatch(self._ring, self.timing, **({"plan": self._planned_us} if free else {}))
         steps = [Step(group=k, dwell_us=self._lock.dwell_us if free else 0) for k in range(len(self._groups))]
-        self._ring.load_sequence(self._groups, steps)
+        ring.load_sequence(self._groups, steps)
         if free:
-            self._ring.set_sync(SyncMode.FREE)
+            ring.set_sync(SyncMode.FREE)
         else:
-            edge, to_end_s = self._strobe
-            margin_s = self.timing.stamp_error_s + CLOCK_ERROR_S + REPEAT_US * 1e-6
-            missed_us = round(EDGES_MISSED * self.frames * self.timing.period_s * 1e6)
-            self._ring.set_sync(SyncMode.EXT, edge=edge, divider=self.frames, timeout_us=missed_us,
-                               delay_us=round((to_end_s + margin_s) * 1e6))  # fmt: skip
-        self._ring.start()
+            to_end_s = self._strobe_to_end_s
+            if to_end_s is None:
+                to_end_s = self._timing.duration_s + self._timing.stamp_delay_s
+            margin_s = self._timing.stamp_error_s + CLOCK_ERROR_S + REPEAT_US * 1e-6
+            missed_us = round(EDGES_MISSED * self.frames * self._timing.period_s * 1e6)
+            ring.set_sync(SyncMode.EXT, edge=self._strobe_edge, divider=self.frames, timeout_us=missed_us,
+                          delay_us=round((to_end_s + margin_s) * 1e6))  # fmt: skip
+        self._unwatch()
+        self.watch = LightWatch(ring, self._timing, **({"plan": self._planned_us} if free else {}))
+        ring.start()
+
+    def _unwatch(self) -> None:
+        watch, self.watch = self.watch, None
+        if watch is not None:
+            watch.close()
 
     def _learn_period_s(self) -> float:
         """Look at some frames: a sequence that is to be locked has to have nearly the camera's period."""
@@ -125,7 +139,7 @@ class SequencedCamera(Camera):
             frame = self._camera.read()
             self._lock.note_frame(frame.sequence, frame.time_s)
         _, period_s = self._lock.line()
-        replace(self.timing, period_s=period_s)  # refuses an exposure that is longer
+        replace(self._timing, period_s=period_s)  # refuses an exposure that is longer
         return period_s
 
     def _planned_us(self, _last: protocol.LightEvent, event: protocol.LightEvent) -> float | None:
@@ -136,40 +150,55 @@ class SequencedCamera(Camera):
 
     # ---- a camera like every other ----
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
-        """Return the judge of the camera inside."""
-        return self._camera.selfcheck(pixel_size_mm)
-
-    def status(self) -> dict[str, object]:
-        """Return what is known of the camera inside."""
-        return self._camera.status()
-
-    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
-        """Set and light the camera inside."""
-        self._camera.adopt(controls, colours)
-
     def read(self) -> CameraFrame:
-        """Return the next frame with its label; what the camera and the board raise comes through."""
-        if self.watch is None:
-            frame = self._hold.expose(self._groups[self._next], self._next)
-            self._next = (self._next + 1) % len(self._groups)
-        else:
-            frame = self._camera.read()
-            timed = self.watch.label(frame.time_s, self.image_shape[0])
-            seen = self._check.label(frame.image) if self._check else None
-            frame = replace(frame, label=self._agree(timed, seen))
-            if self.watch.silenced():
-                self._start_again()
-            elif self.mode is LightMode.FREE:
-                self._steer(frame)
+        """Return the next frame with its label; what the camera and the board raise comes through.
+
+        A sensor that was unplugged has another ring when it is back: the sequence begins anew on that.
+        """
+        with self._alone():
+            ring = self.ring
+            try:
+                frame = self._held() if self.mode is LightMode.HOLD else self._labelled()
+            except BoardError as error:
+                raise self._why_failed(error, ring) from error
         assert frame.label is not None
         setattr(self.counters, frame.label.state, getattr(self.counters, frame.label.state) + 1)
         return frame
 
+    def _held(self) -> CameraFrame:
+        """Show the next group and take a frame of it."""
+        (frame,) = self._hold.expose(self._groups[self._next], self._next)
+        self._next = (self._next + 1) % len(self._groups)
+        return frame
+
+    def _labelled(self) -> CameraFrame:
+        """Take the next frame and label it; begin the sequence anew where its ring is no longer the one there."""
+        frame = self._camera.read()
+        if self.ring is not self._started_on:
+            self._start()
+            frame = self._camera.read()
+        assert self.watch is not None
+        timed = self.watch.label(frame.time_s, self.image_shape[0])
+        seen = self._check.label(frame.image) if self._check else None
+        frame = replace(frame, label=self._agree(timed, seen))
+        if self.watch.silenced():
+            self._start_again()
+        elif self.mode is LightMode.FREE:
+            self._steer(frame)
+        return frame
+
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set the camera inside, and give this light back later; the sequence begins anew with the next frame."""
+        with self._alone():
+            self._end()
+            self._camera.adopt(controls, colours)
+            self._before = colours
+
     def _start_again(self) -> None:
         """Go on after this program was held up for so long that the board ended the sequence."""
+        assert self._started_on is not None
         logger.warning("the board heard nothing from here and ended its sequence (machine busy?); it is started again")
-        self._ring.start()
+        self._started_on.start()
         self._trim = Trim(0, 0.0)  # a start forgets the trim
 
     def _agree(self, timed: LightLabel, seen: LightLabel | None) -> LightLabel:
@@ -190,7 +219,8 @@ class SequencedCamera(Camera):
         trim = self._lock.trim(changes[-1].latched_s, self.watch.clock.drift) if changes else None
         if trim is not None:
             self._trimmed_light = changes[-1].light_id
-            self._ring.trim(phase_us=trim.phase_us, period=trim.period)
+            assert self._started_on is not None
+            self._started_on.trim(phase_us=trim.phase_us, period=trim.period)
             self._trim = trim
             self.counters.trims += 1
 
@@ -201,12 +231,14 @@ class SequencedCamera(Camera):
 
     def stop(self) -> None:
         """End the sequence and give back the light of before (dark if there was none); the camera stays open."""
-        if self.watch is not None:
-            self.watch.close()
-        self._ring.blank()
-        if self._before is not None:
-            self._ring.wait_for_light(self._ring.set_leds(self._before).light_id)
+        with self._alone():
+            self._end()
+            if self.ring is not None:
+                self.ring.light(self._before)
 
-    def close(self) -> None:
-        """Close the camera, with its LEDs dark."""
-        self._camera.close()
+    def _end(self) -> None:
+        """End the sequence; the next `read` starts it again."""
+        self._unwatch()
+        self._started_on = None
+        if self.ring is not None:
+            self.ring.blank()

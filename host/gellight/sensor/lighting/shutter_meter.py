@@ -115,7 +115,7 @@ def measure_shutter(
     """
     known = timing or CameraTiming()
     with Hold(camera, timing=replace(known, stamp_error_s=known.period_s)) as hold:
-        check = ContentCheck([hold.expose(group, number).image for number, group in enumerate(groups)])
+        check = ContentCheck([hold.expose(group, number)[0].image for number, group in enumerate(groups)])
         return _watch_changes(camera, groups, known, check, frames)
 
 
@@ -144,4 +144,5 @@ def _watch_changes(
                     break
     finally:
         watch.close()
+        ring.blank()  # ends the sequence, so that the light of before can be given back
     return meter.estimate()

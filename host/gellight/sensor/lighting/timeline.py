@@ -17,9 +17,10 @@ Array = NDArray[np.float64]
 OTHER, UNTOLD = -1, -2
 """a light that is no group of a sequence, or darkness; a light of which no event came"""
 REPORT_US = 2500.0
-"""a light that began to be sent longer ago than this has been reported, even where it had to be sent twice"""
+"""the board reports a light within this time of its first bit, even if it has to send it twice"""
 REPEAT_US = 2000.0
-"""a disturbed transfer, which may have left anything on the LEDs, began so long before the one that was reported"""
+"""a transfer that was disturbed is sent again within this time and only then reported; in between the LEDs may show
+anything"""
 SLACK_US = 100.0
 """a light that begins later than planned by more than this may be the repetition of a disturbed one"""
 FEWEST_ON_GRID, MOST_ON_GRID = 4, 8

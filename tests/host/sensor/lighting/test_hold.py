@@ -12,13 +12,13 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.opening import open_camera
-from gellight.ring import protocol
-from gellight.ring.enumerations import Dark, State, SyncMode
+from gellight.ring.enumerations import Dark, SyncMode
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import Step
-from gellight.sensor.lighting import hold
+from gellight.sensor import set_and_light
 from gellight.sensor.lighting.hold import exposures
 from gellight.simulator.simulated_camera import SimulatedCamera
+from tests.helpers.scripted_ring import ScriptedRing
 
 RING = np.zeros((12, 3), np.uint8)
 for third in range(3):
@@ -45,9 +45,7 @@ def test_the_light_is_given_back(sensor: SimulatedCamera) -> None:
     before = sensor.ring.still.copy()
     exposures(sensor, single_leds(RING)[:2])
     np.testing.assert_array_equal(sensor.ring.still, before)
-    now_us = sensor.ring.transport.now_us()
-    (shown,) = sensor.ring.transport.light_during(now_us, now_us)
-    np.testing.assert_array_equal(shown.colours, before)
+    np.testing.assert_array_equal(sensor.read().light, before)
 
 
 def test_a_running_sequence_is_not_disturbed(sensor: SimulatedCamera) -> None:
@@ -58,39 +56,31 @@ def test_a_running_sequence_is_not_disturbed(sensor: SimulatedCamera) -> None:
     with pytest.raises(BoardError, match="stop the sequence"):
         exposures(sensor, TRIPLES)
     sensor.ring.stop()
-    sensor.ring.wait_for_light(sensor.ring.set_leds(before).light_id)
+    sensor.ring.light(before)
 
 
 # ---- a ring and a camera of which every step is known ----
 
 
-class FakeRing:
+class FakeRing(ScriptedRing):
     """Latches at once; the clock of the test moves 10 ms with every frame and 1 ms with every request."""
 
     def __init__(self, clock: "Clock") -> None:
-        self.clock, self.shown = clock, deque()
-        self.still = None
-        self.scale = protocol.FULL_SCALE
-        self.lights = 0
-        self.lost = deque()
-        self.dark = Dark.NOT_DARK
+        super().__init__()
+        self.clock, self.latched_s = clock, []
 
     def set_leds(self, colours):
         self.clock.now += 0.001
-        self.lights += 1
-        self.still = colours
-        self.shown.append((self.clock.now, colours))
-        return SimpleNamespace(light_id=self.lights, scale=self.scale)
+        self.latched_s.append(self.clock.now)
+        return super().set_leds(colours)
 
-    def wait_for_light(self, light_id, timeout_s):
+    def wait_for_light(self, light_id, timeout_s=1.0):
         self.clock.now += 0.001
+        return super().wait_for_light(light_id)
 
-    def status(self):
-        lost = self.lost.popleft() if self.lost else False
-        return SimpleNamespace(light_id=self.lights + lost, state=State.STILL, dark=self.dark)
-
-    def blank(self):
-        self.still = None
+    @property
+    def lights(self):
+        return list(zip(self.latched_s, self.shown, strict=True))
 
 
 class Clock:
@@ -115,8 +105,8 @@ class QueuedCamera(Camera):
         self.queue.append(self.clock.now)
         self.clock.now += 0.020
         start = self.queue.popleft()
-        lit = [colours for t, colours in self.ring.shown if t + 0.0025 <= start]
-        mixed = any(start < t + 0.0025 < start + 0.020 for t, _ in self.ring.shown)
+        lit = [colours for t, colours in self.ring.lights if t + 0.0025 <= start]
+        mixed = any(start < t + 0.0025 < start + 0.020 for t, _ in self.ring.lights)
         self.count += 1
         level = 255 if mixed else (lit[-1].max() if lit else 0)
         return CameraFrame(image=np.full((4, 4, 3), level, np.uint8), time_s=start, sequence=self.count)
@@ -131,7 +121,7 @@ LEVELS = [np.full((12, 3), level, np.uint8) for level in (10, 20, 30)]
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeRing:
     clock = Clock()
-    monkeypatch.setattr(hold, "time", clock)
+    monkeypatch.setattr(set_and_light, "time", clock)
     return FakeRing(clock)
 
 
@@ -163,7 +153,7 @@ def test_leds_darkened_for_safety_give_no_frame(fake: FakeRing) -> None:
 
 def test_a_light_that_the_current_limit_scales_is_refused_and_the_ring_goes_dark(fake: FakeRing) -> None:
     fake.scale //= 2
-    with pytest.raises(BoardError, match=r"50\.0%.*dim the group"):
+    with pytest.raises(BoardError, match=r"50\.0%.*: dim it, or raise"):
         exposures(QueuedCamera(fake, 0), LEVELS)
     assert fake.still is None
 

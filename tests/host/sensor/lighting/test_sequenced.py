@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.frames.frames import LightLabel, LightState
+from gellight.frames.camera import ReconnectingError
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_groups import colour_triples
+from gellight.ring.light_ring import LightRing
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.simulator.simulated_camera import open_simulated
+from tests.helpers.bench_board import VirtualTransport
 from tests.helpers.virtual_sensor import RING, VirtualCamera, virtual_sensor
 
 TRIPLES = colour_triples(RING)
@@ -93,6 +96,53 @@ def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
         after = follow(sequenced, camera, 15)
     assert meanwhile["mixed", "clean"] == meanwhile["clean", "clean"] == meanwhile["dark", "clean"] == 0
     assert after["clean", "right"] >= 13
+
+
+@pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT, LightMode.HOLD])
+def test_a_sensor_that_was_unplugged_gets_its_sequence_again(monkeypatch: pytest.MonkeyPatch, mode: LightMode) -> None:
+    camera = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT)
+    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING, check=reference_check(camera)) as sequenced:
+        follow(sequenced, camera, 20)
+        before, read = camera.ring, camera.read
+        before.close()
+
+        def away() -> CameraFrame:
+            raise ReconnectingError("it was unplugged")
+
+        camera.ring, camera.read = None, away
+        for _ in range(2):
+            with pytest.raises(ReconnectingError):
+                sequenced.read()
+        camera.ring, camera.read = LightRing(VirtualTransport(camera.board), keep_alive_s=None), read
+        meanwhile = follow(sequenced, camera, 25)
+        after = follow(sequenced, camera, 15)
+        assert sequenced.ring is camera.ring is not before
+    assert meanwhile["mixed", "clean"] == meanwhile["clean", "clean"] == meanwhile["dark", "clean"] == 0
+    assert after["clean", "right"] >= 13
+
+
+def test_a_ring_that_was_replugged_between_two_frames_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The camera notices nothing, but its ring is another one: the old one does not answer any more."""
+    camera = virtual_sensor(monkeypatch)
+    with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
+        follow(sequenced, camera, 5)
+        camera.ring.close()
+        camera.ring = LightRing(VirtualTransport(camera.board), keep_alive_s=None)
+        counts = follow(sequenced, camera, 30)
+    assert counts["clean", "right"] >= 10
+    assert counts["mixed", "clean"] == counts["clean", "clean"] == 0
+
+
+def test_a_running_sequence_adopts_controls_and_gives_the_new_light_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    follow(sequenced, camera, 5)
+    sequenced.adopt({}, RING // 2)
+    counts = follow(sequenced, camera, 30)
+    assert counts["clean", "right"] >= 10
+    sequenced.stop()
+    np.testing.assert_array_equal(camera.board.timeline.at(camera.board.now_us), RING // 2)
+    sequenced.close()
 
 
 def test_hold_gives_the_groups_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:

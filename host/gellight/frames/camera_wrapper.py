@@ -1,0 +1,92 @@
+"""The base of cameras that stand in front of another camera and change what is read from it."""
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BoardError, CameraError
+from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
+from gellight.frames.judging import FrameJudge
+from gellight.frames.timing import CameraTiming
+from gellight.ring.light_ring import LightRing
+
+
+class CameraWrapper(Camera):
+    """Passes everything but `read` on to the camera inside.
+
+    Nothing is copied: a sensor that was unplugged has another ring and other controls when it is back.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        """Take over `camera`."""
+        self._camera = camera
+        self._using, self._next_user = threading.Lock(), threading.Lock()
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Use camera and ring alone. Threads take turns, so `adopt` need not wait for a pause of who reads."""
+        with self._next_user:
+            self._using.acquire()
+        try:
+            yield
+        finally:
+            self._using.release()
+
+    @property
+    def url(self) -> str:  # type: ignore[override]  # here and below: the promise allows to set it, a wrapper does not
+        """What the camera inside was opened with."""
+        return self._camera.url
+
+    @property
+    def image_shape(self) -> tuple[int, int]:  # type: ignore[override]
+        """(H, W) of every frame."""
+        return self._camera.image_shape
+
+    @property
+    def stage(self) -> PressStage | None:  # type: ignore[override]
+        """The stage of the sensor inside."""
+        return self._camera.stage
+
+    @property
+    def ring(self) -> LightRing | None:  # type: ignore[override]
+        """The ring of the camera inside; None while it is unplugged."""
+        return self._camera.ring
+
+    @property
+    def controls(self) -> CameraControls | None:  # type: ignore[override]
+        """The controls of the camera inside; None while it is unplugged."""
+        return self._camera.controls
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        """When the camera inside exposes its rows."""
+        return self._camera.timing
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
+        """Return the judge of the camera inside."""
+        return self._camera.selfcheck(pixel_size_mm)
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside."""
+        return self._camera.status()
+
+    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
+        """Set and light the camera inside."""
+        self._camera.adopt(controls, colours)
+
+    def close(self) -> None:
+        """Close the camera inside, with its LEDs dark."""
+        self._camera.close()
+
+    def _why_failed(self, error: BoardError, ring: LightRing | None) -> CameraError | BoardError:
+        """Return what to raise where the board failed: `error` itself, or that the sensor was unplugged.
+
+        Raises ReconnectingError itself while the sensor is away.
+        """
+        self._camera.read()
+        if self.ring is ring:
+            return error
+        return ReconnectingError(f"{self.url} was unplugged and is back: {error}")

@@ -1,0 +1,100 @@
+"""Cameras that wrap a camera pass on every member of the promise, asked for each time and not copied."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.mailbox import Mailbox
+from gellight.daemon.shared_camera import SharedCamera
+from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.timing import CameraTiming
+from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
+from gellight.sensor.series_cameras import RestingCamera, RingCamera, SeriesCamera
+from tests.helpers.scripted_ring import ScriptedRing
+from tests.helpers.simulated_gel import RING
+
+GROUPS = np.stack([RING.colours, RING.colours // 2])
+WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
+    SharedCamera: lambda camera: SharedCamera(camera, Mailbox()),
+    SequencedCamera: lambda camera: SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()),
+    RingCamera: lambda camera: RingCamera(camera, GROUPS, exposure_us=None, frames=1),
+    SeriesCamera: lambda camera: SeriesCamera(camera, GROUPS, exposure_us=None, frames=1),
+    RestingCamera: lambda camera: RestingCamera(
+        camera, GROUPS, exposure_us=None, frames=1, untouched=np.zeros((32, 48, 3), np.float32), noise_grey=1.0
+    ),
+}
+ITS_OWN = {
+    "read": set(WRAPPERS),
+    "timing": {SequencedCamera},  # what its labels go by
+    "close": {SharedCamera},  # the daemon closes its camera
+}
+"""what a wrapper does not pass on, and which wrappers do not"""
+PROMISE = sorted(name for name in {*vars(Camera), *Camera.__annotations__} if not name.startswith("_"))
+
+
+class Inside(Camera):
+    """Answers every question with an answer of its own, another one after each change."""
+
+    def __init__(self) -> None:
+        self.called: list[tuple[str, Any]] = []
+        self.change("first")
+
+    def change(self, mark: str) -> None:
+        self.url, self.image_shape, self.mark = f"inside://{mark}", (32, 48), mark
+        self.stage: Any = f"stage {mark}"
+        self.controls: Any = None
+        self.ring = ScriptedRing()
+
+    @property
+    def timing(self) -> CameraTiming | None:
+        return CameraTiming(readout_s=0.001 * len(self.mark))
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> Any:
+        return f"judge {self.mark} {pixel_size_mm}"
+
+    def read(self) -> Any:
+        raise AssertionError("nobody reads here")
+
+    def status(self) -> dict[str, object]:
+        return {"name": self.mark}
+
+    def adopt(self, controls: Any, colours: Any) -> None:
+        self.called.append(("adopt", (controls, colours)))
+
+    def close(self) -> None:
+        self.called.append(("close", ()))
+
+
+ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "selfcheck": ((0.1, 0.2),), "status": (), "adopt": ({"gain": 2.0}, None), "close": ()
+}  # fmt: skip
+
+
+def subclasses(kind: type) -> set[type]:
+    return {kind for child in kind.__subclasses__() for kind in (child, *subclasses(child))}
+
+
+def test_every_wrapper_is_looked_at() -> None:
+    assert {kind for kind in subclasses(CameraWrapper) if kind.__module__.startswith("gellight.")} == set(WRAPPERS)
+    assert {"url", "image_shape", "stage", "ring", "controls", "timing", "status", "adopt", "close"} < set(PROMISE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "member"),
+    [(kind, member) for member in PROMISE for kind in WRAPPERS if kind not in ITS_OWN.get(member, ())],
+)
+def test_a_wrapper_answers_as_the_camera_inside_does_now(kind: type[CameraWrapper], member: str) -> None:
+    inside = Inside()
+    wrapper = WRAPPERS[kind](inside)
+    inside.change("second")
+    if member not in ARGUMENTS:
+        assert getattr(wrapper, member) == getattr(inside, member)
+        return
+    answer = getattr(wrapper, member)(*ARGUMENTS[member])
+    if member in ("adopt", "close"):
+        assert inside.called == [(member, ARGUMENTS[member])]
+    else:
+        assert answer == getattr(inside, member)(*ARGUMENTS[member])

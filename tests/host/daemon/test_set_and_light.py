@@ -1,0 +1,144 @@
+"""Setting and lighting a sensor: from the thread that reads it, and beside a daemon that reads it all the time."""
+
+import itertools
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.frames import CameraFrame
+from gellight.opening import open_camera
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.sensor.set_and_light import SETTLING_FRAMES, set_and_light
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.scripted_ring import ScriptedRing
+
+GEOMETRY = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
+URL = "sim://?programme=0&noise=0&fps=200"
+RED, BLUE = np.zeros((2, 12, 3), np.uint8)
+RED[:4, 0] = 255
+BLUE[8:, 2] = 255
+
+
+def test_frames_are_wholly_under_what_was_asked_also_while_a_daemon_reads_the_camera(tmp_path: Path) -> None:
+    """The colours of 20 lights, changed as fast as it goes: no frame of the light before, and none that saw both."""
+    camera = open_camera(URL, geometry=GEOMETRY)
+    pure = {light: set_and_light(camera, {}, colours)[0].image for light, colours in (("red", RED), ("blue", BLUE))}
+    with Daemon(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
+        for light, colours in itertools.islice(itertools.cycle((("red", RED), ("blue", BLUE))), 20):
+            for frame in set_and_light(daemon.camera, {}, colours, frames=2):
+                assert frame.light is not None
+                assert (frame.light == colours).all()
+                # Pulsed light: where an exposure is not a whole number of pulses rows may differ by part of one.
+                assert np.abs(frame.image.astype(int) - pure[light]).mean() < 1.0
+
+
+def test_controls_act_in_the_frames_that_are_returned_also_beside_a_daemon(tmp_path: Path) -> None:
+    camera = open_camera(URL, geometry=GEOMETRY)
+    with Daemon(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
+        (bright,) = set_and_light(daemon.camera, {"exposure_us": 8000.0}, RED)
+        (dim,) = set_and_light(daemon.camera, {"exposure_us": 4000.0}, RED)
+        (dark,) = set_and_light(daemon.camera, {}, None)
+        assert dim.image[..., 0].mean() == pytest.approx(bright.image[..., 0].mean() / 2, rel=0.05)
+        assert dark.image.max() == 0
+        with pytest.raises(InputError, match="choose 100 to 30000"):
+            set_and_light(daemon.camera, {"exposure_us": 1e9}, RED)
+        with pytest.raises(CameraError, match="no control 'focus'"):
+            set_and_light(daemon.camera, {"focus": 1.0}, RED)
+        assert not set_and_light(daemon.camera, {}, None)[0].image.any(), "what is refused lights nothing"
+
+
+class Steps(Camera):
+    """A camera whose frames begin 1 s after they are asked for; `at` does something in the n-th `read`."""
+
+    url, image_shape, stage = "steps", (4, 4), None
+
+    def __init__(self, ring: ScriptedRing | None, at: dict[int, Any] | None = None) -> None:
+        self.ring, self.controls, self.count, self.at = ring, Knob(), 0, at or {}
+
+    def read(self) -> CameraFrame:
+        self.count += 1
+        if self.count in self.at:
+            self.at[self.count]()
+        image = np.zeros((4, 4, 3), np.uint8)
+        return CameraFrame(image=image, time_s=time.monotonic() + 1, sequence=self.count)
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Knob:
+    value = 1.0
+
+    def names(self) -> tuple[str, ...]:
+        return ("gain",)
+
+    def range(self, name: str) -> tuple[float, float, float]:
+        return 1.0, 8.0, 0.1
+
+    def read(self, name: str) -> float:
+        return self.value
+
+    def set(self, name: str, value: float) -> float:
+        self.value = value
+        return value
+
+
+def test_frames_are_let_pass_until_a_control_acts_and_none_for_one_that_holds_already() -> None:
+    camera = Steps(ScriptedRing())
+    (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
+    assert frame.sequence == SETTLING_FRAMES + 1
+    (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
+    assert frame.sequence == SETTLING_FRAMES + 2
+
+
+def test_a_ring_that_is_replaced_meanwhile_is_lit_too() -> None:
+    second = ScriptedRing()
+    camera = Steps(ScriptedRing(), {1: lambda: setattr(camera, "ring", second)})
+    (frame,) = set_and_light(camera, {}, RED)
+    assert frame.sequence == 2
+    assert [light.tolist() for light in second.shown] == [RED.tolist()]
+
+
+def test_a_sensor_that_is_away_says_so_and_no_frame_of_another_light_is_returned_when_it_is_back() -> None:
+    def away() -> None:
+        raise ReconnectingError("it was unplugged")
+
+    ring = ScriptedRing()
+    camera = Steps(None, {1: away, 2: lambda: setattr(camera, "ring", ring)})
+    with pytest.raises(ReconnectingError):
+        set_and_light(camera, {}, RED)
+    (frame,) = set_and_light(camera, {}, RED)
+    assert frame.sequence == 3
+    assert [light.tolist() for light in ring.shown] == [RED.tolist()]
+
+
+def test_a_light_that_does_not_stay_on_is_an_error() -> None:
+    ring = ScriptedRing()
+    ring.lost.extend([True] * 3)
+    with pytest.raises(BoardError, match="did not stay on in 3 attempts"):
+        set_and_light(Steps(ring), {}, RED)
+
+
+def test_a_camera_without_a_ring_keeps_its_light() -> None:
+    assert set_and_light(Steps(None), {}, RED)[0].sequence == 1
+
+
+def test_a_light_that_the_board_took_away_is_in_no_frame_of_the_simulated_sensor(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """As after the program was held up for more than a second: the board makes its LEDs dark, the ring lights them."""
+    with open_camera(URL, geometry=GEOMETRY) as camera:
+        assert camera.ring is not None
+        (lit,) = set_and_light(camera, {}, RED)
+        with camera.ring._lock:  # nothing is sent to the board
+            time.sleep(1.5)
+        frames = [camera.read() for _ in range(20)]
+    assert "host silent); they are lit again" in caplog.text
+    assert all(frame.image.mean() == pytest.approx(lit.image.mean(), rel=0.05) for frame in frames)
