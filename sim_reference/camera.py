@@ -16,7 +16,7 @@ WHITE = 255
 
 @dataclass(frozen=True, kw_only=True)
 class CameraResponse:
-    """How a camera answers to light. The defaults are a plain machine-vision camera behind an RGB filter mosaic."""
+    """The response of a camera to light. The defaults are a machine-vision camera with an RGB filter mosaic."""
 
     exposure: float = 1.0
     """grey level per irradiance, as a share of white"""

@@ -1,7 +1,7 @@
 """What a model of the gel takes and gives (section 2.2.1): an object's height map in, the gel's surface out.
 
-This is the seam at which models of the gel are exchanged: whatever is a `GelModel` can press for the rest of the
-simulator (`surface.press_object(..., model=...)`). The one in use is `gel.press`, an elastic layer of small strain.
+Any `GelModel` can replace the model of the gel: pass it as `surface.press_object(..., model=...)`. The default is
+`gel.press`, an elastic layer of small strain.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """The gel: an elastic layer bonded to its support, pressed by a rigid object without friction.
 
-A layer of thickness h answers a normal pressure p with the surface depth u whose Fourier transform is G(k) p(k)
+Under a normal pressure p, a layer of thickness h has the surface depth u whose Fourier transform is G(k) p(k)
 (Johnson, Contact Mechanics, 1985, section 5.8, and the references there):
 
     G(k) = (1 - nu) / (mu k) * (2 K sinh 2q - 4 q) / (2 K cosh 2q + 4 q^2 + 1 + K^2),   q = k h,  K = 3 - 4 nu

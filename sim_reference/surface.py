@@ -39,7 +39,7 @@ class Surface:
         return np.asarray(1 / np.sqrt(1 + self.gradient_map[..., 0] ** 2 + self.gradient_map[..., 1] ** 2))
 
     def single_precision(self) -> "Surface":
-        """Return the surface in float32, which halves the time to light it; a grey level does not notice."""
+        """Return the surface in float32, which halves the time to light it; the rounding is far below a grey level."""
         return Surface(self.depth_mm.astype(np.float32), self.gradient_map.astype(np.float32), self.contact)
 
 

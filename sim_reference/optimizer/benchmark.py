@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """How a pressed object is looked at; the defaults are those of the shipped benchmark."""
+    """How deep an object is pressed, and on which pixels it is evaluated; the defaults are the shipped benchmark's."""
 
     size_px: int = 256
     extent_mm: float = 40.0
@@ -89,7 +89,7 @@ def press_benchmark(
     geometry: SensorGeometry,
     parameters: ObjectParameters | None = None,
 ) -> PressedObject:
-    """Press object `name` into the gel and look at it; raises ValueError as `surface.press_object` does."""
+    """Press object `name` into the gel and sample it on the pixels; raises ValueError as `surface.press_object`."""
     deformation = deformed(name, sampling, geometry, parameters or ObjectParameters())
     surface = sample(deformation, sampling.on(geometry), 0.0, 0.0)
     inside, _, _ = region(sampling, geometry)

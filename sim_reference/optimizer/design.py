@@ -37,7 +37,7 @@ STARTING_GREY = 230.0
 
 @dataclass(frozen=True, kw_only=True)
 class Wishes:
-    """What the sensor is for, and what may be changed."""
+    """Requirements: how the sensor is used, and within which limits the search may change it."""
 
     numbers: tuple[int, ...] = (6, 9, 12, 15)
     """of LEDs, multiples of three"""
@@ -55,7 +55,7 @@ class Wishes:
     """longest exposure, as a multiple of the one the sensor we start from needs for 230 grey levels"""
 
     def __post_init__(self) -> None:
-        """Refuse wishes that cannot be met."""
+        """Refuse requirements that cannot be met."""
         if not self.numbers or any(number < 3 or number % 3 for number in self.numbers):
             raise ValueError(f"numbers of LEDs {self.numbers}: give multiples of 3, at least 3")
         if self.figure not in FIGURES:
@@ -158,7 +158,7 @@ class _Search:
         return sensor, grey, self.longest / (sensor.camera_height_mm - height) ** 2
 
     def error(self, share: Array) -> float:
-        """Return the figure that is to become small."""
+        """Return the error that the search minimises."""
         sensor, grey, longest = self.at(share)
         return errors(sensor, self.place, self.wishes, grey, longest)[FIGURES.index(self.wishes.figure)]
 

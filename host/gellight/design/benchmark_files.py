@@ -39,7 +39,8 @@ def benchmark_height(name: str, relief_mm: float, size: int) -> tuple[Array, flo
 
 def solid_stl(height_mm: Array, spacing_mm: float) -> bytes:
     """Return a closed solid in binary STL: the height map (H, W) on a foot, z towards the gel, y up as printed."""
-    faces = np.concatenate([_top_and_bottom(height_mm, spacing_mm), _walls(height_mm, spacing_mm)])
+    top, bottom = _corners(height_mm, spacing_mm)
+    faces = np.concatenate([_two_triangles(top), _two_triangles(bottom)[:, ::-1], _walls(top, bottom)])
     across = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     length = np.linalg.norm(across, axis=1, keepdims=True)
     records = np.zeros(len(faces), STL_RECORD)
@@ -56,21 +57,14 @@ def _corners(height_mm: Array, spacing_mm: float) -> tuple[Array, Array]:
     return np.stack([grid_x, grid_y, height_mm], axis=-1), np.stack([grid_x, grid_y, floor], axis=-1)
 
 
-def _top_and_bottom(height_mm: Array, spacing_mm: float) -> Array:
-    top, bottom = _corners(height_mm, spacing_mm)
-    return np.concatenate([_two_triangles(top), _two_triangles(bottom)[:, ::-1]])
-
-
 def _two_triangles(corners: Array) -> Array:
     """Split every cell of (H, W, 3) corners into two triangles, anticlockwise as seen from above."""
     a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
     return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
 
 
-def _walls(height_mm: Array, spacing_mm: float) -> Array:
-    top, bottom = _corners(height_mm, spacing_mm)
-    rings = [np.concatenate([c[:, 0], c[-1, 1:], c[-2::-1, -1], c[0, -2::-1]]) for c in (top, bottom)]
-    upper, lower = rings
+def _walls(top: Array, bottom: Array) -> Array:
+    upper, lower = (np.concatenate([c[:, 0], c[-1, 1:], c[-2::-1, -1], c[0, -2::-1]]) for c in (top, bottom))
     first = np.stack([upper[:-1], lower[:-1], lower[1:]], axis=1)
     second = np.stack([upper[:-1], lower[1:], upper[1:]], axis=1)
     return np.concatenate([first, second])

@@ -1,5 +1,6 @@
 """The statements of section 3.1.1, the coarse stage, beside what was measured here."""
 
+from functools import partial
 from math import degrees
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from gellight.design.comparison import Statement
 from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult
 
+_statement = partial(Statement, section="3.1.1")
 UNKNOWN_MEASURES = "depends on measures of the objects that the paper does not give"
 
 
@@ -30,8 +32,7 @@ def coarse_statements(result: CoarseResult) -> list[Statement]:
 
 def _best_angle(result: CoarseResult) -> Statement:
     best = degrees(result.best_angle_rad())
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the incident angle is 29°, closest to the average minimum",
         measured=f"the averaged Top1 curve is lowest at {best:.0f}°",
         holds_if="lowest at 29°",
@@ -42,8 +43,7 @@ def _best_angle(result: CoarseResult) -> Statement:
 
 def _mean_best_angle(result: CoarseResult) -> Statement:
     mean = degrees(result.mean_best_angle_rad())
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the best angle averaged over the benchmark is 32.2°",
         measured=f"the mean of the ten best angles is {mean:.1f}°",
         holds_if="from 29° to 37°, less than a step of 8° away",
@@ -57,8 +57,7 @@ def _falls_and_rises(result: CoarseResult) -> Statement:
     curve = result.mean_top1_rad[result.row(CHOSEN_NUMBER)]
     lowest = int(curve.argmin())
     holds = bool((np.diff(curve[: lowest + 1]) < 0).all() and (np.diff(curve[lowest:]) > 0).all())
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the error first falls, then rises with the incident angle",
         measured="falls to its minimum and rises after it" if holds else "not monotone on both sides",
         holds_if="monotone on both sides of the lowest point",
@@ -69,8 +68,7 @@ def _falls_and_rises(result: CoarseResult) -> Statement:
 
 def _same_for_any_number(result: CoarseResult) -> Statement:
     best = [result.best_angle_rad(number) for number in result.groups.numbers]
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the best angle is almost the same for any number of lights",
         measured="best angles " + ", ".join(f"{degrees(angle):.0f}°" for angle in best),
         holds_if="the same for all",
@@ -85,8 +83,7 @@ def _flat_beyond_twelve(result: CoarseResult) -> Statement:
     last = max(means)
     at_best = result.mean_top1_rad[:, result.groups.angles_rad.index(result.best_angle_rad())]
     ratio = float(at_best[-1] / at_best[result.row(CHOSEN_NUMBER)])
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the error falls with the number of lights and is flat beyond 12",
         measured=f"map mean relative to 12 lights: 3: {means[3]:.2f}, 6: {means[6]:.2f}, {last}: {means[last]:.2f}",
         holds_if=f"3 lights above 1.3, {last} above 0.85",
@@ -100,8 +97,7 @@ def _angle_before_number(result: CoarseResult) -> Statement:
     by_angle = top1[result.row(CHOSEN_NUMBER)]
     by_number = top1[:, result.groups.angles_rad.index(result.best_angle_rad())]
     over_angles, over_numbers = (float(some.max() / some.min()) for some in (by_angle, by_number))
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the incident angle changes the error more than the number of lights",
         measured=f"largest to smallest Top1: {over_angles:.0f} over the angles, {over_numbers:.1f} over the numbers",
         holds_if="more over the angles",
@@ -112,8 +108,7 @@ def _angle_before_number(result: CoarseResult) -> Statement:
 
 def _large_blue_region(result: CoarseResult) -> Statement:
     blue = _blue_cells(result)
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="SCROWN and SINWAVE have a large blue region",
         measured=f"cells under 5°: {_largest(blue, 4, 'SINWAVE')}",
         holds_if="at most three have more than either",
@@ -124,8 +119,7 @@ def _large_blue_region(result: CoarseResult) -> Statement:
 
 def _red_region(result: CoarseResult) -> Statement:
     red = _by_object(result, (result.errors_rad[..., 2] > np.radians(30)).sum(axis=(1, 2)))
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the red region grows with the complexity of the surface, as of the caves and CCONVEX",
         measured=f"cells over 30°: {_largest(red, 3, 'CCONVEX')}",
         holds_if="at most two have more than BALLCAVE or CCONVEX",
@@ -136,8 +130,7 @@ def _red_region(result: CoarseResult) -> Statement:
 
 def _sharp_step(result: CoarseResult) -> Statement:
     blue = _blue_cells(result)
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="a simple form with a sharp step, TSTEP, has a large error",
         measured=f"cells under 5°: TSTEP {blue['TSTEP']}, SCROWN {blue['SCROWN']}, SINWAVE {blue['SINWAVE']}",
         holds_if="fewer than both smooth ones",
@@ -148,8 +141,7 @@ def _sharp_step(result: CoarseResult) -> Statement:
 
 def _low_frequency(result: CoarseResult) -> Statement:
     floor = _by_object(result, np.degrees(result.errors_rad[:, result.row(CHOSEN_NUMBER), :, 2].min(axis=1)))
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="the low-frequency sphere under BSWAVE hardly matters beside SINWAVE",
         measured=f"Top1 at the best angle {floor['BSWAVE']:.2f}° and {floor['SINWAVE']:.2f}°",
         holds_if="within a quarter",
@@ -161,8 +153,7 @@ def _low_frequency(result: CoarseResult) -> Statement:
 def _steepest_rise(result: CoarseResult) -> Statement:
     top1 = result.errors_rad[:, result.row(CHOSEN_NUMBER), :, 2]
     rise = _by_object(result, top1.max(axis=1) / top1.min(axis=1))
-    return Statement(
-        section="3.1.1",
+    return _statement(
         claim="CCONVEX and QUCAVE degrade most with the angle",
         measured=f"largest to smallest Top1: {_largest(rise, 3, 'CCONVEX')}",
         holds_if="at most two rise more than either",

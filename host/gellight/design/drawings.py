@@ -2,6 +2,8 @@
 
 from math import cos, degrees, pi, sin
 
+import numpy as np
+
 from gellight.design.geometry import STRIP_WIDTH_MM
 from gellight.design.parts import LED_SIDE_MM, Point, Strip
 from sim_reference.geometry import SensorGeometry, led_positions
@@ -14,7 +16,7 @@ Extent = tuple[float, float, float, float]
 
 
 def strip_svg(flat: Strip, colours: str) -> str:
-    """Return the flat strip as seen from the side of the LEDs, which are numbered along the data line."""
+    """Return the flat strip seen from the LED side; LEDs are numbered along the data line."""
     large = int(flat.sector_rad > pi)
     start, end = (1.0, 0.0), (cos(flat.sector_rad), -sin(flat.sector_rad))
     outline = (
@@ -41,10 +43,10 @@ def strip_svg(flat: Strip, colours: str) -> str:
 
 
 def ring_svg(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> str:
-    """Return the section of the sensor with its measures, and beside it the ring as the camera sees it; mm."""
+    """Return a section of the sensor with its dimensions in mm, and beside it the ring as the camera sees it."""
     reach, height = geometry.gel_diameter_mm / 2, geometry.camera_height_mm
     apart = 2 * reach + 30
-    body = [*_section(geometry, width_mm), *_measures(geometry), *_from_the_camera(geometry, apart, -height / 2)]
+    body = [*_section(geometry, width_mm), *_dimensions(geometry), *_from_the_camera(geometry, apart, -height / 2)]
     top = min(-height - 9, -height / 2 - reach - 7)
     return _svg(body, (-reach - 14, top, apart + reach + 6, max(12.0, reach - height / 2 + 7)))
 
@@ -67,7 +69,7 @@ def _section(geometry: SensorGeometry, width_mm: float) -> list[str]:
     ]
 
 
-def _measures(geometry: SensorGeometry) -> list[str]:
+def _dimensions(geometry: SensorGeometry) -> list[str]:
     reach, height = geometry.gel_diameter_mm / 2, geometry.camera_height_mm
     above, r = height - geometry.mounting_height_mm, geometry.ring_radius_mm
     return [
@@ -98,7 +100,7 @@ def _led_in_section(geometry: SensorGeometry, side: int, width_mm: float, colour
 
 
 def _from_the_camera(geometry: SensorGeometry, x: float, y: float) -> list[str]:
-    """The ring around (x, y) of the drawing: azimuths are counted anticlockwise, LED 0 is at the right."""
+    """Return the ring as the camera sees it, centred at (x, y): LED 0 at the right, then anticlockwise."""
     rows, columns = (count * geometry.pixel_size_mm for count in geometry.image_shape)
     body = [
         f'<circle cx="{x}" cy="{y}" r="{geometry.gel_diameter_mm / 2}" stroke="currentColor" stroke-width=".3"/>',
@@ -120,7 +122,7 @@ def _from_the_camera(geometry: SensorGeometry, x: float, y: float) -> list[str]:
 
 
 def _dimension(start: Point, end: Point, label: str, beside: float = 4.5) -> list[str]:
-    """Return a line between two points of a row or a column, with ticks at its ends and its measure beside it."""
+    """Return a horizontal or vertical dimension line with ticks at its ends and its label beside it."""
     upright = start[0] == end[0]
     tick = "m-1 0h2" if upright else "m0 -1v2"
     middle = ((start[0] + end[0]) / 2 + beside * upright, (start[1] + end[1]) / 2 + (0 if upright else 2.2))
@@ -145,11 +147,10 @@ def _round(radius: float) -> str:
 
 
 def _extent(flat: Strip) -> Extent:
-    """Return what the flat strip fills in the drawing, with a margin of 2 mm."""
-    turns = [flat.sector_rad * step / 360 for step in range(361)]
-    across = [radius * cos(turn) for turn in turns for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
-    down = [-radius * sin(turn) for turn in turns for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
-    return min(across) - 2, min(down) - 2, max(across) + 2, max(down) + 2
+    """Return the bounding box of the flat strip with a margin of 2 mm."""
+    edge = np.exp(-1j * np.linspace(0, flat.sector_rad, 361))
+    edges = np.concatenate([radius * edge for radius in (flat.inner_radius_mm, flat.outer_radius_mm)])
+    return edges.real.min() - 2, edges.imag.min() - 2, edges.real.max() + 2, edges.imag.max() + 2
 
 
 def _svg(body: list[str], extent: Extent) -> str:

@@ -1,4 +1,4 @@
-"""The geometry that the optimiser works on: a settings file with a [geometry] section, and what cannot be built."""
+"""The sensor's geometry: read from a settings file, checked for what cannot be built, and written."""
 
 from dataclasses import fields
 from math import cos, degrees
@@ -35,7 +35,7 @@ def read_geometry(path: Path | None) -> SensorGeometry:
 
 
 def check(geometry: SensorGeometry, strip_width_mm: float = STRIP_WIDTH_MM) -> None:
-    """Raise ConfigError for LEDs in the gel or its support, a colour without an LED, a ring wider than the housing."""
+    """Raise ConfigError for a missing colour, LEDs inside the gel or its acrylic, or a ring wider than the housing."""
     missing = [colour for colour in "RGB" if colour not in geometry.led_colours]
     if missing:
         raise ConfigError(

@@ -13,7 +13,7 @@ from gellight.design.studies import BeyondResult, Setup, VariantResult
 from gellight.design.sweep_times import SweepTimes
 from gellight.report import html
 from gellight.report.charts import Axes, Series, line_chart
-from gellight.report.html import card, figures, pictures, section, table
+from gellight.report.html import box, section, table
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult
 
@@ -69,7 +69,7 @@ def _statements(results: AllResults) -> str:
     return section(
         "The paper, line by line",
         f"<p>{held} of {len(rows)} statements are reproduced. The numbers decide, not the author of this page.</p>",
-        f'<div class="wide"><table class="statements">{head}{body}</table></div>',
+        box("wide", f'<table class="statements">{head}{body}</table>'),
     )
 
 
@@ -80,8 +80,8 @@ def _benchmark(setup: Setup) -> str:
         f"{setup.sampling.press_depth_mm:g} mm into the gel. Under each object stand the slope that 0.3 % of the "
         "surface exceeds and the largest depth. White is deepest, black the highest bulge. Below, the same presses "
         "under the coloured ring (figure 4d).</p>",
-        pictures(renderings.benchmark_depths(setup)),
-        pictures(renderings.benchmark_pictures(setup)),
+        box("pictures", renderings.benchmark_depths(setup)),
+        box("pictures", renderings.benchmark_pictures(setup)),
     )
 
 
@@ -96,10 +96,14 @@ def _coarse(result: CoarseResult) -> str:
         "<p>Parallel light with attached and cast shadows, 8 bit, noise with a standard deviation of "
         f"{result.groups.noise_grey:g} grey levels. Rows are numbers of lights, columns incident angles. The best of "
         "each row is framed; from 30° all cells are red. Figure 3a, then figure 4a:</p>",
-        figures(*(output.top1_map(result, "SCROWN", figure) for figure in range(3))),
-        figures(*(output.top1_map(result, name) for name in result.names)),
+        box("figures", *(output.top1_map(result, "SCROWN", figure) for figure in range(3))),
+        box("figures", *(output.top1_map(result, name) for name in result.names)),
         "<h3>Figure 4b: Top1 against the incident angle, one curve for each number of lights</h3>",
-        figures(*(card(output.top1_curves(result, name)) for name in (None, *result.names)), card(relative)),
+        box(
+            "figures",
+            *(box("card", output.top1_curves(result, name)) for name in (None, *result.names)),
+            box("card", relative),
+        ),
         table(["", *best], [[f"best angle, {CHOSEN_NUMBER} lights", *(_deg(angle, 0) for angle in best.values())]]),
     )
 
@@ -117,10 +121,11 @@ def _fine(results: AllResults) -> str:
         f"{geometry.mounting_height_mm:g} mm with lines of equal brightness, {renderings.CONTOURS} steps from black to "
         "the brightest (figure 4c). Dashed curves of the error include the window, which bends the light and leaves no "
         "room for LEDs further down.</p>",
-        pictures(renderings.plane_pictures(results.setup, results.fine.heights_mm)),
-        pictures(renderings.channel_pictures(results.setup)),
-        figures(
-            *(card(str(chart)) for chart in output.fine_charts(results.fine).values()),
+        box("pictures", renderings.plane_pictures(results.setup, results.fine.heights_mm)),
+        box("pictures", renderings.channel_pictures(results.setup)),
+        box(
+            "figures",
+            *(box("card", str(chart)) for chart in output.fine_charts(results.fine).values()),
             table(["view and camera", "SAT = 50 % at", "SAT at 20 mm"], rows),
         ),
     )
@@ -131,7 +136,7 @@ def _ball(result: BallResult) -> str:
         "Calibration ball",
         f"<p>Recommended: {escape(output.ball_text(result.choice))}. The largest ball that records 60° has the "
         "sharpest edge in the image.</p>",
-        figures(card(output.ball_chart(result))),
+        box("figures", box("card", output.ball_chart(result))),
     )
 
 
@@ -150,7 +155,8 @@ def _beyond(results: AllResults) -> str:
         "colour comes from four LEDs at once; with four exposures, three LEDs 120° apart shine in each.</p>",
         table(["step", "Top1 without", "with", "times lower", "compared"], gains),
         "<p></p>",
-        figures(
+        box(
+            "figures",
             _beyond_chart(beyond, "Shadow-aware photometric stereo", "least squares", "shadows dropped"),
             _beyond_chart(
                 beyond, "Refraction at the window", "least squares", "window, same lamps", "window, exposure restored"
@@ -163,7 +169,9 @@ def _beyond(results: AllResults) -> str:
 def _beyond_chart(beyond: BeyondResult, title: str, *names: str) -> str:
     angles = [degrees(angle) for angle in studies.BEYOND_ANGLES]
     series = [Series(name, angles, np.degrees(beyond.curves[name][:, 2]).tolist()) for name in names]
-    return card(line_chart(series, Axes(title=title, x="incident angle in air, degrees", y="Top1, degrees", log=True)))
+    return box(
+        "card", line_chart(series, Axes(title=title, x="incident angle in air, degrees", y="Top1, degrees", log=True))
+    )
 
 
 def _designs(results: AllResults) -> str:
@@ -187,7 +195,7 @@ def _designs(results: AllResults) -> str:
         "dark, so no design is exposed longer than the given sensor unless the row says otherwise. “Noise alone” is "
         "the closed form on a plane, sd² (LᵀL)⁻¹. An MAE above it comes from shadows and clipping; it can also lie "
         "below, because steep slopes face the light.</p>",
-        f'<div class="wide">{table(head, rows)}</div>',
+        box("wide", table(head, rows)),
     )
 
 
@@ -225,7 +233,7 @@ def _parts(results: AllResults) -> str:
         "(section, and the ring as the camera sees it), <code>leds.csv</code> (colour, position and axis of each LED) "
         "and <code>gellight.toml</code>: the design, which the simulated sensor and photometric stereo read. "
         "The command under each drawing lights the ring by hand.</p>",
-        figures(_part("given", results.setup.geometry), _part("chosen", results.chosen_sensor)),
+        box("figures", _part("given", results.setup.geometry), _part("chosen", results.chosen_sensor)),
     )
 
 

@@ -1,12 +1,13 @@
 """Parts to make of a design: the flexible strip of the LEDs and the table of the LEDs; `drawings` draws them.
 
-The strip lies on a cone whose generator rises by the incident angle from the horizontal, so that LEDs that stand
-upright on it shine inwards at that angle. Unrolled, a cone of radius r is a sector of radius r / cos(angle) and of
-360 degrees cos(angle). The LEDs face the gel, so who looks at them sees the ring from there: numbered clockwise, though
-their azimuths run anticlockwise in the camera's image.
+The strip lies on a cone whose side rises by the incident angle from the horizontal, so LEDs that stand upright on it
+shine inwards at that angle. Unrolled, a cone of radius r is a sector of radius r / cos(angle) and of
+360 degrees cos(angle). The drawings show the side of the LEDs, as seen from the gel. There the LEDs are numbered
+clockwise; in the camera's image their azimuths run anticlockwise.
 """
 
 import io
+from cmath import rect
 from dataclasses import dataclass
 from math import cos, degrees, pi, sin
 
@@ -38,28 +39,23 @@ class Strip:
         return self.sector_rad / self.count
 
     def led_centre(self, led: int) -> Point:
-        """Return the middle of an LED in mm from the apex, x right and y up, as seen from the side of the LEDs."""
+        """Return the centre of an LED in mm from the apex, x right and y up, seen from the LED side."""
         return self.middle_radius_mm * cos(self._turn(led)), self.middle_radius_mm * sin(self._turn(led))
 
     def _turn(self, led: int) -> float:
         return self.sector_rad - (led + 0.5) * self.pitch_rad
 
     def led_corners(self, led: int) -> list[Point]:
-        """Return the corners of the package of an LED, as `led_centre`."""
+        """Return the corners of an LED's package, in the coordinates of `led_centre`."""
         turn = self._turn(led)
         half = LED_SIDE_MM / 2
         local = [(half, half), (half, -half), (-half, -half), (-half, half)]
-        return [
-            (
-                (self.middle_radius_mm + out) * cos(turn) - along * sin(turn),
-                (self.middle_radius_mm + out) * sin(turn) + along * cos(turn),
-            )
-            for out, along in local
-        ]
+        corners = [(self.middle_radius_mm + out + 1j * along) * rect(1, turn) for out, along in local]
+        return [(corner.real, corner.imag) for corner in corners]
 
 
 def fits(count: int, geometry: SensorGeometry) -> bool:
-    """Return whether so many LEDs have room side by side on the ring."""
+    """Return whether `count` LEDs fit side by side on the ring."""
     return 2 * pi * geometry.ring_radius_mm / count >= LED_SIDE_MM + LED_GAP_MM
 
 
@@ -92,9 +88,9 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
 
 
 def strip_dxf(flat: Strip) -> bytes:
-    """Return the strip as DXF R2010 in mm, seen from the side of the LEDs: layers OUTLINE, LED and NUMBER.
+    """Return the strip as DXF R2010 in mm, seen from the LED side: layers OUTLINE, LED and NUMBER.
 
-    Raises InputError if the file is not sound.
+    Raises InputError if ezdxf finds errors in the drawing.
     """
     from ezdxf import units
     from ezdxf.enums import TextEntityAlignment

@@ -1,4 +1,4 @@
-"""Results on disk, named by what they are the result of, so that a sweep that stopped goes on where it stopped."""
+"""Results of tasks on disk, one file each, named by the key of the task: a sweep can go on where it stopped."""
 
 import hashlib
 import json
@@ -15,12 +15,12 @@ logger = logging.getLogger(__name__)
 
 
 def default_folder() -> Path:
-    """Return where results are kept unless the user says otherwise."""
+    """Return the folder in the user's cache where results are kept by default."""
     return platformdirs.user_cache_path("gellight") / "optimize"
 
 
 class ResultStore:
-    """A folder of results, one file each, written whole or not at all."""
+    """A folder of results; each file is written whole or not at all."""
 
     def __init__(self, folder: Path) -> None:
         """Use `folder`, made if need be; raises InputError if that is impossible."""

@@ -57,25 +57,14 @@ class Setup:
         """Return `camera` with the noise of this setup."""
         return replace(camera, noise_grey=self.noise_grey)
 
-    def press(self, name: str, sampling: Sampling, thinning: int) -> "Pressed":
-        """Press an object and return what is evaluated of it: one in `thinning` pixels of the sampled disc."""
+    def press(self, name: str, sampling: Sampling, thinning: int) -> design.Place:
+        """Press an object and return where it is evaluated: one in `thinning` pixels of the sampled disc."""
         inside, _, _ = region(sampling, self.geometry)
         points = np.zeros_like(inside)
         points.flat[np.flatnonzero(inside)[::thinning]] = True
         x, y = np.broadcast_arrays(*pixel_grid(sampling.on(self.geometry)))
         pressed = press_benchmark(name, sampling, self.geometry, self.parameters)
-        return Pressed(near_field.scene(pressed, points), x[points], y[points])
-
-
-@dataclass(frozen=True)
-class Pressed:
-    """A pressed object at P pixels."""
-
-    scene: near_field.Scene
-    x_mm: Array
-    """(P,)"""
-    y_mm: Array
-    """(P,)"""
+        return design.Place([near_field.scene(pressed, points)], x[points], y[points])
 
 
 def setup_of(
@@ -118,20 +107,20 @@ def fine_errors(name: str, setup: Setup, heights_mm: tuple[float, ...], medium: 
     They are NaN at a height where the LEDs would be inside the window.
     """
     diameter = min(FINE_DIAMETER_MM, setup.sampling.region_diameter_mm)
-    pressed = setup.press(name, replace(setup.sampling, region_diameter_mm=diameter), FINE_THINNING)
+    place = setup.press(name, replace(setup.sampling, region_diameter_mm=diameter), FINE_THINNING)
     camera = setup.with_noise(CAMERA)
-    by_height = [_errors_at(fine.at_height(setup.geometry, height), pressed, medium, camera) for height in heights_mm]
+    by_height = [_errors_at(fine.at_height(setup.geometry, height), place, medium, camera) for height in heights_mm]
     return np.swapaxes(by_height, 0, 1).tolist()
 
 
-def _errors_at(geometry: SensorGeometry, pressed: Pressed, medium: Medium, camera: LightGroups) -> Array:
+def _errors_at(geometry: SensorGeometry, place: design.Place, medium: Medium, camera: LightGroups) -> Array:
     """Return MAE and Top1 in rad of each method: (methods, 2)."""
     if geometry.camera_height_mm - geometry.mounting_height_mm <= medium.thickness_mm:
         return np.full((len(METHODS), 2), np.nan)
-    ring = near_field.ring_light_vectors(geometry, pressed.x_mm, pressed.y_mm, medium)
+    ring = near_field.ring_light_vectors(geometry, place.x, place.y, medium)
     errors = [
         near_field.normal_error(
-            pressed.scene, ring, near_field.mixing(geometry, one_shot=at_once), camera, drop_shadows=drop
+            place.scenes[0], ring, near_field.mixing(geometry, one_shot=at_once), camera, drop_shadows=drop
         )
         for at_once, drop in METHODS.values()
     ]
@@ -192,7 +181,7 @@ class BeyondResult:
 
 def beyond_errors(name: str, setup: Setup) -> Any:
     """Return the lists of errors of `BeyondResult` for one object: curves and schemes, by name."""
-    scenes = [setup.press(name, setup.sampling, BEYOND_THINNING).scene]
+    scenes = setup.press(name, setup.sampling, BEYOND_THINNING).scenes
     camera = setup.with_noise(LightGroups())
     number = setup.led_count // 3 * 3
     window = window_of(setup.geometry)
@@ -241,7 +230,7 @@ def given_candidate(setup: Setup, wishes: design.Wishes) -> Any:
 def _place(setup: Setup) -> design.Place:
     sampling = replace(DESIGN_SAMPLING, press_depth_mm=setup.sampling.press_depth_mm)
     pressed = [setup.press(name, sampling, DESIGN_THINNING) for name in setup.names]
-    return design.Place([one.scene for one in pressed], pressed[0].x_mm, pressed[0].y_mm)
+    return replace(pressed[0], scenes=[one.scenes[0] for one in pressed])
 
 
 def given_study(setup: Setup, wishes: design.Wishes) -> Study[design.Candidate]:

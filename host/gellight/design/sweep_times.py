@@ -1,4 +1,4 @@
-"""The coarse sweep against plain code that computes one light group, one light, one picture at a time."""
+"""Time of the coarse sweep, beside plain code that computes one light group, one light, one picture at a time."""
 
 import time
 from dataclasses import dataclass, replace

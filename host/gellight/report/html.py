@@ -36,16 +36,6 @@ def cells(row: Sequence[str]) -> str:
     return "".join(f"<td>{cell}" for cell in row)
 
 
-def figures(*body: str) -> str:
-    """Return charts and cards side by side."""
-    return f'<div class="figures">{"".join(body)}</div>'
-
-
-def pictures(body: str) -> str:
-    """Return pictures side by side."""
-    return f'<div class="pictures">{body}</div>'
-
-
-def card(body: str) -> str:
-    """Return a framed part of `figures`."""
-    return f'<div class="card">{body}</div>'
+def box(kind: str, *body: str) -> str:
+    """Return a box: "figures" or "pictures" side by side, a framed "card", or a "wide" table that scrolls."""
+    return f'<div class="{kind}">{"".join(body)}</div>'
