@@ -41,7 +41,7 @@ def install_bundle(
     sensor: Sensor = None,
     as_json: AsJson = False,
 ) -> None:
-    """Put a bundle that passed its verification into service, and tell the board of the sensor."""
+    """Put a bundle that passed its verification into service; the board of the sensor remembers it."""
     from gellight.bundle.bundle import load_bundle
     from gellight.bundle.store import BundleStore
     from gellight.daemon.installing import install, sensor_name
@@ -49,7 +49,7 @@ def install_bundle(
     loaded = load_bundle(bundle)
     with _opened(sensor) as camera:
         installed = install(loaded, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
-    _tell(installed, as_json)
+    _report(installed, as_json)
 
 
 def restore_bundle(
@@ -57,13 +57,13 @@ def restore_bundle(
     sensor: Sensor = None,
     as_json: AsJson = False,
 ) -> None:
-    """Put an earlier bundle of the sensor into service again, and tell its board."""
+    """Put an earlier bundle of the sensor into service again; its board remembers it."""
     from gellight.bundle.store import BundleStore
     from gellight.daemon.installing import restore, sensor_name
 
     with _opened(sensor) as camera:
         installed = restore(identity, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
-    _tell(installed, as_json)
+    _report(installed, as_json)
 
 
 def _opened(sensor: str | None) -> "Camera":
@@ -74,11 +74,11 @@ def _opened(sensor: str | None) -> "Camera":
     return open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
 
 
-def _tell(installed: "Installed", as_json: bool) -> None:
+def _report(installed: "Installed", as_json: bool) -> None:
     entry = installed.bundle
     if as_json:
         typer.echo(json.dumps({**entry.model_dump(mode="json"), "remembered": installed.remembered}, indent=2))
         return
-    known = "its board knows it" if installed.remembered else "it has no board that could remember it"
+    known = "its board remembers it" if installed.remembered else "it has no board that could remember it"
     typer.echo(f"bundle {entry.identity} is in service for sensor {entry.sensor}; {known}")
     typer.echo('a sensor that runs goes on with its old bundle until it is started again; set calibration = "auto"')

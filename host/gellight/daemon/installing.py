@@ -41,7 +41,7 @@ class Installed:
 
     bundle: ListedBundle
     remembered: bool
-    """whether the board of the sensor knows it; False where the sensor has no board"""
+    """whether the board of the sensor remembers it; False where the sensor has no board"""
 
 
 def sensor_name(camera: Camera) -> str:

@@ -136,7 +136,7 @@ class Stream:
                 self.delivered.put(frame)
 
     def _end(self, error: Exception, mailbox: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
-        """Tell those who wait why no more comes."""
+        """Raise `error` where frames of `mailbox` are waited for, and note it unless it is the proper end."""
         if not (isinstance(error, EndOfStream) or self.ended):
             self.note(threading.current_thread().name, str(error))
         mailbox.close(error)

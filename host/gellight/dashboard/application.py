@@ -96,7 +96,7 @@ class Dashboard:
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     async def _pump(self) -> None:
-        """Fetch and encode the newest frame whenever somebody is ready to draw it."""
+        """Fetch and encode the newest frame whenever a page is ready to draw it."""
         loop = asyncio.get_running_loop()
         while True:
             await self._wait_for_credit()
@@ -184,7 +184,7 @@ class Dashboard:
         return json.dumps(await loop.run_in_executor(self._worker, self._status), allow_nan=False)
 
     def _status(self) -> dict[str, object]:
-        """Return the source's status, the stage and the server's clock, by which the page tells a frame's age."""
+        """Return the source's status, the stage and the server's clock, by which the page computes a frame's age."""
         status = dict(self._source.status())
         status["error"] = status.get("error") or self._error
         status |= {"type": "status", "now_s": time.monotonic(), "clients": len(self._clients)}

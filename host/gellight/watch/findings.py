@@ -1,4 +1,4 @@
-"""What the watch tells: a finding has a likely cause, figures and a remedy."""
+"""What the watch reports: each finding has a likely cause, figures and a remedy."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class WatchFinding:
 
 
 def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Iterator[WatchFinding]:
-    """Tell of LEDs, drift, a moved camera, or a change that none of them explains."""
+    """Yield the findings about LEDs, drift, a moved camera, or a change that none of them explains."""
     for led, light in sorted(explanation.leds.items()):
         if light < DIMMED:
             yield _led(led, light)
@@ -114,7 +114,7 @@ _SPOT_TEXTS = {
 
 
 def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> WatchFinding:
-    """Tell of a spot that never comes to rest."""
+    """Return the finding of a spot that never comes to rest."""
     x_px, y_px = ((cell + 0.5) * CELL_PX - 0.5 for cell in (spot.column, spot.row))
     x_mm = (x_px - (image_shape[1] - 1) / 2) * pixel_size_mm[0]
     y_mm = (y_px - (image_shape[0] - 1) / 2) * pixel_size_mm[1]
@@ -134,7 +134,7 @@ def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[
 
 
 def never_at_rest(seconds: float) -> WatchFinding:
-    """Tell that nothing can be told: every look since the start saw something that light cannot do."""
+    """Return the finding that the gel was never seen at rest: every look saw something that light cannot do."""
     return WatchFinding(
         kind="never_at_rest",
         severity=Severity.WARNING,

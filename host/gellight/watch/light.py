@@ -11,7 +11,7 @@ sum over the LEDs, each with its colour, and each colour with its share in each 
 
 r, h and n are fitted by least squares, the shares X in closed form. On the simulated sensor, whose LEDs are tilted and
 are seen through overlapping filters, the fit leaves 0.5 % of the picture. It serves to name an LED, not to measure
-light: whatever it leaves, gains and shifts are told from the reference image itself.
+light: gains and shifts are fitted to the reference image itself, whatever this fit leaves.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The watch itself: fed with frames now and then, it knows what has changed since the calibration."""
+"""The watch itself: it is given a frame now and then, and finds what has changed since the calibration."""
 
 import statistics
 import threading
@@ -28,7 +28,7 @@ REST_LOOKS, FEWEST_LOOKS = 12, 6
 """looks at the gel at rest that a judgement is made of"""
 REST_MEMORY_S = 30.0
 NEVER_S = 120.0
-"""without a single look at the gel at rest since the start, that is told"""
+"""so long without a single look at the gel at rest since the start is a finding"""
 FREE_CELLS = 2
 """so many cells may be outliers by chance"""
 JUMP_GREY = 0.5
@@ -70,7 +70,7 @@ class SensorWatch:
         self.bundle = bundle
         self.rezero = rezero
         self.paused = False
-        """set while somebody else rules the light, as a calibration does"""
+        """whether frames are ignored, because a calibration sets the light"""
         self._model = UntouchedModel(bundle)
         self._spots = SpotTracker(self._model.reference.shape[:2])
         self._estimate: ErrorEstimate | None = None
@@ -107,11 +107,11 @@ class SensorWatch:
         self._costs_s.append(time.perf_counter() - begun_s)
 
     def _under_other_light(self, frame: CameraFrame) -> bool:
-        """Whether the ring was told to shine in another way than when the sensor was calibrated."""
+        """Whether the ring was set to other colours than when the sensor was calibrated."""
         if frame.label is not None:
             return True
-        calibrated = [led.rgb for led in self.bundle.manifest.led]
-        return bool(calibrated) and frame.light is not None and not np.array_equal(frame.light, calibrated)
+        calibrated = self.bundle.colours
+        return calibrated is not None and frame.light is not None and not np.array_equal(frame.light, calibrated)
 
     def _look(self, change: Cells, time_s: float) -> None:
         if self._last is None:
@@ -156,10 +156,10 @@ class SensorWatch:
         before = self._judgement.change if self._judgement else np.zeros_like(change)
         self._sudden_grey = max(self._sudden_grey, _rms(change - before, kept))
         self._judgement = judgement
-        self._tell(judgement)
+        self._report(judgement)
 
-    def _tell(self, judgement: _Judgement) -> None:
-        """Tell what two judgements in a row have found."""
+    def _report(self, judgement: _Judgement) -> None:
+        """Report what two judgements in a row have found."""
         found = list(light_findings(judgement.explanation, self.bundle.pixel_size_mm))
         for spot in self._spots.spots(judgement.change - judgement.fitted, self._model.reference):
             found.append(spot_finding(spot, self.bundle.image_shape, self.bundle.pixel_size_mm))

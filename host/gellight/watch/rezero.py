@@ -5,7 +5,7 @@ even a touch that nobody noticed would not be absorbed. Beyond that the zero is 
 
 - while no cell of the view shows anything that light cannot do;
 - up to a bound, counted from the reference image of the calibration and not from the last zero;
-- for a change that came slowly: what comes at once is an event to be told, not a drift to be followed.
+- for a change that came slowly: a sudden one is reported as a finding, and the zero does not follow it.
 """
 
 from dataclasses import dataclass

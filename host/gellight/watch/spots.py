@@ -1,7 +1,7 @@
 """Spots of the picture that stay while touches come and go: a tear, dirt, something that sticks to the gel.
 
-One picture cannot tell a crumb from a touch. But a touch ends, and what a hand or a gripper holds for long ends as a
-whole. So a spot is told only when its cells have been outliers without a break for `PATIENCE_S`, and meanwhile
+In one picture a crumb looks like a touch. But a touch ends, and what a hand or a gripper holds for long ends as a
+whole. So a spot is reported only when its cells have been outliers without a break for `PATIENCE_S`, and meanwhile
 `RELEASES` touches elsewhere have ended. An object that is held still is therefore never taken for a spot.
 """
 
@@ -22,7 +22,7 @@ LEAST_CELLS = 3
 LARGEST_SHARE = 0.06
 """of the view; what is larger is a touch"""
 ELSEWHERE_CELLS = 4
-"""a touch that ends nearer to a spot than that tells nothing about it"""
+"""a touch that ends nearer to a spot than that does not count as elsewhere"""
 EDGE_CELLS = 2
 LEAST_RELEASED = 4
 """so many cells have to come to rest at once for a touch to have ended"""

@@ -1,4 +1,4 @@
-// What the watch has found: told above the pictures, hidden while the sensor is as it was calibrated.
+// What the watch has found: shown above the pictures, hidden while the sensor is as it was calibrated.
 
 const element = (id) => document.getElementById(id);
 

@@ -1,4 +1,4 @@
-// The calibration wizard: shows what the routine says, and tells it what the visitor chose.
+// The calibration wizard: shows the state of the routine, and sends it what the visitor chose.
 
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
