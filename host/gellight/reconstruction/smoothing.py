@@ -156,7 +156,7 @@ class Smoother:
 
 
 def _explained(seen: Floats, energy: float) -> Floats:
-    """(h, w) 1 where noise of this energy explains what is seen, (h, w, 2), in both directions, 0 where it does not."""
+    """(h, w) share to which noise of this energy explains the difference `seen` (h, w, 2): 1 wholly, 0 not at all."""
     worst = np.maximum(seen[..., 0], seen[..., 1]) / np.float32(energy)
     return np.clip((_DIFFER - worst) / np.float32(_DIFFER - _AGREE), 0, 1)
 

@@ -85,7 +85,8 @@ def fit(
     sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
     folds: Annotated[int, typer.Option(min=0, help="also measure the error by this many folds; 0: do not")] = 0,
     previous: Annotated[
-        str | None, typer.Option(help="earlier bundle of this sensor: refuses a ball of another size than it feels")
+        str | None,
+        typer.Option(help="earlier bundle of this sensor; refuses presses of a ball that it feels as another one"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -24,7 +24,7 @@ anything"""
 SLACK_US = 100.0
 """a light that begins later than planned by more than this may be the repetition of a disturbed one"""
 FEWEST_ON_GRID, MOST_ON_GRID = 4, 8
-"""the plan is what the earliest of so many lights say; one alone may itself have been late"""
+"""the plan goes by the earliest of this many lights, for a single light may itself have been late"""
 KEPT = 64
 
 Plan = Callable[[protocol.LightEvent, protocol.LightEvent], float | None]
