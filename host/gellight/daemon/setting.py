@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import GellightError
+from gellight.base.errors import CameraError, GellightError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 
@@ -54,6 +54,6 @@ class Setting:
             try:
                 camera.adopt(before.controls, before.colours)
             except GellightError as second:
-                raise type(error)(f"{error}; nor can camera and LEDs be set as before ({second})") from error
+                raise CameraError(f"{error}; nor can camera and LEDs be set as before ({second})") from error
             raise
         return before
