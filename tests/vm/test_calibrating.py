@@ -1,5 +1,7 @@
 """The guided routine on the real drivers: camera set, LEDs checked, pixel measured, circles found."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -48,4 +50,4 @@ def test_the_routine_measures_a_sensor_behind_usb(guest: Guest, bench: Bench) ->
         centre = np.array([circle["center_x_px"], circle["center_y_px"]])
         assert np.abs(MIDDLE_PX + np.array(BALL) / PIXEL_MM - centre).max(axis=1).min() < 0.5, "at one of the places"
     board = bench.sensors["fine"]._inside.board
-    assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the routine has ended"
+    assert not board.light_at(board.virtual_us(time.monotonic())).any(), "the LEDs are dark when the routine has ended"

@@ -5,11 +5,7 @@ from math import isfinite
 
 from gellight.base.errors import CameraError, InputError
 
-RANGES = {
-    "exposure_us": (100.0, 30000.0, 100.0),
-    "gain": (1.0, 8.0, 0.01),
-    "white_balance_k": (2800.0, 6500.0, 10.0),
-}
+RANGES = {"exposure_us": (100.0, 30000.0, 100.0), "gain": (1.0, 8.0, 0.01), "white_balance_k": (2800.0, 6500.0, 10.0)}
 """smallest, largest and step of each control, as plain UVC cameras have them"""
 DEFAULTS = {"exposure_us": 8000.0, "gain": 1.0, "white_balance_k": 4600.0}
 _TINT = 0.6

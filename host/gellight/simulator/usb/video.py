@@ -39,8 +39,6 @@ class VideoFunction:
         """Offer `camera` in `modes`; `unplug` pulls the cable where a fault wants it."""
         self.controls = ControlState(stuck=faults.stuck)
         self.negotiation = Negotiation(modes)
-        self.sent = 0
-        """pictures that went to the host since power-on"""
         self.streams = 0
         """how often the host began to stream"""
         self._camera, self._modes, self._unplug = camera, modes, unplug
@@ -127,4 +125,4 @@ class VideoFunction:
             cable.sleep_until(time.monotonic() + chance() * faults.late_ms * 1e-3, wanted)
         header = bytes((HEADER_BYTES, END_OF_HEADER | END_OF_FRAME | self._toggle | damaged))
         self._toggle ^= 1
-        self.sent += cable.send(descriptors.VIDEO_ENDPOINT, header + picture, wanted=wanted)
+        cable.send(descriptors.VIDEO_ENDPOINT, header + picture, wanted=wanted)
