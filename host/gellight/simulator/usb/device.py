@@ -7,11 +7,16 @@ import struct
 import threading
 from collections.abc import Callable, Mapping
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.allowed import query_of
+from gellight.base.errors import CameraError, ConfigError, InputError
+from gellight.base.settings import load_settings
+from gellight.frames.camera import Camera
 from gellight.ring import usb_numbers as numbers
+from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.light_ring import LightRing
+from gellight.ring.wire import LED_COUNT
 from gellight.simulator.usb import descriptors
 from gellight.simulator.usb.cable import CablePulledError, UsbCable
-from gellight.simulator.usb.camera_and_board import CameraAndBoard, open_inside
 from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.simulator.usb.serial_port import SerialFunction
 from gellight.simulator.usb.usbip import Urb
@@ -21,6 +26,53 @@ logger = logging.getLogger(__name__)
 ANSWERS = {numbers.GET_STATUS: b"\0\0", numbers.GET_CONFIGURATION: b"\1", numbers.GET_INTERFACE: b"\0"}
 STANDARD, CLASS, INTERFACE_RECIPIENT = 0x00, 0x20, 1
 STOP_S = 10.0
+
+
+class UncommandedRing(LightRing):
+    """The ring of a board that another program commands: the one at the other end of the virtual USB cable."""
+
+    def __init__(self, board: SimulatedBoard) -> None:
+        """Hold the board without speaking to it."""
+        self.transport = board
+
+    def close(self) -> None:
+        """Switch the board off."""
+        self.transport.close()
+
+
+class CameraAndBoard:
+    """A camera and an emulated board that runs the firmware's image while the sensor has power."""
+
+    def __init__(self, camera: Camera, *, frame_rate: float = 30.0, unique_id: bytes | None = None) -> None:
+        """Take over a camera without a ring, which runs at `frame_rate`.
+
+        `unique_id` are the 8 bytes from which the board makes its serial number; None: there is no board.
+        """
+        self.camera, self.frame_rate = camera, frame_rate
+        self.board: SimulatedBoard | None = None
+        self._unique_id = unique_id
+
+    @property
+    def serial_path(self) -> str:
+        """Path of the terminal at which the board's serial port ends; "" while there is none."""
+        return self.board.path if self.board else ""
+
+    def power_on(self) -> None:
+        """Start the board, its LEDs dark."""
+        if self._unique_id is not None:
+            self.board = SimulatedBoard(pty=True, unique_id=self._unique_id)
+            self.camera.ring = UncommandedRing(self.board)
+
+    def power_off(self) -> None:
+        """End the board, with its LEDs dark: the camera keeps the dead board until a new one starts."""
+        if self.board is not None:
+            self.board.close()
+        self.board = None
+
+    def close(self) -> None:
+        """Switch off for good and close the camera."""
+        self.power_off()
+        self.camera.close()
 
 
 class VirtualSensor:
@@ -149,6 +201,23 @@ def checked_serial(text: str) -> str:
     return f"{int(text, 16):016X}"
 
 
+def open_inside(url: str, *, unique_id: bytes, geometry: Mapping[str, float | int | str]) -> CameraAndBoard:
+    """Open the simulated sensor of a `sim://` URL; with `board=0` its light is steady and its serial port silent.
+
+    Raises InputError or ConfigError.
+    """
+    if not url.startswith("sim://"):
+        raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
+    from gellight.simulator.simulated_camera import SimulatedUrl, built, open_simulated
+
+    wanted, leds = query_of(url, SimulatedUrl), len(built(geometry).led_colours)
+    if wanted.board and leds != LED_COUNT:
+        raise ConfigError(f"the sensor has {leds} LEDs, the board drives {LED_COUNT}: use sim://?board=0")
+    camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
+    camera.url = url
+    return CameraAndBoard(camera, frame_rate=wanted.fps, unique_id=unique_id if wanted.board else None)
+
+
 def open_virtual(
     url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
 ) -> VirtualSensor:
@@ -159,3 +228,19 @@ def open_virtual(
     number = checked_serial(serial_number)
     inside = open_inside(url, unique_id=bytes.fromhex(number), geometry=geometry)
     return VirtualSensor(inside, serial_number=number, faults=faults)
+
+
+def sized_geometry(size: str | None) -> dict[str, float | int | str]:
+    """Return the settings' geometry with a picture of `size` ("160x120") that shows the same width of the gel.
+
+    Raises InputError for a size that is none, or that no camera of this kind has.
+    """
+    geometry = load_settings().geometry.overrides()
+    if size is None:
+        return geometry
+    match = re.fullmatch(r"(\d+)x(\d+)", size)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (16 <= width <= 4096 and 16 <= height <= 4096 and width % 2 == 0):
+        raise InputError(f"size {size!r}: give WIDTHxHEIGHT from 16 to 4096 pixels, an even width, for example 320x240")
+    shown_mm = float(geometry.get("pixel_size_mm", 0.0588)) * int(geometry.get("image_width_px", 640))
+    return {**geometry, "image_width_px": width, "image_height_px": height, "pixel_size_mm": shown_mm / width}

@@ -1,23 +1,26 @@
 """The camera function of the device (UVC): negotiates, takes pictures while the host streams, and sends them."""
 
 import random
+import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
-from gellight.simulator.usb import descriptors
+from gellight.simulator.usb import controls, descriptors
 from gellight.simulator.usb.cable import UsbCable
-from gellight.simulator.usb.control_effects import developed, run_automatics, set_up
-from gellight.simulator.usb.controls import ControlState
+from gellight.simulator.usb.controls import ControlState, developed, run_automatics, set_up
 from gellight.simulator.usb.descriptors import VideoModes
 from gellight.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
 from gellight.simulator.usb.faults import Faults
-from gellight.simulator.usb.negotiation import HEADER_BYTES, Negotiation, StreamMode
 
+PROBE, COMMIT = 1, 2
+"""selectors of the negotiation (UVC 1.1, 4.3.1.1)"""
+HEADER_BYTES = 2
+_BLOCK = struct.Struct("<HBBIHHHHHIIIBBBB")
 END_OF_HEADER, ERROR, END_OF_FRAME = 0x80, 0x40, 0x02
 LATENCY_FRAMES = 2
 """a new value of a control acts on the second picture after it was set, as on sensors that take over registers once a
@@ -30,6 +33,62 @@ def modes_of(camera: Camera, frame_rate: float) -> VideoModes:
     height, width = camera.image_shape
     sizes = [(width, height), (width // 2, height // 2)] if width % 4 == 0 == height % 2 else [(width, height)]
     return VideoModes(tuple(sizes), tuple(round(1e7 * divider / frame_rate) for divider in (1, 2, 4)))
+
+
+@dataclass(frozen=True)
+class StreamMode:
+    """What is streamed."""
+
+    format: int
+    size_index: int
+    """from 1"""
+    interval: int
+    """100 ns"""
+
+
+class Negotiation:
+    """The camera's side; `committed` is the mode in which it streams, None while it does not."""
+
+    def __init__(self, modes: VideoModes) -> None:
+        """Offer `modes`."""
+        self._modes = modes
+        self._probed = StreamMode(descriptors.MJPG, 1, modes.intervals[0])
+        self.committed: StreamMode | None = None
+
+    def request(self, selector: int, code: int, data: bytes) -> bytes | None:
+        """Answer a request to the streaming interface; None: refused."""
+        if selector not in (PROBE, COMMIT):
+            return None
+        if code == controls.SET_CURRENT:
+            if len(data) < 8:
+                return None
+            self._probed = self._nearest(data)
+            if selector == COMMIT:
+                self.committed = self._probed
+            return b""
+        if code == controls.GET_INFO:
+            return b"\x03"
+        if code == controls.GET_LENGTH:
+            return struct.pack("<H", _BLOCK.size)
+        if code in (controls.GET_CURRENT, controls.GET_MINIMUM, controls.GET_MAXIMUM, controls.GET_DEFAULT):
+            return self._pack()
+        return None
+
+    def _nearest(self, data: bytes) -> StreamMode:
+        """Return the offered mode that is nearest to what the host asks for."""
+        _hint, wanted, size, interval = struct.unpack_from("<HBBI", data)
+        offered = self._modes.intervals
+        return StreamMode(
+            min(max(wanted, descriptors.MJPG), descriptors.YUYV),
+            min(max(size, 1), len(self._modes.sizes)),
+            min(offered, key=lambda known: abs(known - interval)) if interval else offered[0],
+        )
+
+    def _pack(self) -> bytes:
+        mode = self._probed
+        size = self._modes.picture_bytes(mode.size_index)
+        return _BLOCK.pack(1, mode.format, mode.size_index, mode.interval, 0, 0, 0, 0, 0, size, size + HEADER_BYTES,
+                           descriptors.CLOCK_HZ, 3, 1, 1, 1)  # fmt: skip
 
 
 class VideoFunction:

@@ -14,8 +14,7 @@ from gellight.base.errors import BoardError, ConfigError, InputError
 from gellight.cli import virtual_sensor
 from gellight.ring.light_ring import LightRing
 from gellight.simulator.usb import vhci
-from gellight.simulator.usb.device import VirtualSensor, open_virtual
-from gellight.simulator.usb.picture_size import sized_geometry
+from gellight.simulator.usb.device import VirtualSensor, open_virtual, sized_geometry
 from gellight.simulator.usb.usbip_server import UsbipServer
 from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.usb_client import UsbClient, import_device

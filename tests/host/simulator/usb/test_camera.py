@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.simulator.usb.camera_and_board import CameraAndBoard
-from gellight.simulator.usb.device import VirtualSensor
+from gellight.simulator.usb.device import CameraAndBoard, VirtualSensor
 from gellight.simulator.usb.encoding import read_mark
 from gellight.simulator.usb.faults import Faults, parse_faults
 from tests.helpers.usb_client import CAMERA, MJPG, PROCESSING, YUYV, CardCamera, Payload, UsbClient

@@ -10,8 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.ring.usb_numbers import DATA_INTERFACE, IN_ENDPOINT, OUT_ENDPOINT, PRODUCT, VENDOR
-from gellight.simulator.usb.camera_and_board import CameraAndBoard
-from gellight.simulator.usb.device import VirtualSensor
+from gellight.simulator.usb.device import CameraAndBoard, VirtualSensor
 from gellight.simulator.usb.usbip_server import UsbipServer
 from tests.helpers.usb_client import CardCamera, UsbClient, import_device
 
