@@ -166,12 +166,11 @@ class LightRing:
             try:
                 self.clock()
                 self._light_again()
+                silent = False
             except BoardError as error:
                 if not silent:
                     logger.warning("the board of the light ring does not answer: %s", error)
                 silent = True
-            else:
-                silent = False
 
     def _light_again(self) -> None:
         """Show the last still light once more where the board has made it dark by itself."""

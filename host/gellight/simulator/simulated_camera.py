@@ -149,11 +149,9 @@ class SimulatedCamera(Camera):
         `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
         steady.
         """
-        self.url = url
-        self.stage = stage
+        self.url, self.stage, self.ring = url, stage, ring
         self.image_shape = scene.geometry.image_shape
         self._scene = scene
-        self.ring = ring
         self._shutter = Shutter()
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)

@@ -19,6 +19,7 @@ from gellight.ring.firmware.build import committed_image
 
 SLICE_US = 2_000.0
 MOST_LAG_US = 50_000.0
+"""where emulation is slower than the wall clock, virtual time falls further behind for good"""
 IDLE_S = 0.001
 PROGRESS_US = 4_000.0
 """so often the parent learns how far virtual time has come"""
@@ -75,23 +76,6 @@ class PseudoTerminal(Bytes):
         return self._take() if events & select.POLLIN else b""
 
 
-class Pace:
-    """Virtual time against wall time: where emulation is too slow, virtual time falls behind for good."""
-
-    def __init__(self, board: EmulatedBoard) -> None:
-        """Begin with virtual time 0 now."""
-        self._board = board
-        self.epoch_s = time.monotonic() - board.now_us / 1e6
-
-    def due_us(self) -> float:
-        """Return how much virtual time is to pass now."""
-        due = (time.monotonic() - self.epoch_s) * 1e6 - self._board.now_us
-        if due > MOST_LAG_US:
-            self.epoch_s += (due - MOST_LAG_US) / 1e6
-            return MOST_LAG_US
-        return due
-
-
 def tell(report: Report) -> None:
     """Print one line for the parent, in one piece: a signal may end the process at any moment."""
     print(report.model_dump_json(exclude_none=True) + "\n", end="", flush=True)
@@ -99,7 +83,7 @@ def tell(report: Report) -> None:
 
 def serve(board: EmulatedBoard, stream: Bytes) -> None:
     """Run until the stream ends."""
-    pace = Pace(board)
+    epoch_s = time.monotonic() - board.now_us / 1e6
     told, opened, progress_us = 0, False, 0.0
     while not stream.finished:
         data = stream.read()
@@ -108,7 +92,9 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             (board.host.open if opened else board.host.close)()
         if data:
             board.host.send(data)
-        due_us = pace.due_us()
+        due_us = (time.monotonic() - epoch_s) * 1e6 - board.now_us
+        if due_us > MOST_LAG_US:
+            epoch_s, due_us = epoch_s + (due_us - MOST_LAG_US) / 1e6, MOST_LAG_US
         if due_us > 0:
             board.run_until(lambda: board.host.received, min(due_us, SLICE_US))
         if board.host.received:

@@ -83,24 +83,20 @@ def _load(elf: bytes) -> bytes:
 def to_uf2(image: bytes) -> bytes:
     """Wrap a flash image, filled up with zeros to whole pages of 256 bytes."""
     image += bytes(-len(image) % PAYLOAD)
-    count = len(image) // PAYLOAD
-    blocks = []
+    count, file = len(image) // PAYLOAD, bytearray()
     for number in range(count):
-        address = FLASH_BASE + PAYLOAD * number
-        head = _BLOCK_HEAD.pack(*_BLOCK_MAGIC, _FAMILY_PRESENT, address, PAYLOAD, number, count, RP2040_FAMILY)
-        payload = image[PAYLOAD * number : PAYLOAD * (number + 1)]
-        blocks.append((head + payload).ljust(BLOCK - 4, b"\0") + _BLOCK_END.to_bytes(4, "little"))
-    return b"".join(blocks)
+        at = PAYLOAD * number
+        head = _BLOCK_HEAD.pack(*_BLOCK_MAGIC, _FAMILY_PRESENT, FLASH_BASE + at, PAYLOAD, number, count, RP2040_FAMILY)
+        file += (head + image[at : at + PAYLOAD]).ljust(BLOCK - 4, b"\0") + _BLOCK_END.to_bytes(4, "little")
+    return bytes(file)
 
 
 def from_uf2(file: bytes) -> bytes:
     """Return the flash image of a UF2 file for the RP2040; InputError if it is anything else."""
     if not file or len(file) % BLOCK:
         raise InputError(f"a UF2 file consists of blocks of {BLOCK} bytes, this one has {len(file)} bytes")
-    image = bytearray()
-    for at in range(0, len(file), BLOCK):
-        image += _payload(file[at : at + BLOCK], at // BLOCK, len(file) // BLOCK)
-    return bytes(image)
+    count = len(file) // BLOCK
+    return b"".join(_payload(file[BLOCK * number : BLOCK * (number + 1)], number, count) for number in range(count))
 
 
 def _payload(block: bytes, number: int, count: int) -> bytes:

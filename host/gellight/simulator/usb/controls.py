@@ -1,7 +1,6 @@
 """The controls of the virtual camera: what a host may set over USB, what is in force, and how it acts on the picture.
 
-A camera that has these controls itself is set by them; the picture of any other is changed after it was taken. Then the
-camera's automatics see it.
+The simulated camera is set by them; then the automatics see its picture.
 """
 
 import struct
@@ -21,8 +20,6 @@ SET_CURRENT, GET_CURRENT, GET_MINIMUM, GET_MAXIMUM, GET_RESOLUTION, GET_LENGTH, 
 READABLE, SETTABLE, CHANGES_ITSELF = 0x01, 0x02, 0x08
 MANUAL, APERTURE_PRIORITY = 1, 8
 """auto exposure modes (UVC 1.1, 4.2.2.1.2)"""
-NOMINAL_EXPOSURE, NOMINAL_WHITE_BALANCE_K = 80, 4600
-"""in the units of the controls: with these, and without gain, the picture is as the simulated camera took it"""
 WANTED_GREY = 110.0
 POWER_LINE_CYCLE = {1: 100, 2: 83}
 """exposures that do not flicker are multiples of this, in 100 us"""
@@ -61,18 +58,12 @@ class ControlState:
 
     def __init__(self, *, stuck: str = "") -> None:
         """Begin with the defaults, as after power-on; the control `stuck` takes values and keeps none."""
-        self.stuck = stuck
+        self.stick(stuck)
         self._values = {control.name: control.default for control in CONTROLS}
-        self._by_address = {(control.unit, control.selector): control for control in CONTROLS}
         self._lock = threading.Lock()
 
-    @property
-    def stuck(self) -> str:
-        """Name of the control that does not keep what it is set to; "" for none."""
-        return self._stuck
-
-    @stuck.setter
-    def stuck(self, name: str) -> None:
+    def stick(self, name: str) -> None:
+        """Let the control of this name, "" for none, take values and keep none; InputError for a name of no control."""
         names = [control.name for control in CONTROLS]
         if name and name not in names:
             raise InputError(f"fault stuck={name!r}: the camera's controls are {', '.join(names)}")
@@ -91,7 +82,7 @@ class ControlState:
 
     def request(self, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a control request of USB Video Class; None: the device refuses (stalls)."""
-        control = self._by_address.get((unit, selector))
+        control = next((known for known in CONTROLS if (known.unit, known.selector) == (unit, selector)), None)
         if control is None:
             return None
         if code == SET_CURRENT:
@@ -118,24 +109,6 @@ class ControlState:
             if control.name != self._stuck:
                 self._values[control.name] = value
         return b""
-
-
-def developed(image: NDArray[np.uint8], values: dict[str, int]) -> NDArray[np.uint8]:
-    """Return (H, W, 3) uint8 RGB as it looks with the values of the controls.
-
-    Grey levels are proportional to exposure and gain; white balance shifts red against blue; what exceeds 255 clips.
-    """
-    gains = channel_gains(values)
-    if np.all(gains == 1):
-        return image
-    return np.asarray(np.clip(np.rint(image * gains), 0, 255), np.uint8)
-
-
-def channel_gains(values: dict[str, int]) -> NDArray[np.float32]:
-    """(3,) factor of each colour against the nominal values; a warmer setting gives bluer pictures."""
-    level = values["exposure_us"] / NOMINAL_EXPOSURE * (1 + values["gain"] / 16)
-    warmth = values["white_balance_k"] / NOMINAL_WHITE_BALANCE_K
-    return np.array([level * warmth, level, level / warmth], np.float32)
 
 
 def set_up(camera: CameraControls, values: dict[str, int]) -> None:

@@ -52,11 +52,6 @@ class CameraAndBoard:
         self.board: SimulatedBoard | None = None
         self._unique_id = unique_id
 
-    @property
-    def serial_path(self) -> str:
-        """Path of the terminal at which the board's serial port ends; "" while there is none."""
-        return self.board.path if self.board else ""
-
     def power_on(self) -> None:
         """Start the board, its LEDs dark."""
         if self._unique_id is not None:
@@ -92,7 +87,8 @@ class VirtualSensor:
         self._start_functions()
 
     def _start_functions(self) -> None:
-        self.serial = SerialFunction(self._inside.serial_path)
+        board = self._inside.board
+        self.serial = SerialFunction(board.path if board else "")
         self.video = VideoFunction(self._inside.camera, self.modes, faults=self.faults, unplug=self.unplug)
 
     def __enter__(self) -> "VirtualSensor":
@@ -183,7 +179,7 @@ class VirtualSensor:
         if code == numbers.GET_DESCRIPTOR:
             return self._descriptor(value >> 8, value & 0xFF)
         if code == numbers.CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
-            self.video.stop()
+            self.video.negotiation.committed = None  # so a host ends the stream
         return ANSWERS.get(code, b"")
 
     def _descriptor(self, kind: int, index: int) -> bytes | None:
@@ -201,11 +197,15 @@ def checked_serial(text: str) -> str:
     return f"{int(text, 16):016X}"
 
 
-def open_inside(url: str, *, unique_id: bytes, geometry: Mapping[str, float | int | str]) -> CameraAndBoard:
-    """Open the simulated sensor of a `sim://` URL; with `board=0` its light is steady and its serial port silent.
+def open_virtual(
+    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
+) -> VirtualSensor:
+    """Build a virtual sensor from the simulated one of a `sim://` URL, with its emulated board.
 
-    Raises InputError or ConfigError.
+    With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises, and
+    InputError for a serial number that no board has.
     """
+    number = checked_serial(serial_number)
     if not url.startswith("sim://"):
         raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
     from gellight.simulator.simulated_camera import SimulatedUrl, built, open_simulated
@@ -215,18 +215,7 @@ def open_inside(url: str, *, unique_id: bytes, geometry: Mapping[str, float | in
         raise ConfigError(f"the sensor has {leds} LEDs, the board drives {LED_COUNT}: use sim://?board=0")
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
     camera.url = url
-    return CameraAndBoard(camera, frame_rate=wanted.fps, unique_id=unique_id if wanted.board else None)
-
-
-def open_virtual(
-    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
-) -> VirtualSensor:
-    """Build a virtual sensor from the simulated one of a `sim://` URL, with its emulated board.
-
-    Raises what opening that camera raises, and InputError for a serial number that no board has.
-    """
-    number = checked_serial(serial_number)
-    inside = open_inside(url, unique_id=bytes.fromhex(number), geometry=geometry)
+    inside = CameraAndBoard(camera, frame_rate=wanted.fps, unique_id=bytes.fromhex(number) if wanted.board else None)
     return VirtualSensor(inside, serial_number=number, faults=faults)
 
 

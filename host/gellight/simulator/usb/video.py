@@ -2,17 +2,16 @@
 
 import random
 import struct
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.simulator.usb import controls, descriptors
 from gellight.simulator.usb.cable import UsbCable
-from gellight.simulator.usb.controls import ControlState, developed, run_automatics, set_up
+from gellight.simulator.usb.controls import ControlState, run_automatics, set_up
 from gellight.simulator.usb.descriptors import VideoModes
 from gellight.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
 from gellight.simulator.usb.faults import Faults
@@ -103,26 +102,20 @@ class VideoFunction:
         self._camera, self._modes, self._unplug = camera, modes, unplug
         self._faults = faults
         self._random = random.Random(0)
-        self._toggle = 0
-        self._taken = 0
+        self._toggle = self._taken = 0
         self._values: deque[dict[str, int]] = deque(maxlen=LATENCY_FRAMES)
         self._last: bytes | None = None
-        self._lock = threading.Lock()
 
     def inject(self, faults: Faults) -> None:
         """Behave like this from the next picture on."""
         self._faults = faults
-        self.controls.stuck = faults.stuck
+        self.controls.stick(faults.stuck)
 
     def request(self, interface: int, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a class request; None: refused."""
         if interface == descriptors.STREAMING_INTERFACE:
             return self.negotiation.request(selector, code, data)
         return self.controls.request(unit, selector, code, data) if interface == descriptors.CONTROL_INTERFACE else None
-
-    def stop(self) -> None:
-        """End the stream, as a host asks by clearing the halt of the endpoint."""
-        self.negotiation.committed = None
 
     def run(self, cable: UsbCable) -> None:
         """Stream whenever the host has committed a mode, until the cable is pulled (CablePulledError)."""
@@ -153,13 +146,11 @@ class VideoFunction:
         """Take the next picture at the negotiated rate, and let the automatics see it."""
         self._values.append(self.controls.snapshot())
         values = self._values[0]
-        if self._camera.controls is not None:
-            set_up(self._camera.controls, values)
+        assert self._camera.controls is not None
+        set_up(self._camera.controls, values)
         for _ in range(round(mode.interval / self._modes.intervals[0])):
             frame = self._camera.read()
             self._taken += 1
-        if self._camera.controls is None:
-            frame = replace(frame, image=developed(frame.image, values))
         run_automatics(self.controls, frame.image, mode.interval // 1000)
         return values, frame
 
