@@ -40,45 +40,20 @@ class UncommandedRing(LightRing):
         self.transport.close()
 
 
-class CameraAndBoard:
-    """A camera and an emulated board that runs the firmware's image while the sensor has power."""
-
-    def __init__(self, camera: Camera, *, frame_rate: float = 30.0, unique_id: bytes | None = None) -> None:
-        """Take over a camera without a ring, which runs at `frame_rate`.
-
-        `unique_id` are the 8 bytes from which the board makes its serial number; None: there is no board.
-        """
-        self.camera, self.frame_rate = camera, frame_rate
-        self.board: SimulatedBoard | None = None
-        self._unique_id = unique_id
-
-    def power_on(self) -> None:
-        """Start the board, its LEDs dark."""
-        if self._unique_id is not None:
-            self.board = SimulatedBoard(pty=True, unique_id=self._unique_id)
-            self.camera.ring = UncommandedRing(self.board)
-
-    def power_off(self) -> None:
-        """End the board, with its LEDs dark: the camera keeps the dead board until a new one starts."""
-        if self.board is not None:
-            self.board.close()
-        self.board = None
-
-    def close(self) -> None:
-        """Switch off for good and close the camera."""
-        self.power_off()
-        self.camera.close()
-
-
 class VirtualSensor:
     """Camera and board of the light ring in one USB device. Close it, or use it in a `with` statement."""
 
-    def __init__(self, inside: CameraAndBoard, *, serial_number: str, faults: Faults = NO_FAULTS) -> None:
-        """Take over camera and board; the plug is not in yet."""
+    def __init__(self, camera: Camera, *, serial_number: str, frame_rate: float = 30.0, has_board: bool = False,
+                 faults: Faults = NO_FAULTS) -> None:  # fmt: skip
+        """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
+
+        `has_board`: while it has power, an emulated board with the same serial number runs the firmware's image.
+        """
         self.serial_number = checked_serial(serial_number)
         self.faults = faults
-        self.modes = modes_of(inside.camera, inside.frame_rate)
-        self._inside = inside
+        self.modes = modes_of(camera, frame_rate)
+        self.camera, self._has_board = camera, has_board
+        self.board: SimulatedBoard | None = None
         self._cable: UsbCable | None = None
         self._lock = threading.Lock()
         self.unplugged = threading.Event()
@@ -87,9 +62,8 @@ class VirtualSensor:
         self._start_functions()
 
     def _start_functions(self) -> None:
-        board = self._inside.board
-        self.serial = SerialFunction(board.path if board else "")
-        self.video = VideoFunction(self._inside.camera, self.modes, faults=self.faults, unplug=self.unplug)
+        self.serial = SerialFunction(self.board.path if self.board else "")
+        self.video = VideoFunction(self.camera, self.modes, faults=self.faults, unplug=self.unplug)
 
     def __enter__(self) -> "VirtualSensor":
         """Return the sensor."""
@@ -116,10 +90,10 @@ class VirtualSensor:
                 raise InputError(f"the virtual sensor {self.serial_number} is plugged in already: unplug it first")
             self.unplugged.clear()
         try:
-            self._inside.power_on()
+            self._power_on()
             connection.sendall(greeting)
         except BaseException:
-            self._inside.power_off()
+            self._power_off()
             self.unplugged.set()
             raise
         self._start_functions()
@@ -142,7 +116,19 @@ class VirtualSensor:
         """Pull the plug and switch off for good."""
         self.unplug()
         self.unplugged.wait(STOP_S)
-        self._inside.close()
+        self._power_off()
+        self.camera.close()
+
+    def _power_on(self) -> None:
+        if self._has_board:
+            self.board = SimulatedBoard(pty=True, unique_id=bytes.fromhex(self.serial_number))
+            self.camera.ring = UncommandedRing(self.board)
+
+    def _power_off(self) -> None:
+        """End the board, with its LEDs dark: the camera keeps the dead board until a new one starts."""
+        if self.board is not None:
+            self.board.close()
+        self.board = None
 
     def _work(self, cable: UsbCable, job: Callable[[], None]) -> None:
         try:
@@ -158,7 +144,7 @@ class VirtualSensor:
         for thread in threads:
             thread.join()
         self.serial.close()
-        self._inside.power_off()
+        self._power_off()
         self.unplugged.set()
 
     # ---- endpoint 0 ----
@@ -215,8 +201,7 @@ def open_virtual(
         raise ConfigError(f"the sensor has {leds} LEDs, the board drives {LED_COUNT}: use sim://?board=0")
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
     camera.url = url
-    inside = CameraAndBoard(camera, frame_rate=wanted.fps, unique_id=bytes.fromhex(number) if wanted.board else None)
-    return VirtualSensor(inside, serial_number=number, faults=faults)
+    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, faults=faults)
 
 
 def sized_geometry(size: str | None) -> dict[str, float | int | str]:

@@ -148,7 +148,7 @@ class PluggedRing:
 
 def latched(sensor: VirtualSensor, *, last: bool = False) -> set[int]:
     """The values that the LEDs show now, as soon as the emulator has told so (`last`: in the end)."""
-    board = sensor._inside.board
+    board = sensor.board
     end = time.monotonic() + 5
     while board.light_at(np.inf).any() == last and time.monotonic() < end:
         time.sleep(0.01)
@@ -161,8 +161,8 @@ def test_without_a_board_the_serial_port_is_silent(url: str) -> None:
         ours, theirs = socket.socketpair()
         with ours:
             sensor.plug(theirs)
-            assert sensor._inside.board is None
-            assert sensor._inside.camera.ring is None
+            assert sensor.board is None
+            assert sensor.camera.ring is None
 
 
 def test_the_emulated_firmware_answers_at_the_serial_endpoints_and_lights_the_picture() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.simulator.usb.device import CameraAndBoard, VirtualSensor
+from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.encoding import read_mark
 from gellight.simulator.usb.faults import Faults, parse_faults
 from tests.helpers.usb_client import CAMERA, MJPG, PROCESSING, YUYV, CardCamera, Payload, UsbClient
@@ -25,7 +25,7 @@ def camera() -> CardCamera:
 
 @pytest.fixture
 def sensor(camera: CardCamera) -> Iterator[VirtualSensor]:
-    with VirtualSensor(CameraAndBoard(camera, frame_rate=200), serial_number="1") as sensor:
+    with VirtualSensor(camera, frame_rate=200, serial_number="1") as sensor:
         yield sensor
 
 
@@ -254,24 +254,23 @@ def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
 
 def test_a_control_that_is_not_there_cannot_be_stuck() -> None:
     with pytest.raises(InputError, match="exposure_us"):
-        VirtualSensor(CameraAndBoard(CardCamera()), serial_number="1", faults=Faults(stuck="zoom"))
+        VirtualSensor(CardCamera(), serial_number="1", faults=Faults(stuck="zoom"))
 
 
 def test_a_cable_whose_other_end_has_gone_leaves_no_controller_running(camera: CardCamera) -> None:
-    class Counting(CameraAndBoard):
+    class Counting(VirtualSensor):
         powered = 0
 
-        def power_on(self) -> None:
+        def _power_on(self) -> None:
             self.powered += 1
 
-        def power_off(self) -> None:
+        def _power_off(self) -> None:
             self.powered -= 1
 
-    body = Counting(camera)
     ours, theirs = socket.socketpair()
     theirs.close()
-    with VirtualSensor(body, serial_number="1") as sensor, ours:
+    with Counting(camera, serial_number="1") as sensor, ours:
         with pytest.raises(OSError, match="Broken pipe"):
             sensor.plug(ours, greeting=b"imported")
-        assert body.powered == 0
+        assert sensor.powered == 0
         assert sensor.unplugged.is_set()
