@@ -1,7 +1,6 @@
 """A virtual sensor: one USB device, camera and light ring, that a Linux kernel takes for real over USB/IP.
 
-device.py            the device, plugged in by a socket; answers the standard requests. Inside: a simulated camera and
-                     an emulated board
+device.py            the device with its camera and board, plugged in by a socket; answers the standard requests
 descriptors.py       how the device describes itself
 serial_port.py       its serial port (CDC-ACM)
 video.py             its camera (UVC): controls.py, encoding.py

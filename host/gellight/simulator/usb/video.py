@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.simulator.usb import controls, descriptors
@@ -146,7 +147,8 @@ class VideoFunction:
         """Take the next picture at the negotiated rate, and let the automatics see it."""
         self._values.append(self.controls.snapshot())
         values = self._values[0]
-        assert self._camera.controls is not None
+        if self._camera.controls is None:
+            raise CameraError(f"{self._camera.url} has no controls: give the virtual sensor a camera that has them")
         set_up(self._camera.controls, values)
         for _ in range(round(mode.interval / self._modes.intervals[0])):
             frame = self._camera.read()

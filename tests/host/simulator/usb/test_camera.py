@@ -142,6 +142,17 @@ def test_the_controls_of_the_camera_are_set_as_near_as_its_ranges_allow(client: 
     assert camera.controls.values == {"exposure_us": 4000.0, "gain": 4.0}
 
 
+def test_a_camera_without_controls_is_told_and_ends_the_stream(
+    sensor: VirtualSensor, client: UsbClient, camera: CardCamera, caplog: pytest.LogCaptureFixture
+) -> None:
+    camera.controls = None
+    client.start()
+    with pytest.raises(ConnectionError):
+        client.payload()
+    assert sensor.unplugged.wait(5)
+    assert "card has no controls" in caplog.text
+
+
 def test_a_new_value_acts_on_the_second_picture_after_it(sensor: VirtualSensor, client: UsbClient) -> None:
     client.start()
     settled(client)
