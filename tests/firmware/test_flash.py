@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import BoardError, InputError
-from gellight.ring.firmware import build, flash, uf2
-from gellight.ring.firmware.image import HEADER_OFFSET, boot2_crc, flash_image, image_crc
+from gellight.ring.firmware import build, flash
+from gellight.ring.firmware.image import FLASH_BASE, HEADER_OFFSET, boot2_crc, flash_image, from_uf2, image_crc, to_uf2
 from tests.firmware.helpers.boot_loader import BootRom
 from tests.helpers.bench_board import BenchBoard
 
@@ -16,7 +16,7 @@ CHECKOUT = Path(__file__).parents[2]
 
 
 def test_uf2_survives_the_round_trip(image: bytes) -> None:
-    assert uf2.unpack(uf2.pack(image)) == image + bytes(-len(image) % 256)
+    assert from_uf2(to_uf2(image)) == image + bytes(-len(image) % 256)
 
 
 def test_the_emulator_loads_the_same_uf2(image: bytes, tmp_path: Path) -> None:
@@ -25,19 +25,19 @@ def test_the_emulator_loads_the_same_uf2(image: bytes, tmp_path: Path) -> None:
     from rp2040py.rp2040 import RP2040
 
     chip = RP2040()
-    (tmp_path / "image.uf2").write_bytes(uf2.pack(image))
+    (tmp_path / "image.uf2").write_bytes(to_uf2(image))
     load_uf2(str(tmp_path / "image.uf2"), chip)
     assert bytes(chip.flash[: len(image)]) == image
 
 
 @pytest.mark.parametrize("at", [0, 4, 8, 12, 20, 24, 28, 508])
 def test_a_damaged_uf2_is_refused(image: bytes, at: int) -> None:
-    file = bytearray(uf2.pack(image))
+    file = bytearray(to_uf2(image))
     file[at + (at == 8) * 1] ^= 0xFF if at != 8 else 0x20
     with pytest.raises(InputError):
-        uf2.unpack(bytes(file))
+        from_uf2(bytes(file))
     with pytest.raises(InputError, match="blocks"):
-        uf2.unpack(uf2.pack(image)[:-1])
+        from_uf2(to_uf2(image)[:-1])
 
 
 def test_the_boot2_checksum_is_that_of_the_boot_rom() -> None:
@@ -59,7 +59,7 @@ def test_other_files_are_no_firmware() -> None:
 
 
 def test_the_committed_image_is_what_the_sources_give(image: bytes) -> None:
-    assert uf2.pack(build.build(CHECKOUT)) == uf2.pack(image)
+    assert to_uf2(build.build(CHECKOUT)) == to_uf2(image)
 
 
 def test_building_elsewhere_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_copy_goes_to_the_drive_of_a_boot_loader(image: bytes, tmp_path: Path)
     assert flash.drives([f"{tmp_path}/media/*/*"]) == [mounted]
     how = flash.flash_board(image, patterns=[f"{tmp_path}/media/*/*"])
     assert str(mounted) in how
-    assert uf2.unpack((mounted / "gellight-rp2040.uf2").read_bytes()) == image
+    assert from_uf2((mounted / "gellight-rp2040.uf2").read_bytes()) == image
     with pytest.raises(InputError, match="not the drive"):
         flash.copy_uf2(image, tmp_path)
 
@@ -129,13 +129,13 @@ def test_flash_that_does_not_take_its_bytes_is_noticed(image: bytes) -> None:
 
 def test_the_simulated_boot_loader_is_strict() -> None:
     board = flash.Picoboot(backend=BootRom())
-    where = struct.pack("<II", uf2.FLASH_BASE, flash.SECTOR)
+    where = struct.pack("<II", FLASH_BASE, flash.SECTOR)
     with pytest.raises(BoardError, match="status 8"):  # no exclusive access yet
         board._command(flash.ERASE, where)
     board._command(flash.EXCLUSIVE, b"\1")
     board._command(flash.EXIT_XIP, b"")
     with pytest.raises(BoardError, match="status 4"):  # not a whole sector
-        board._command(flash.ERASE, struct.pack("<II", uf2.FLASH_BASE, 100))
+        board._command(flash.ERASE, struct.pack("<II", FLASH_BASE, 100))
     with pytest.raises(BoardError, match="status 3"):  # beyond the flash
         board._command(flash.ERASE, struct.pack("<II", 0x20000000, flash.SECTOR))
     with pytest.raises(BoardError, match="status 1"):

@@ -16,6 +16,7 @@ import numpy as np
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
+from gellight.simulator.simulated_controls import SimulatedControls
 
 MJPG, YUYV = 1, 2
 CAMERA, PROCESSING = 0x0102, 0x0202
@@ -45,7 +46,7 @@ def import_device(connection: socket.socket, bus_id: str) -> tuple[int, int]:
 
 
 class CardCamera(Camera):
-    """Shows a colour card, brighter with every frame up to a limit; rate and size as wished."""
+    """Shows a colour card as its controls say; rate and size as wished."""
 
     def __init__(self, *, shape: tuple[int, int] = (48, 64), fps: float = 200.0) -> None:
         self.url, self.stage, self.image_shape = "card", None, shape
@@ -53,6 +54,11 @@ class CardCamera(Camera):
         y, x = np.indices(shape)
         self.card = np.stack([40 + x, 60 + y, 150 - x], axis=2).astype(np.uint8)
         self.closed = False
+        self._gains = np.ones(3)
+        self.controls = SimulatedControls(self._develop)
+
+    def _develop(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
+        self._gains = np.array(channel_gain) * exposure_us / 8000.0
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
         """Nothing to compare with."""
@@ -60,7 +66,8 @@ class CardCamera(Camera):
     def read(self) -> CameraFrame:
         time.sleep(self._period_s)
         self._count += 1
-        return CameraFrame(image=self.card, time_s=time.monotonic(), sequence=self._count)
+        image = np.clip(np.rint(self.card * self._gains), 0, 255).astype(np.uint8)
+        return CameraFrame(image=image, time_s=time.monotonic(), sequence=self._count)
 
     def close(self) -> None:
         self.closed = True

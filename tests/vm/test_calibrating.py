@@ -1,5 +1,7 @@
 """The guided routine on the real drivers: camera set, LEDs checked, pixel measured, circles found."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ PRESSES = len(BALL)
 
 def serve(call: Call, sensor: VirtualSensor) -> list[str]:
     """Press and lift whenever the routine asks for it; return every problem that it told."""
-    stage = sensor._inside.camera.stage
+    stage = sensor.camera.stage
     assert stage is not None
     problems, taken = [], {"pixel_size": 0, "presses": 0}
     while (due := call.next_event("due")) is not None:
@@ -47,5 +49,5 @@ def test_the_routine_measures_a_sensor_behind_usb(guest: Guest, bench: Bench) ->
     for circle in found["circles"]:
         centre = np.array([circle["center_x_px"], circle["center_y_px"]])
         assert np.abs(MIDDLE_PX + np.array(BALL) / PIXEL_MM - centre).max(axis=1).min() < 0.5, "at one of the places"
-    board = bench.sensors["fine"]._inside.board
-    assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the routine has ended"
+    board = bench.sensors["fine"].board
+    assert not board.light_at(board.virtual_us(time.monotonic())).any(), "the LEDs are dark when the routine has ended"

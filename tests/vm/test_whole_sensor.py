@@ -1,6 +1,7 @@
 """From the plug to the depth map: discovery, recovery, `find`, `doctor` and `run` on the virtual sensor."""
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,6 @@ def test_run_streams_depth_and_serves_its_status_while_the_sensor_is_unplugged(
     summary = json.loads(found["out"].splitlines()[-1])
     assert summary["frames"] == frames
     assert summary["error"] is None
-    board = bench.sensors["lit"]._inside.board
-    assert not board.light_at(board.now_us()).any(), "the LEDs are dark when the program has ended"
+    board = bench.sensors["lit"].board
+    assert not board.light_at(board.virtual_us(time.monotonic())).any(), "the LEDs are dark when the program has ended"
     assert summary["indentation_mm"] == pytest.approx(1.0, abs=0.15), "a ball 1 mm deep, at 0.47 mm a pixel"

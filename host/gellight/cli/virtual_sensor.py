@@ -9,9 +9,8 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.options import LONGEST_S, Seconds
 from gellight.simulator.usb import vhci
-from gellight.simulator.usb.device import VirtualSensor, open_virtual
+from gellight.simulator.usb.device import VirtualSensor, open_virtual, sized_geometry
 from gellight.simulator.usb.faults import parse_faults
-from gellight.simulator.usb.picture_size import sized_geometry
 from gellight.simulator.usb.usbip_server import PORT, UsbipServer
 from gellight.simulator.usb.vhci import plug_in
 

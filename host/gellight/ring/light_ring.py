@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
-from types import TracebackType
 from typing import Self, TypeVar
 
 import numpy as np
@@ -103,11 +102,10 @@ class LightRing:
         """(12, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
         self._lock = threading.RLock()
         self._sequence = 0
-        self._partial = bytearray()
+        self._partial = b""
         self._packets: deque[Packet] = deque()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._open = True
         self.lit_s = -inf
         """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
         self._dark: Dark | None = None
@@ -143,16 +141,14 @@ class LightRing:
         """Return the ring."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 traceback: TracebackType | None) -> None:  # fmt: skip
+    def __exit__(self, *_: object) -> None:
         """Make the LEDs dark, whatever happened."""
         self.close()
 
     def close(self) -> None:
         """Make the LEDs dark and close the transport; a second call does nothing."""
-        if not self._open:
+        if self._stop.is_set():
             return
-        self._open = False
         self._stop.set()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join()
@@ -170,12 +166,11 @@ class LightRing:
             try:
                 self.clock()
                 self._light_again()
+                silent = False
             except BoardError as error:
                 if not silent:
                     logger.warning("the board of the light ring does not answer: %s", error)
                 silent = True
-            else:
-                silent = False
 
     def _light_again(self) -> None:
         """Show the last still light once more where the board has made it dark by itself."""
@@ -215,17 +210,14 @@ class LightRing:
                 self.transport.write(encode(packet))
                 answer = self._await_reply(code | protocol.REPLY, self._sequence)
                 if answer is not None:
-                    return self._accept(name, answer, reply)
+                    status, value = answer.payload[0], int.from_bytes(answer.payload[1:5], "little")
+                    if status != Status.OK:
+                        raise RefusedError(name, Status(status), value)
+                    return reply.unpack(answer.payload[5:])
         raise BoardError(
             f"the board at {self.transport.url} did not answer {name} in {self.attempts} attempts of "
             f"{self.timeout_s} s: unplug it and plug it in again"
         )
-
-    def _accept(self, name: str, answer: Packet, reply: type[R]) -> R:
-        status, value = answer.payload[0], int.from_bytes(answer.payload[1:5], "little")
-        if status != Status.OK:
-            raise RefusedError(name, Status(status), value)
-        return reply.unpack(answer.payload[5:])
 
     def _await_reply(self, code: int, sequence: int) -> Packet | None:
         while True:
@@ -240,11 +232,9 @@ class LightRing:
         """Take bytes from the transport and sort the packets in them; False if there were none."""
         data = self.transport.read(timeout_s)
         self._partial += data
-        *whole, rest = self._partial.split(b"\0")
-        self._partial = bytearray(rest)
-        for stuffed in whole:
-            if stuffed:
-                self._sort(bytes(stuffed))
+        *whole, self._partial = self._partial.split(b"\0")
+        for stuffed in filter(None, whole):
+            self._sort(stuffed)
         return bool(data)
 
     def _sort(self, stuffed: bytes) -> None:
@@ -305,14 +295,10 @@ class LightRing:
                 )
             self.still = None if colours is None else self.still
             latched = self.wait_for_light(reply.light_id, timeout_s)
-            if not self._darkened_after(latched):
+            since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
+            if not any(isinstance(event, protocol.DarkEvent) for event in since):
                 self._dark, self.lit_s = None, time.monotonic()
             return reply.light_id
-
-    def _darkened_after(self, latched: protocol.LightEvent) -> bool:
-        """Whether the board has told since a light was latched that it has made its LEDs dark."""
-        since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
-        return any(isinstance(event, protocol.DarkEvent) for event in since)
 
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
@@ -322,9 +308,8 @@ class LightRing:
 
     def load_sequence(self, groups: Sequence[NDArray[np.uint8]], steps: Sequence[Step], *, loops: int = 0) -> None:
         """Stage groups, each (12, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless."""
-        table = [bytes(COLOUR_BYTES)] * protocol.GROUP_COUNT
-        for index, colours in enumerate(groups):
-            table[index] = colour_bytes(colours)
+        table = [colour_bytes(colours) for colours in groups]
+        table += [bytes(COLOUR_BYTES)] * (protocol.GROUP_COUNT - len(table))
         for index, staged in enumerate(table):
             self._request("SET_GROUP", protocol.GroupReply, protocol.SetGroup(index, staged))
         records = [protocol.SetStep(i, s.group, s.repeat, s.dwell_us, s.blank_us) for i, s in enumerate(steps)]
@@ -406,14 +391,12 @@ class LightRing:
     def wait_for_light(self, light_id: int, timeout_s: float = 1.0) -> protocol.LightEvent:
         """Wait until the LEDs have latched a light; BoardError if they do not."""
         with self._lock:
-            waits = max(1, round(timeout_s / self.timeout_s))
-            for _ in range(waits + 1):
+            silences = 0
+            while silences <= max(1, round(timeout_s / self.timeout_s)):
                 for event in self.events:
                     if isinstance(event, protocol.LightEvent) and event.light_id == light_id:
                         return event
-                while self._receive(self.timeout_s):
-                    if any(isinstance(e, protocol.LightEvent) and e.light_id == light_id for e in self.events):
-                        break
+                silences += not self._receive(self.timeout_s)
         raise BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
 
 

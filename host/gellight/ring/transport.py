@@ -39,8 +39,7 @@ def open_transport(url: str) -> Transport:
     if scheme == "sim" and not rest:
         from gellight.ring.emulator.child import SimulatedBoard
 
-        board: Transport = SimulatedBoard()
-        return board
+        return SimulatedBoard()
     if scheme == "serial" and rest != url:
         return SerialTransport(find_port(rest), url=url)
     if scheme == "usb" and rest != url:
@@ -119,9 +118,8 @@ class UsbTransport:
 
         self.url = url
         self._usb = usb
-        devices = list(
-            usb.core.find(find_all=True, idVendor=numbers.VENDOR, idProduct=numbers.PRODUCT, backend=backend) or []
-        )
+        named = {"idVendor": numbers.VENDOR, "idProduct": numbers.PRODUCT}
+        devices = list(usb.core.find(find_all=True, backend=backend, **named) or [])
         chosen = [device for device in devices if not number or device.serial_number == number]
         if len(chosen) != 1:
             raise BoardError(f"{len(chosen)} of {len(devices)} connected boards are {url}: check cable and number")

@@ -4,7 +4,7 @@ import binascii
 import functools
 import struct
 from dataclasses import fields
-from typing import Annotated, NamedTuple, Self, get_args, get_origin, get_type_hints
+from typing import Annotated, NamedTuple, Self, get_type_hints
 
 from gellight.base.errors import BoardError
 
@@ -65,9 +65,8 @@ def layout(record: type[Record]) -> tuple[tuple[str, Scalar, str], ...]:
     hints = get_type_hints(record, include_extras=True)
     rows = []
     for field in fields(record):  # type: ignore[arg-type]
-        annotation = hints[field.name]
-        extras = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
-        rows.append((field.name, extras[0], extras[1] if len(extras) > 1 else ""))
+        scalar, *meaning = hints[field.name].__metadata__
+        rows.append((field.name, scalar, "".join(meaning)))
     return tuple(rows)
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
-from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import led_irradiance, ring_light
 from sim_reference.surface import Surface, press_object, sample, untouched
@@ -15,7 +14,8 @@ from sim_reference.surface import Surface, press_object, sample, untouched
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
-KEPT_DEFORMATIONS = 64
+deformed = lru_cache(maxsize=64)(press_object)
+"""what a press does to the gel: the same for every scene, and wherever it happens"""
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,6 @@ class Scene:
         """(12, H, W) irradiance of every LED, full on."""
         lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
         return np.stack(lit).astype(np.float32, copy=False)
-
-
-@lru_cache(maxsize=KEPT_DEFORMATIONS)
-def deformed(object_name: str, depth_mm: float, gel: SensorGeometry) -> Deformation:
-    """Return what a press does to the gel; it is the same for every scene and wherever it happens."""
-    return press_object(object_name, depth_mm, gel)
 
 
 def under_light(lit: NDArray[np.float32], light: Array) -> Array:

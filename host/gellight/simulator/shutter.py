@@ -8,7 +8,6 @@ all rows see the same, and the weight is value / 255.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +33,6 @@ class Shutter:
     def duration_us(self) -> float:
         """From the start of the first row to the end of the last."""
         return self.readout_us + self.exposure_us
-
-
-class LightSource(Protocol):
-    """What knows which colours the LEDs latched when; a simulated board is one."""
-
-    def virtual_us(self, monotonic_s: float) -> float:
-        """Return its own time at a time of `time.monotonic`."""
-
-    def light_during(self, start_us: float, end_us: float) -> list[Light]:
-        """Return the light at the start of an interval and every change in it."""
 
 
 def row_weights(lights: list[Light], start_us: float, rows: int, phases_us: Array, shutter: Shutter) -> Array:

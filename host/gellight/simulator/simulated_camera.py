@@ -16,7 +16,7 @@ import itertools
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import hypot, inf
 
 import numpy as np
@@ -91,25 +91,22 @@ class Stage:
 
         Raises InputError for an unknown object, a depth outside 0..max_depth_mm, or a place off the gel.
         """
-        self._want(self._checked(object_name, depth_mm, x_mm, y_mm))
-
-    def hold(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
-        """Press for good: no programme plays afterwards. Raises as `press` does."""
-        self._want(self._checked(object_name, depth_mm, x_mm, y_mm))
-        self._programme = None
-
-    def _checked(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> Press | None:
         known = self.objects + self.probes
         if object_name not in known:
             raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
         if not 0 <= depth_mm <= self.max_depth_mm:
             raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
-        if not hypot(x_mm, y_mm) <= self._geometry.gel_diameter_mm / 2:
+        radius_mm = self._geometry.gel_diameter_mm / 2
+        if not hypot(x_mm, y_mm) <= radius_mm:
             raise InputError(
-                f"a press at ({x_mm}, {y_mm}) mm is off the gel: stay within "
-                f"{self._geometry.gel_diameter_mm / 2:g} mm of the centre"
+                f"a press at ({x_mm}, {y_mm}) mm is off the gel: stay within {radius_mm:g} mm of the centre"
             )
-        return Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None
+        self._want(Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None)
+
+    def hold(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Press for good: no programme plays afterwards. Raises as `press` does."""
+        self.press(object_name, depth_mm, x_mm, y_mm)
+        self._programme = None
 
     def release(self) -> None:
         """Lift the object off the gel."""
@@ -124,14 +121,8 @@ class Stage:
         """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays)."""
         with self._lock:
             press, visitor = self._wanted, self._frames_until_programme > 0
-        shown = press or Press("", 0.0)
-        return {
-            "object": shown.object_name,
-            "depth_mm": shown.depth_mm,
-            "x_mm": shown.x_mm,
-            "y_mm": shown.y_mm,
-            "visitor": visitor,
-        }
+        shown = asdict(press or Press("", 0.0))
+        return {"object": shown.pop("object_name"), **shown, "visitor": visitor}
 
     def next_press(self) -> Press | None:
         """Return what is in the gel during the next frame."""
@@ -151,26 +142,16 @@ class Stage:
 class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        stage: Stage,
-        *,
-        ring: LightRing | None = None,
-        url: str = "sim://",
-        fps: float = 30.0,
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, scene: Scene, stage: Stage, *, ring: LightRing | None = None, url: str = "sim://",
+                 fps: float = 30.0, seed: int = 0) -> None:  # fmt: skip
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
 
         `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
         steady.
         """
-        self.url = url
-        self.stage = stage
+        self.url, self.stage, self.ring = url, stage, ring
         self.image_shape = scene.geometry.image_shape
         self._scene = scene
-        self.ring = ring
         self._shutter = Shutter()
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)
@@ -220,9 +201,8 @@ class SimulatedCamera(Camera):
         grey, truth = self._look(press, weights)
         image = digitise(grey, self._scene.response.noise_grey, self._rng)
         self._sequence += 1
-        return CameraFrame(
-            image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours, truth=truth
-        )
+        return CameraFrame(image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours,
+                           truth=truth)  # fmt: skip
 
     def _expose(self) -> tuple[float, Array, NDArray[np.uint8]]:
         """Return when the next frame that is due began, and its light as `_light_since` does."""

@@ -5,26 +5,19 @@ from math import isfinite
 
 from gellight.base.errors import CameraError, InputError
 
-RANGES = {
-    "exposure_us": (100.0, 30000.0, 100.0),
-    "gain": (1.0, 8.0, 0.01),
-    "white_balance_k": (2800.0, 6500.0, 10.0),
-}
+RANGES = {"exposure_us": (100.0, 30000.0, 100.0), "gain": (1.0, 8.0, 0.01), "white_balance_k": (2800.0, 6500.0, 10.0)}
 """smallest, largest and step of each control, as plain UVC cameras have them"""
 DEFAULTS = {"exposure_us": 8000.0, "gain": 1.0, "white_balance_k": 4600.0}
 _TINT = 0.6
 """how the channels follow the white balance: red with its power, blue with its inverse; a stand-in for the tables that
 cameras keep"""
 
-Apply = Callable[[float, tuple[float, float, float]], None]
-"""Called with the exposure, us, and the gain of each channel."""
-
 
 class SimulatedControls:
     """The controls as `camera.CameraControls` describes them; at their defaults the picture is as designed."""
 
-    def __init__(self, apply: Apply) -> None:
-        """Begin with the defaults, which `apply` need not be told."""
+    def __init__(self, apply: Callable[[float, tuple[float, float, float]], None]) -> None:
+        """Begin with the defaults; `apply` gets the exposure, us, and the gain of each channel when they change."""
         self._apply = apply
         self._values = dict(DEFAULTS)
 
@@ -49,10 +42,7 @@ class SimulatedControls:
         if not (isfinite(value) and low <= value <= high):
             raise InputError(f"{name} = {value}: choose {low:g} to {high:g}")
         self._values[name] = min(high, round(low + round((value - low) / step) * step, 6))
-        self._apply(self._values["exposure_us"], self._channel_gain())
-        return self._values[name]
-
-    def _channel_gain(self) -> tuple[float, float, float]:
         tint = (self._values["white_balance_k"] / DEFAULTS["white_balance_k"]) ** _TINT
         gain = self._values["gain"]
-        return gain * tint, gain, gain / tint
+        self._apply(self._values["exposure_us"], (gain * tint, gain, gain / tint))
+        return self._values[name]

@@ -36,8 +36,7 @@ class VirtualHand:
 
     def cylinder(self, number: int) -> None:
         """Press the cylinder probe, each time elsewhere."""
-        x, y = CYLINDER_PLACES_MM[number % len(CYLINDER_PLACES_MM)]
-        self._stage.press("CYLINDER", CYLINDER_DEPTH_MM, x, y)
+        self._stage.press("CYLINDER", CYLINDER_DEPTH_MM, *CYLINDER_PLACES_MM[number % len(CYLINDER_PLACES_MM)])
 
     def grid(self) -> None:
         """Press the pin grid, off the middle: no row of pins lies along the border."""

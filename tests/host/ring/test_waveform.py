@@ -15,7 +15,7 @@ def test_a_board_that_runs_for_days_remembers_its_last_lights_only() -> None:
     timeline, count = LightTimeline(), 5 * KEPT_LIGHTS + 7
     for number in range(count):
         timeline.append(light(number))
-    assert len(timeline._times) == len(timeline._colours) < 2 * KEPT_LIGHTS
+    assert len(timeline._lights) < 2 * KEPT_LIGHTS
     assert len(timeline) == count, "lights keep their numbers"
     oldest = count - KEPT_LIGHTS
     for number in (oldest, count - 1, -1):

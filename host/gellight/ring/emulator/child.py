@@ -102,7 +102,7 @@ class SimulatedBoard:
     def read(self, timeout_s: float) -> bytes:
         """Return what has arrived, waiting for the first byte at most so long."""
         try:
-            ready, _, _ = select.select([self._ours], [], [], timeout_s)
+            ready = select.select([self._ours], [], [], timeout_s)[0]
             data = self._ours.recv(4096) if ready else None
         except (OSError, ValueError) as error:
             raise BoardError(f"the simulated board is gone ({error}): open sim:// again") from error
@@ -151,10 +151,6 @@ class SimulatedBoard:
             raise BoardError(
                 f"the simulated board got no further for {STANDSTILL_S:g} s: the machine is busy, open sim:// anew"
             )
-
-    def now_us(self) -> float:
-        """Return the board's virtual time now."""
-        return self.virtual_us(time.monotonic())
 
     def light_at(self, time_us: float) -> NDArray[np.uint8]:
         """Return the (12, 3) colours that were latched at a virtual time, as far as is known now."""

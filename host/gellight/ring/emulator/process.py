@@ -12,7 +12,6 @@ import signal
 import sys
 import time
 import tty
-from types import FrameType
 
 from gellight.ring.emulator.child import Report
 from gellight.ring.emulator.chip import UNIQUE_ID, EmulatedBoard
@@ -20,6 +19,7 @@ from gellight.ring.firmware.build import committed_image
 
 SLICE_US = 2_000.0
 MOST_LAG_US = 50_000.0
+"""where emulation is slower than the wall clock, virtual time falls further behind for good"""
 IDLE_S = 0.001
 PROGRESS_US = 4_000.0
 """so often the parent learns how far virtual time has come"""
@@ -36,16 +36,17 @@ class Bytes:
 
     def read(self) -> bytes:
         """Return what is there; the end of the stream drops DTR."""
-        ready, _, _ = select.select([self.descriptor], [], [], 0)
-        if not ready:
+        if not select.select([self.descriptor], [], [], 0)[0]:
             return b""
-        try:
-            data = os.read(self.descriptor, 4096)
-        except OSError:
-            data = b""
+        data = self._take()
         self.connected = bool(data)
         self.finished = not data
         return data
+
+    def _take(self) -> bytes:
+        with contextlib.suppress(OSError):
+            return os.read(self.descriptor, 4096)
+        return b""
 
     def write(self, data: bytes) -> None:
         """Send; what the other end does not read is lost."""
@@ -72,45 +73,17 @@ class PseudoTerminal(Bytes):
         """Return what is there; a hang-up means that no program has it open."""
         events = dict(self._poll.poll(0)).get(self.descriptor, 0)
         self.connected = not events & select.POLLHUP
-        if not events & select.POLLIN:
-            return b""
-        try:
-            return os.read(self.descriptor, 4096)
-        except OSError:
-            return b""
-
-
-class Pace:
-    """Virtual time against wall time: where emulation is too slow, virtual time falls behind for good."""
-
-    def __init__(self, board: EmulatedBoard) -> None:
-        """Begin with virtual time 0 now."""
-        self._board = board
-        self.epoch_s = time.monotonic() - board.now_us / 1e6
-
-    def due_us(self) -> float:
-        """Return how much virtual time is to pass now."""
-        due = (time.monotonic() - self.epoch_s) * 1e6 - self._board.now_us
-        if due > MOST_LAG_US:
-            self.epoch_s += (due - MOST_LAG_US) / 1e6
-            return MOST_LAG_US
-        return due
+        return self._take() if events & select.POLLIN else b""
 
 
 def tell(report: Report) -> None:
     """Print one line for the parent, in one piece: a signal may end the process at any moment."""
-    sys.stdout.write(report.model_dump_json(exclude_none=True) + "\n")
-    sys.stdout.flush()
-
-
-def tell_time(board: EmulatedBoard) -> None:
-    """Report how far virtual time has come."""
-    tell(Report(now_us=board.now_us, at_s=time.monotonic()))
+    print(report.model_dump_json(exclude_none=True) + "\n", end="", flush=True)
 
 
 def serve(board: EmulatedBoard, stream: Bytes) -> None:
     """Run until the stream ends."""
-    pace = Pace(board)
+    epoch_s = time.monotonic() - board.now_us / 1e6
     told, opened, progress_us = 0, False, 0.0
     while not stream.finished:
         data = stream.read()
@@ -119,7 +92,9 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             (board.host.open if opened else board.host.close)()
         if data:
             board.host.send(data)
-        due_us = pace.due_us()
+        due_us = (time.monotonic() - epoch_s) * 1e6 - board.now_us
+        if due_us > MOST_LAG_US:
+            epoch_s, due_us = epoch_s + (due_us - MOST_LAG_US) / 1e6, MOST_LAG_US
         if due_us > 0:
             board.run_until(lambda: board.host.received, min(due_us, SLICE_US))
         if board.host.received:
@@ -133,11 +108,7 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             told += 1
         if board.now_us - progress_us >= PROGRESS_US:
             progress_us = board.now_us
-            tell_time(board)
-
-
-def _stop(_signal: int, _frame: FrameType | None) -> None:
-    raise SystemExit(0)
+            tell(Report(now_us=progress_us, at_s=time.monotonic()))
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -147,13 +118,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
     parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
     chosen = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     board = EmulatedBoard(committed_image(), unique_id=chosen.unique_id)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)
-    tell_time(board)
-    tell(Report(ready_at=stream.path if isinstance(stream, PseudoTerminal) else ""))
+    path = stream.path if isinstance(stream, PseudoTerminal) else ""
+    tell(Report(now_us=board.now_us, at_s=time.monotonic(), ready_at=path))
     try:
         serve(board, stream)
     finally:

@@ -4,8 +4,9 @@ Timing windows in ns that hold for WS2812B (V1), WS2812B-V5 and WS2812B-2020 tog
 makes the LEDs latch (data sheet of the V5: "Treset above 280 us"; older ones take 50 us).
 """
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.
 ONE_NS = 500.0
 """a longer pulse is a 1"""
 DARK = np.zeros((LED_COUNT, 3), np.uint8)
+BY_TIME = attrgetter("time_us")
 KEPT_LIGHTS = 4096
 """at least so many are remembered: 8 s of the fastest sequence; a camera asks for the last tenth of a second"""
 
@@ -45,47 +47,45 @@ class LightTimeline:
 
     def __init__(self) -> None:
         """Begin in the dark."""
-        self._times: list[float] = []
-        self._colours: list[NDArray[np.uint8]] = []
+        self._lights: list[Light] = []
         self._forgotten = 0
 
     def append(self, light: Light) -> None:
         """Add a light; times only grow."""
-        if self._times and light.time_us < self._times[-1]:
-            raise ValueError(f"the light of {light.time_us} us comes before that of {self._times[-1]} us")
-        self._times.append(light.time_us)
-        self._colours.append(light.colours)
-        if len(self._times) >= 2 * KEPT_LIGHTS:
-            del self._times[:KEPT_LIGHTS], self._colours[:KEPT_LIGHTS]
+        if self._lights and light.time_us < self._lights[-1].time_us:
+            raise ValueError(f"the light of {light.time_us} us comes before that of {self._lights[-1].time_us} us")
+        self._lights.append(light)
+        if len(self._lights) >= 2 * KEPT_LIGHTS:
+            del self._lights[:KEPT_LIGHTS]
             self._forgotten += KEPT_LIGHTS
 
     def __len__(self) -> int:
         """Return how many lights were latched, with those that are forgotten."""
-        return self._forgotten + len(self._times)
+        return self._forgotten + len(self._lights)
 
     def __getitem__(self, index: int) -> Light:
         """Return the light by its number, from 0 or backwards from -1; IndexError for one that is forgotten."""
         kept = index if index < 0 else index - self._forgotten
-        if not -len(self._times) <= kept < len(self._times) or (index >= 0 > kept):
+        if not -len(self._lights) <= kept < len(self._lights) or (index >= 0 > kept):
             raise IndexError(f"light {index} of {len(self)}: {self._forgotten} are forgotten")
-        return Light(self._times[kept], self._colours[kept])
+        return self._lights[kept]
 
     def at(self, time_us: float) -> NDArray[np.uint8]:
         """Return the (12, 3) colours that are latched at a time; BoardError for one that is forgotten."""
-        index = bisect_right(self._times, time_us) - 1
+        index = bisect_right(self._lights, time_us, key=BY_TIME) - 1
         if index < 0 and self._forgotten:
             raise BoardError(
                 f"what simulated LEDs showed at {time_us / 1e6:.3f} s is forgotten after {KEPT_LIGHTS} more lights: "
                 "the machine is too busy; open sim:// anew"
             )
-        return DARK if index < 0 else self._colours[index]
+        return DARK if index < 0 else self._lights[index].colours
 
     def interval(self, start_us: float, end_us: float) -> list[Light]:
         """Return what was latched from start to end: the light at the start, then every change before the end."""
         if end_us < start_us:
             raise ValueError(f"the interval ends ({end_us} us) before it starts ({start_us} us)")
-        first, last = bisect_right(self._times, start_us), bisect_right(self._times, end_us)
-        changes = [Light(self._times[i], self._colours[i]) for i in range(first, last) if self._times[i] < end_us]
+        first = bisect_right(self._lights, start_us, key=BY_TIME)
+        changes = self._lights[first : bisect_left(self._lights, end_us, key=BY_TIME)]
         return [Light(start_us, self.at(start_us)), *changes]
 
 
@@ -138,8 +138,7 @@ class WaveformDecoder:
         if len(bits) != BITS:
             self._report(f"WS2812B: a frame of {len(bits)} bits, not {BITS}: torn")
         self.bits = bits
-        octets = np.packbits(np.array([bit.high_ns > ONE_NS for bit in bits[:BITS]], np.uint8))
-        wire = np.zeros(3 * LED_COUNT, np.uint8)
-        wire[: len(octets)] = octets
-        colours = wire.reshape(LED_COUNT, 3)[:, [1, 0, 2]]  # the wire carries green, red, blue
+        ones = np.zeros(BITS, bool)
+        ones[: len(bits)] = [bit.high_ns > ONE_NS for bit in bits[:BITS]]
+        colours = np.packbits(ones).reshape(LED_COUNT, 3)[:, [1, 0, 2]]  # the wire carries green, red, blue
         self.timeline.append(Light((self._fall_ns + LATCH_NS) / 1e3, colours))

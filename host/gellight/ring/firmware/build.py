@@ -6,20 +6,17 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.ring.firmware import uf2
-from gellight.ring.firmware.image import flash_image
+from gellight.ring.firmware.image import flash_image, from_uf2, to_uf2
 
 IMAGE = Path(__file__).parent / "gellight-rp2040.uf2"
 CHECKOUT = Path(__file__).parents[4]
-WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
 _COMMON = (
     "-std=c11", "-Os", "-g0", "-ffreestanding", "-nostdlib", "-fno-common", "-fno-jump-tables",
-    "-ffunction-sections", "-fdata-sections", *WARNINGS,
+    "-ffunction-sections", "-fdata-sections", "-Wall", "-Wextra", "-Wconversion", "-Werror",
     "-Wl,--gc-sections", "-Wl,-e,start", "-Wl,--build-id=none",
 )  # fmt: skip
 
@@ -31,13 +28,13 @@ def committed_image() -> bytes:
     actual = hashlib.sha256(file).hexdigest()
     if actual != expected:
         raise InputError(f"{IMAGE} is damaged (SHA-256 {actual}, not {expected}): install gellight again")
-    return uf2.unpack(file)
+    return from_uf2(file)
 
 
 def read_image(path: Path) -> bytes:
     """Return the flash image of a UF2 file; InputError where it cannot be read or is none."""
     try:
-        return uf2.unpack(path.read_bytes())
+        return from_uf2(path.read_bytes())
     except OSError as error:
         raise InputError(f"cannot read {path} ({error.strerror}): give a UF2 file") from error
 
@@ -65,7 +62,7 @@ def sources(checkout: Path) -> list[Path]:
     return [board / "boot2.S", *sorted(board.glob("*.c")), *sorted(core.glob("*.c"))]
 
 
-def build_elf(checkout: Path = CHECKOUT, *, compiler_name: str = "zig", extra: Sequence[str] = ()) -> bytes:
+def build_elf(checkout: Path = CHECKOUT, *, compiler_name: str = "zig") -> bytes:
     """Compile and link; a compiler's complaint becomes an InputError."""
     command = compiler(compiler_name)
     # Relative names, so that no path of this machine gets into the file.
@@ -73,7 +70,7 @@ def build_elf(checkout: Path = CHECKOUT, *, compiler_name: str = "zig", extra: S
     board = "firmware/boards/rp2040"
     with tempfile.TemporaryDirectory() as folder:
         elf = Path(folder) / "gellight.elf"
-        arguments = [*command, *_COMMON, *extra, f"-I{board}", "-Ifirmware/core", "-T", f"{board}/board.ld", *names]
+        arguments = [*command, *_COMMON, f"-I{board}", "-Ifirmware/core", "-T", f"{board}/board.ld", *names]
         done = subprocess.run([*arguments, "-o", str(elf)], cwd=checkout, capture_output=True, text=True, check=False)
         if done.returncode or done.stderr.strip():
             raise InputError(f"the firmware does not compile:\n{done.stderr.strip()}")
@@ -87,7 +84,7 @@ def build(checkout: Path = CHECKOUT, *, compiler_name: str = "zig") -> bytes:
 
 def write_image(image: bytes, path: Path = IMAGE) -> str:
     """Write a UF2 file and its checksum next to it; return the checksum. InputError where that is not possible."""
-    file = uf2.pack(image)
+    file = to_uf2(image)
     digest = hashlib.sha256(file).hexdigest()
     for target, content in ((path, file), (path.with_suffix(".sha256"), f"{digest}  {path.name}\n".encode())):
         try:

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gellight.base.errors import BoardError, InputError
-from gellight.ring.firmware import uf2
-from gellight.ring.firmware.image import image_crc
+from gellight.ring.firmware.image import FLASH_BASE, image_crc, to_uf2
 
 logger = logging.getLogger(__name__)
 
@@ -46,7 +45,7 @@ def copy_uf2(image: bytes, drive: Path) -> None:
     image_crc(image)
     try:
         with (drive / "gellight-rp2040.uf2").open("wb") as file:
-            file.write(uf2.pack(image))
+            file.write(to_uf2(image))
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
@@ -106,7 +105,7 @@ class Picoboot:
         self._command(EXCLUSIVE, b"\1")
         self._command(EXIT_XIP, b"")
         for at in range(0, len(padded), SECTOR):
-            sector, address = padded[at : at + SECTOR], uf2.FLASH_BASE + at
+            sector, address = padded[at : at + SECTOR], FLASH_BASE + at
             where = struct.pack("<II", address, SECTOR)
             self._command(ERASE, where)
             self._command(WRITE, where, data=sector)

@@ -25,7 +25,7 @@ def header() -> str:
     parts = [
         f"/* Generated from host/gellight/ring/protocol.py by `{COMMAND_LINE}`; do not edit. */",
         "#ifndef GELLIGHT_PROTOCOL_H\n#define GELLIGHT_PROTOCOL_H\n\n#include <stdint.h>",
-        "\n".join(_constants()),
+        _constants(),
         *(_enum(enum) for enum in ENUMS),
         _codes(),
         "/* Records lie in packets as they are: little endian, without gaps, at any address. */\n"
@@ -37,19 +37,12 @@ def header() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _constants() -> list[str]:
-    rows = [f"#define {name} {_number(value)}" for name, value in protocol.CONSTANTS.items()]
-    major, minor = protocol.VERSION
-    return [
-        f"#define PROTOCOL_MAJOR {major}u",
-        f"#define PROTOCOL_MINOR {minor}u",
-        f"#define SCHEMA_CRC 0x{protocol.schema_crc():08x}u",
-        *rows,
-    ]
-
-
-def _number(value: int) -> str:
-    return f"0x{value:08x}u" if value > 0x10000000 else f"{value}u"
+def _constants() -> str:
+    values = {"PROTOCOL_MAJOR": f"{protocol.VERSION[0]}u", "PROTOCOL_MINOR": f"{protocol.VERSION[1]}u",
+              "SCHEMA_CRC": f"0x{protocol.schema_crc():08x}u"}  # fmt: skip
+    for name, value in protocol.CONSTANTS.items():
+        values[name] = f"0x{value:08x}u" if value > 0x10000000 else f"{value}u"
+    return "\n".join(f"#define {name} {value}" for name, value in values.items())
 
 
 def _enum(enum: type[IntEnum] | type[IntFlag]) -> str:
@@ -78,10 +71,7 @@ def _struct(record: type[Record]) -> str:
 
 
 def _table() -> str:
-    rows = [
-        f"    X({name}, {name.lower()}, {_size(exchange.request)}, {_size(exchange.reply)})"
-        for name, exchange in protocol.COMMANDS.items()
-    ]
+    rows = [f"    X({n}, {n.lower()}, {_size(e.request)}, {_size(e.reply)})" for n, e in protocol.COMMANDS.items()]
     return (
         "/* X(NAME, name, bytes of the request record, bytes of the reply record) for each command */\n"
         "#define COMMANDS(X) \\\n" + " \\\n".join(rows)
@@ -94,11 +84,10 @@ def _size(record: type[Record]) -> str:
 
 def document() -> str:
     """Return the text of `protocol.md`."""
-    intro = (protocol.__doc__ or "").strip()
     parts = [
         f"<!-- Generated from host/gellight/ring/protocol.py by `{COMMAND_LINE}`; do not edit. -->",
         "# Protocol of the light ring",
-        intro,
+        (protocol.__doc__ or "").strip(),
         f"Version {protocol.VERSION[0]}.{protocol.VERSION[1]}, schema 0x{protocol.schema_crc():08x}.",
         "## Commands",
         *(

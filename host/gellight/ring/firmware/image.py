@@ -1,11 +1,21 @@
-"""From the linker's ELF file to the bytes of the flash: segments laid out, checksums filled in."""
+"""From the linker's ELF file to the bytes of the flash: segments laid out, checksums filled in; and to UF2 and back.
+
+UF2 is the file that a board in its boot loader takes as a USB stick (github.com/microsoft/uf2, "File format").
+"""
 
 import struct
 import zlib
 
 from gellight.base.errors import InputError
-from gellight.ring.firmware.uf2 import FLASH_BASE
 
+RP2040_FAMILY = 0xE48BFF56
+FLASH_BASE = 0x10000000
+PAYLOAD = 256
+BLOCK = 512
+_BLOCK_HEAD = struct.Struct("<8I")
+_BLOCK_MAGIC = (0x0A324655, 0x9E5D5157)
+_BLOCK_END = 0x0AB16F30
+_FAMILY_PRESENT = 0x2000
 BOOT2_BYTES = 256
 HEADER_OFFSET = BOOT2_BYTES + 8
 """after stack pointer and start address"""
@@ -68,3 +78,33 @@ def _load(elf: bytes) -> bytes:
         image.extend(b"\xff" * (start + filed - len(image)))
         image[start : start + filed] = elf[at : at + filed]
     return bytes(image)
+
+
+def to_uf2(image: bytes) -> bytes:
+    """Wrap a flash image, filled up with zeros to whole pages of 256 bytes."""
+    image += bytes(-len(image) % PAYLOAD)
+    count, file = len(image) // PAYLOAD, bytearray()
+    for number in range(count):
+        at = PAYLOAD * number
+        head = _BLOCK_HEAD.pack(*_BLOCK_MAGIC, _FAMILY_PRESENT, FLASH_BASE + at, PAYLOAD, number, count, RP2040_FAMILY)
+        file += (head + image[at : at + PAYLOAD]).ljust(BLOCK - 4, b"\0") + _BLOCK_END.to_bytes(4, "little")
+    return bytes(file)
+
+
+def from_uf2(file: bytes) -> bytes:
+    """Return the flash image of a UF2 file for the RP2040; InputError if it is anything else."""
+    if not file or len(file) % BLOCK:
+        raise InputError(f"a UF2 file consists of blocks of {BLOCK} bytes, this one has {len(file)} bytes")
+    count = len(file) // BLOCK
+    return b"".join(_payload(file[BLOCK * number : BLOCK * (number + 1)], number, count) for number in range(count))
+
+
+def _payload(block: bytes, number: int, count: int) -> bytes:
+    first, second, flags, address, size, index, total, family = _BLOCK_HEAD.unpack_from(block)
+    if (first, second) != _BLOCK_MAGIC or int.from_bytes(block[-4:], "little") != _BLOCK_END:
+        raise InputError(f"block {number} is not UF2: download the firmware again")
+    if not flags & _FAMILY_PRESENT or family != RP2040_FAMILY:
+        raise InputError(f"the firmware is for another chip (family 0x{family:08x}), not for the RP2040")
+    if (index, total, size, address) != (number, count, PAYLOAD, FLASH_BASE + PAYLOAD * number):
+        raise InputError(f"block {number} of {count} is out of place: download the firmware again")
+    return block[_BLOCK_HEAD.size : _BLOCK_HEAD.size + size]

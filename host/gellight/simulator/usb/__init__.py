@@ -1,12 +1,10 @@
 """A virtual sensor: one USB device, camera and light ring, that a Linux kernel takes for real over USB/IP.
 
-device.py            the device, plugged in by a socket; answers the standard requests
-camera_and_board.py  what is inside: a simulated camera and an emulated board
+device.py            the device with its camera and board, plugged in by a socket; answers the standard requests
 descriptors.py       how the device describes itself
 serial_port.py       its serial port (CDC-ACM)
-video.py             its camera (UVC): negotiation.py, controls.py and control_effects.py, encoding.py
+video.py             its camera (UVC): controls.py, encoding.py
 faults.py            what it does wrong on purpose
 cable.py, usbip.py   URBs to and from the kernel, and their wire format
 vhci.py              plugs it into this machine; usbip_server.py offers it to others
-picture_size.py      the same gel in another number of pixels
 """

@@ -65,21 +65,17 @@ class UsbCable:
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
 
-    def send(self, endpoint: int, data: bytes, *, wanted: Callable[[], bool], ended: bool = True) -> bool:
+    def send(self, endpoint: int, data: bytes, *, wanted: Callable[[], bool], ended: bool = True) -> None:
         """Send one transfer to the kernel through as many URBs as it takes, while `wanted` is true.
 
-        A short URB ends a transfer; where the last one is full an empty one is added if `ended`. Returns whether all of
-        it went.
+        A short URB ends a transfer; where the last one is full an empty one is added if `ended`.
         """
         rest, full = memoryview(data), False
         while rest or (full and ended):
             taken = self._send_part(endpoint, rest, wanted)
-            if taken is None:
-                return False
-            rest, full = rest[taken[0] :], taken[0] == taken[1]
-            if not full:
-                break
-        return not rest
+            if taken is None or taken[0] < taken[1]:
+                return
+            rest, full = rest[taken[0] :], True
 
     def _send_part(self, endpoint: int, data: memoryview, wanted: Callable[[], bool]) -> tuple[int, int] | None:
         """Answer the next URB of an endpoint; return the bytes sent and its size, None when not wanted any more."""
@@ -114,13 +110,10 @@ class UsbCable:
 
     def _unlink(self, request: Unlink) -> None:
         with self._changed:
-            found = False
-            for queue in self._waiting.values():
-                for urb in list(queue):
-                    if urb.number == request.victim:
-                        queue.remove(urb)
-                        found = True
-            self._answer(pack_unlinked(request.number, found=found))
+            found = [(queue, urb) for queue in self._waiting.values() for urb in queue if urb.number == request.victim]
+            for queue, urb in found:
+                queue.remove(urb)
+            self._answer(pack_unlinked(request.number, found=bool(found)))
 
     def _answer_control(self, urb: Urb, reply: bytes | None) -> None:
         if reply is None:

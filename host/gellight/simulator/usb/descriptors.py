@@ -18,9 +18,8 @@ CAMERA_UNIT, PROCESSING_UNIT, OUTPUT_UNIT = 1, 2, 3
 MJPG, YUYV = 1, 2
 """format index of each"""
 CLOCK_HZ = 48_000_000
-SERIAL_CONTROL, SERIAL_DATA = (2, 2, 0), (10, 0, 0)
-VIDEO_CONTROL, VIDEO_STREAMING = (14, 1, 0), (14, 2, 0)
-INTERFACES = (SERIAL_CONTROL, SERIAL_DATA, VIDEO_CONTROL, VIDEO_STREAMING)
+INTERFACES = ((2, 2, 0), (10, 0, 0), (14, 1, 0), (14, 2, 0))
+"""class, subclass and protocol of each: serial control, serial data, video control, video streaming"""
 COMPOSITE = (0xEF, 2, 1)
 _CLASS_SPECIFIC, _BULK, _INTERRUPT, _IN = 0x24, 2, 3, 0x80
 _YUY2 = bytes.fromhex("5955593200001000800000aa00389b71")

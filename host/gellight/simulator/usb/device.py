@@ -7,11 +7,16 @@ import struct
 import threading
 from collections.abc import Callable, Mapping
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.allowed import query_of
+from gellight.base.errors import CameraError, ConfigError, InputError
+from gellight.base.settings import load_settings
+from gellight.frames.camera import Camera
 from gellight.ring import usb_numbers as numbers
+from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.light_ring import LightRing
+from gellight.ring.wire import LED_COUNT
 from gellight.simulator.usb import descriptors
 from gellight.simulator.usb.cable import CablePulledError, UsbCable
-from gellight.simulator.usb.camera_and_board import CameraAndBoard, open_inside
 from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.simulator.usb.serial_port import SerialFunction
 from gellight.simulator.usb.usbip import Urb
@@ -23,15 +28,32 @@ STANDARD, CLASS, INTERFACE_RECIPIENT = 0x00, 0x20, 1
 STOP_S = 10.0
 
 
+class UncommandedRing(LightRing):
+    """The ring of a board that another program commands: the one at the other end of the virtual USB cable."""
+
+    def __init__(self, board: SimulatedBoard) -> None:
+        """Hold the board without speaking to it."""
+        self.transport = board
+
+    def close(self) -> None:
+        """Switch the board off."""
+        self.transport.close()
+
+
 class VirtualSensor:
     """Camera and board of the light ring in one USB device. Close it, or use it in a `with` statement."""
 
-    def __init__(self, inside: CameraAndBoard, *, serial_number: str, faults: Faults = NO_FAULTS) -> None:
-        """Take over camera and board; the plug is not in yet."""
+    def __init__(self, camera: Camera, *, serial_number: str, frame_rate: float = 30.0, has_board: bool = False,
+                 faults: Faults = NO_FAULTS) -> None:  # fmt: skip
+        """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
+
+        `has_board`: while it has power, an emulated board with the same serial number runs the firmware's image.
+        """
         self.serial_number = checked_serial(serial_number)
         self.faults = faults
-        self.modes = modes_of(inside.camera, inside.frame_rate)
-        self._inside = inside
+        self.modes = modes_of(camera, frame_rate)
+        self.camera, self._has_board = camera, has_board
+        self.board: SimulatedBoard | None = None
         self._cable: UsbCable | None = None
         self._lock = threading.Lock()
         self.unplugged = threading.Event()
@@ -40,8 +62,8 @@ class VirtualSensor:
         self._start_functions()
 
     def _start_functions(self) -> None:
-        self.serial = SerialFunction(self._inside.serial_path)
-        self.video = VideoFunction(self._inside.camera, self.modes, faults=self.faults, unplug=self.unplug)
+        self.serial = SerialFunction(self.board.path if self.board else "")
+        self.video = VideoFunction(self.camera, self.modes, faults=self.faults, unplug=self.unplug)
 
     def __enter__(self) -> "VirtualSensor":
         """Return the sensor."""
@@ -68,10 +90,10 @@ class VirtualSensor:
                 raise InputError(f"the virtual sensor {self.serial_number} is plugged in already: unplug it first")
             self.unplugged.clear()
         try:
-            self._inside.power_on()
+            self._power_on()
             connection.sendall(greeting)
         except BaseException:
-            self._inside.power_off()
+            self._power_off()
             self.unplugged.set()
             raise
         self._start_functions()
@@ -94,7 +116,19 @@ class VirtualSensor:
         """Pull the plug and switch off for good."""
         self.unplug()
         self.unplugged.wait(STOP_S)
-        self._inside.close()
+        self._power_off()
+        self.camera.close()
+
+    def _power_on(self) -> None:
+        if self._has_board:
+            self.board = SimulatedBoard(pty=True, unique_id=bytes.fromhex(self.serial_number))
+            self.camera.ring = UncommandedRing(self.board)
+
+    def _power_off(self) -> None:
+        """End the board, with its LEDs dark: the camera keeps the dead board until a new one starts."""
+        if self.board is not None:
+            self.board.close()
+        self.board = None
 
     def _work(self, cable: UsbCable, job: Callable[[], None]) -> None:
         try:
@@ -110,7 +144,7 @@ class VirtualSensor:
         for thread in threads:
             thread.join()
         self.serial.close()
-        self._inside.power_off()
+        self._power_off()
         self.unplugged.set()
 
     # ---- endpoint 0 ----
@@ -131,7 +165,7 @@ class VirtualSensor:
         if code == numbers.GET_DESCRIPTOR:
             return self._descriptor(value >> 8, value & 0xFF)
         if code == numbers.CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
-            self.video.stop()
+            self.video.negotiation.committed = None  # so a host ends the stream
         return ANSWERS.get(code, b"")
 
     def _descriptor(self, kind: int, index: int) -> bytes | None:
@@ -154,8 +188,33 @@ def open_virtual(
 ) -> VirtualSensor:
     """Build a virtual sensor from the simulated one of a `sim://` URL, with its emulated board.
 
-    Raises what opening that camera raises, and InputError for a serial number that no board has.
+    With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises, and
+    InputError for a serial number that no board has.
     """
     number = checked_serial(serial_number)
-    inside = open_inside(url, unique_id=bytes.fromhex(number), geometry=geometry)
-    return VirtualSensor(inside, serial_number=number, faults=faults)
+    if not url.startswith("sim://"):
+        raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
+    from gellight.simulator.simulated_camera import SimulatedUrl, built, open_simulated
+
+    wanted, leds = query_of(url, SimulatedUrl), len(built(geometry).led_colours)
+    if wanted.board and leds != LED_COUNT:
+        raise ConfigError(f"the sensor has {leds} LEDs, the board drives {LED_COUNT}: use sim://?board=0")
+    camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
+    camera.url = url
+    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, faults=faults)
+
+
+def sized_geometry(size: str | None) -> dict[str, float | int | str]:
+    """Return the settings' geometry with a picture of `size` ("160x120") that shows the same width of the gel.
+
+    Raises InputError for a size that is none, or that no camera of this kind has.
+    """
+    geometry = load_settings().geometry.overrides()
+    if size is None:
+        return geometry
+    match = re.fullmatch(r"(\d+)x(\d+)", size)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (16 <= width <= 4096 and 16 <= height <= 4096 and width % 2 == 0):
+        raise InputError(f"size {size!r}: give WIDTHxHEIGHT from 16 to 4096 pixels, an even width, for example 320x240")
+    shown_mm = float(geometry.get("pixel_size_mm", 0.0588)) * int(geometry.get("image_width_px", 640))
+    return {**geometry, "image_width_px": width, "image_height_px": height, "pixel_size_mm": shown_mm / width}

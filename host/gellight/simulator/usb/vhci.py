@@ -23,15 +23,13 @@ def choose_port(wanted: int | None, controller: Path = CONTROLLER) -> int:
     """Return the wanted port, or the first free one; BoardError when there is none, with what to do."""
     require(controller)
     ports = high_speed_ports((controller / "status").read_text())
-    if wanted is not None:
-        if not ports.get(wanted, False):
-            free = ", ".join(str(port) for port, empty in ports.items() if empty) or "none"
-            raise BoardError(f"virtual USB port {wanted} is not free: choose one of {free}")
-        return wanted
-    for port, empty in ports.items():
-        if empty:
-            return port
-    raise BoardError(f"all {len(ports)} virtual USB ports are taken: end a virtual sensor first")
+    free = [port for port, empty in ports.items() if empty]
+    if wanted is not None and wanted not in free:
+        choices = ", ".join(map(str, free)) or "none"
+        raise BoardError(f"virtual USB port {wanted} is not free: choose one of {choices}")
+    if not free:
+        raise BoardError(f"all {len(ports)} virtual USB ports are taken: end a virtual sensor first")
+    return free[0] if wanted is None else wanted
 
 
 def require(controller: Path = CONTROLLER) -> None:

@@ -1,23 +1,26 @@
 """The camera function of the device (UVC): negotiates, takes pictures while the host streams, and sends them."""
 
 import random
-import threading
+import struct
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 
+from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
-from gellight.simulator.usb import descriptors
+from gellight.simulator.usb import controls, descriptors
 from gellight.simulator.usb.cable import UsbCable
-from gellight.simulator.usb.control_effects import developed, run_automatics, set_up
-from gellight.simulator.usb.controls import ControlState
+from gellight.simulator.usb.controls import ControlState, run_automatics, set_up
 from gellight.simulator.usb.descriptors import VideoModes
 from gellight.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
 from gellight.simulator.usb.faults import Faults
-from gellight.simulator.usb.negotiation import HEADER_BYTES, Negotiation, StreamMode
 
+PROBE, COMMIT = 1, 2
+"""selectors of the negotiation (UVC 1.1, 4.3.1.1)"""
+HEADER_BYTES = 2
+_BLOCK = struct.Struct("<HBBIHHHHHIIIBBBB")
 END_OF_HEADER, ERROR, END_OF_FRAME = 0x80, 0x40, 0x02
 LATENCY_FRAMES = 2
 """a new value of a control acts on the second picture after it was set, as on sensors that take over registers once a
@@ -32,6 +35,62 @@ def modes_of(camera: Camera, frame_rate: float) -> VideoModes:
     return VideoModes(tuple(sizes), tuple(round(1e7 * divider / frame_rate) for divider in (1, 2, 4)))
 
 
+@dataclass(frozen=True)
+class StreamMode:
+    """What is streamed."""
+
+    format: int
+    size_index: int
+    """from 1"""
+    interval: int
+    """100 ns"""
+
+
+class Negotiation:
+    """The camera's side; `committed` is the mode in which it streams, None while it does not."""
+
+    def __init__(self, modes: VideoModes) -> None:
+        """Offer `modes`."""
+        self._modes = modes
+        self._probed = StreamMode(descriptors.MJPG, 1, modes.intervals[0])
+        self.committed: StreamMode | None = None
+
+    def request(self, selector: int, code: int, data: bytes) -> bytes | None:
+        """Answer a request to the streaming interface; None: refused."""
+        if selector not in (PROBE, COMMIT):
+            return None
+        if code == controls.SET_CURRENT:
+            if len(data) < 8:
+                return None
+            self._probed = self._nearest(data)
+            if selector == COMMIT:
+                self.committed = self._probed
+            return b""
+        if code == controls.GET_INFO:
+            return b"\x03"
+        if code == controls.GET_LENGTH:
+            return struct.pack("<H", _BLOCK.size)
+        if code in (controls.GET_CURRENT, controls.GET_MINIMUM, controls.GET_MAXIMUM, controls.GET_DEFAULT):
+            return self._pack()
+        return None
+
+    def _nearest(self, data: bytes) -> StreamMode:
+        """Return the offered mode that is nearest to what the host asks for."""
+        _hint, wanted, size, interval = struct.unpack_from("<HBBI", data)
+        offered = self._modes.intervals
+        return StreamMode(
+            min(max(wanted, descriptors.MJPG), descriptors.YUYV),
+            min(max(size, 1), len(self._modes.sizes)),
+            min(offered, key=lambda known: abs(known - interval)) if interval else offered[0],
+        )
+
+    def _pack(self) -> bytes:
+        mode = self._probed
+        size = self._modes.picture_bytes(mode.size_index)
+        return _BLOCK.pack(1, mode.format, mode.size_index, mode.interval, 0, 0, 0, 0, 0, size, size + HEADER_BYTES,
+                           descriptors.CLOCK_HZ, 3, 1, 1, 1)  # fmt: skip
+
+
 class VideoFunction:
     """Interfaces 2 and 3. One thread runs it; requests of the host come from another."""
 
@@ -39,33 +98,25 @@ class VideoFunction:
         """Offer `camera` in `modes`; `unplug` pulls the cable where a fault wants it."""
         self.controls = ControlState(stuck=faults.stuck)
         self.negotiation = Negotiation(modes)
-        self.sent = 0
-        """pictures that went to the host since power-on"""
         self.streams = 0
         """how often the host began to stream"""
         self._camera, self._modes, self._unplug = camera, modes, unplug
         self._faults = faults
         self._random = random.Random(0)
-        self._toggle = 0
-        self._taken = 0
+        self._toggle = self._taken = 0
         self._values: deque[dict[str, int]] = deque(maxlen=LATENCY_FRAMES)
         self._last: bytes | None = None
-        self._lock = threading.Lock()
 
     def inject(self, faults: Faults) -> None:
         """Behave like this from the next picture on."""
         self._faults = faults
-        self.controls.stuck = faults.stuck
+        self.controls.stick(faults.stuck)
 
     def request(self, interface: int, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a class request; None: refused."""
         if interface == descriptors.STREAMING_INTERFACE:
             return self.negotiation.request(selector, code, data)
         return self.controls.request(unit, selector, code, data) if interface == descriptors.CONTROL_INTERFACE else None
-
-    def stop(self) -> None:
-        """End the stream, as a host asks by clearing the halt of the endpoint."""
-        self.negotiation.committed = None
 
     def run(self, cable: UsbCable) -> None:
         """Stream whenever the host has committed a mode, until the cable is pulled (CablePulledError)."""
@@ -96,13 +147,12 @@ class VideoFunction:
         """Take the next picture at the negotiated rate, and let the automatics see it."""
         self._values.append(self.controls.snapshot())
         values = self._values[0]
-        if self._camera.controls is not None:
-            set_up(self._camera.controls, values)
+        if self._camera.controls is None:
+            raise CameraError(f"{self._camera.url} has no controls: give the virtual sensor a camera that has them")
+        set_up(self._camera.controls, values)
         for _ in range(round(mode.interval / self._modes.intervals[0])):
             frame = self._camera.read()
             self._taken += 1
-        if self._camera.controls is None:
-            frame = replace(frame, image=developed(frame.image, values))
         run_automatics(self.controls, frame.image, mode.interval // 1000)
         return values, frame
 
@@ -127,4 +177,4 @@ class VideoFunction:
             cable.sleep_until(time.monotonic() + chance() * faults.late_ms * 1e-3, wanted)
         header = bytes((HEADER_BYTES, END_OF_HEADER | END_OF_FRAME | self._toggle | damaged))
         self._toggle ^= 1
-        self.sent += cable.send(descriptors.VIDEO_ENDPOINT, header + picture, wanted=wanted)
+        cable.send(descriptors.VIDEO_ENDPOINT, header + picture, wanted=wanted)

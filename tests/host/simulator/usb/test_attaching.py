@@ -14,8 +14,7 @@ from gellight.base.errors import BoardError, ConfigError, InputError
 from gellight.cli import virtual_sensor
 from gellight.ring.light_ring import LightRing
 from gellight.simulator.usb import vhci
-from gellight.simulator.usb.device import VirtualSensor, open_virtual
-from gellight.simulator.usb.picture_size import sized_geometry
+from gellight.simulator.usb.device import VirtualSensor, open_virtual, sized_geometry
 from gellight.simulator.usb.usbip_server import UsbipServer
 from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.usb_client import UsbClient, import_device
@@ -149,7 +148,7 @@ class PluggedRing:
 
 def latched(sensor: VirtualSensor, *, last: bool = False) -> set[int]:
     """The values that the LEDs show now, as soon as the emulator has told so (`last`: in the end)."""
-    board = sensor._inside.board
+    board = sensor.board
     end = time.monotonic() + 5
     while board.light_at(np.inf).any() == last and time.monotonic() < end:
         time.sleep(0.01)
@@ -162,8 +161,8 @@ def test_without_a_board_the_serial_port_is_silent(url: str) -> None:
         ours, theirs = socket.socketpair()
         with ours:
             sensor.plug(theirs)
-            assert sensor._inside.board is None
-            assert sensor._inside.camera.ring is None
+            assert sensor.board is None
+            assert sensor.camera.ring is None
 
 
 def test_the_emulated_firmware_answers_at_the_serial_endpoints_and_lights_the_picture() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.simulator.usb.camera_and_board import CameraAndBoard
 from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.encoding import read_mark
 from gellight.simulator.usb.faults import Faults, parse_faults
@@ -26,7 +25,7 @@ def camera() -> CardCamera:
 
 @pytest.fixture
 def sensor(camera: CardCamera) -> Iterator[VirtualSensor]:
-    with VirtualSensor(CameraAndBoard(camera, frame_rate=200), serial_number="1") as sensor:
+    with VirtualSensor(camera, frame_rate=200, serial_number="1") as sensor:
         yield sensor
 
 
@@ -109,8 +108,9 @@ def test_exposure_and_gain_scale_the_picture_and_white_balance_its_colours(clien
     assert settled(client).mean() / half.mean() == pytest.approx(2, abs=0.05)
     client.set_control(PROCESSING, GAIN, 2, 0)
     client.set_control(PROCESSING, BALANCE, 2, 2800)
-    red, green, blue = settled(client).mean(axis=(0, 1)) / half.mean(axis=(0, 1))
-    assert red < 0.7 < 0.95 < green < 1.05 < 1.3 < blue
+    colours = settled(client).mean(axis=(0, 1)) / half.mean(axis=(0, 1))
+    warmth = (2800 / 4600) ** 0.6
+    assert colours == pytest.approx([warmth, 1, 1 / warmth], abs=0.03)
 
 
 class OwnControls:
@@ -133,13 +133,24 @@ class OwnControls:
         return value
 
 
-def test_a_camera_with_controls_of_its_own_is_set_instead(client: UsbClient, camera: CardCamera) -> None:
+def test_the_controls_of_the_camera_are_set_as_near_as_its_ranges_allow(client: UsbClient, camera: CardCamera) -> None:
     camera.controls = OwnControls()
     client.set_control(CAMERA, EXPOSURE, 4, 40)
     client.set_control(PROCESSING, GAIN, 2, 112)
     client.start()
     assert settled(client).mean() == pytest.approx(camera.card.mean(), abs=2), "the picture is as the camera gives it"
     assert camera.controls.values == {"exposure_us": 4000.0, "gain": 4.0}
+
+
+def test_a_camera_without_controls_is_told_and_ends_the_stream(
+    sensor: VirtualSensor, client: UsbClient, camera: CardCamera, caplog: pytest.LogCaptureFixture
+) -> None:
+    camera.controls = None
+    client.start()
+    with pytest.raises(ConnectionError):
+        client.payload()
+    assert sensor.unplugged.wait(5)
+    assert "card has no controls" in caplog.text
 
 
 def test_a_new_value_acts_on_the_second_picture_after_it(sensor: VirtualSensor, client: UsbClient) -> None:
@@ -254,24 +265,23 @@ def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
 
 def test_a_control_that_is_not_there_cannot_be_stuck() -> None:
     with pytest.raises(InputError, match="exposure_us"):
-        VirtualSensor(CameraAndBoard(CardCamera()), serial_number="1", faults=Faults(stuck="zoom"))
+        VirtualSensor(CardCamera(), serial_number="1", faults=Faults(stuck="zoom"))
 
 
 def test_a_cable_whose_other_end_has_gone_leaves_no_controller_running(camera: CardCamera) -> None:
-    class Counting(CameraAndBoard):
+    class Counting(VirtualSensor):
         powered = 0
 
-        def power_on(self) -> None:
+        def _power_on(self) -> None:
             self.powered += 1
 
-        def power_off(self) -> None:
+        def _power_off(self) -> None:
             self.powered -= 1
 
-    body = Counting(camera)
     ours, theirs = socket.socketpair()
     theirs.close()
-    with VirtualSensor(body, serial_number="1") as sensor, ours:
+    with Counting(camera, serial_number="1") as sensor, ours:
         with pytest.raises(OSError, match="Broken pipe"):
             sensor.plug(ours, greeting=b"imported")
-        assert body.powered == 0
+        assert sensor.powered == 0
         assert sensor.unplugged.is_set()

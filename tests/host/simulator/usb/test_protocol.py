@@ -10,7 +10,6 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.ring.usb_numbers import DATA_INTERFACE, IN_ENDPOINT, OUT_ENDPOINT, PRODUCT, VENDOR
-from gellight.simulator.usb.camera_and_board import CameraAndBoard
 from gellight.simulator.usb.device import VirtualSensor
 from gellight.simulator.usb.usbip_server import UsbipServer
 from tests.helpers.usb_client import CardCamera, UsbClient, import_device
@@ -25,7 +24,7 @@ def drain(client: UsbClient) -> None:
 
 @pytest.fixture
 def sensor() -> Iterator[VirtualSensor]:
-    with VirtualSensor(CameraAndBoard(CardCamera(), frame_rate=200), serial_number="a1") as sensor:
+    with VirtualSensor(CardCamera(), frame_rate=200, serial_number="a1") as sensor:
         yield sensor
 
 
@@ -172,4 +171,4 @@ def test_rubbish_is_turned_away_and_the_next_importer_served(sensor: VirtualSens
 @pytest.mark.parametrize("number", ["", "xyz", "1" * 17, "-1"])
 def test_a_serial_number_that_no_board_has_is_refused(number: str) -> None:
     with pytest.raises(InputError, match="16 hexadecimal digits"):
-        VirtualSensor(CameraAndBoard(CardCamera()), serial_number=number)
+        VirtualSensor(CardCamera(), serial_number=number)
