@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import REPORT, Bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, write_bundle
 from gellight.bundle.limits import Limits
 from gellight.calibration.circle import circle_of, drawn
 from gellight.calibration.display import Progress
@@ -21,16 +21,15 @@ from gellight.calibration.records import (
     Verdict,
     Verification,
 )
-from gellight.calibration.report import page
+from gellight.calibration.report import Example, page
 from gellight.calibration.rerender import Rerenderer
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.calibration.state import CheckRecord
-from gellight.calibration.verification_report import Example
 from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.errors import surface_errors
-from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of, read_record
+from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_picture
@@ -218,29 +217,22 @@ def _example(run: CalibrationRun, judge: _Judge) -> Example:
 
 
 def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
-    """Write the bundle with everything that was learnt."""
-    steps, manifest = run.folder.state.steps, draft.manifest
-    prepared, lens = run.folder.figures(Preparation), steps.lens
+    """Write the draft as the bundle, with all that it holds and all that was measured since."""
+    prepared, lens = run.folder.figures(Preparation), run.folder.state.steps.lens
+    measured = {
+        "verification": figures.as_json(),
+        "pixel_size": run.folder.figures(PixelSize).as_json(),
+        "lens": lens.as_json() if lens else {},
+        "prepare": prepared.as_json(),
+    }
+    kept = draft.manifest.model_dump(include=set(Description.__annotations__))
     return write_bundle(
         run.options.out,
-        sensor=run.options.sensor,
         reference=draft.reference,
-        reference_frames=manifest.reference_frames,
-        noise_grey=manifest.noise_grey,
-        pixel_size_mm=manifest.pixel_size_mm,
         network=draft.network,
-        network_name=manifest.network,
-        follow_light=manifest.follow_light,
-        metrics={
-            **draft.metrics,
-            "verification": figures.as_json(),
-            "pixel_size": run.folder.figures(PixelSize).as_json(),
-            "lens": lens.as_json() if lens else {},
-            "prepare": prepared.as_json(),
-        },
-        presses=draft.presses(),
-        led=led_settings(prepared.led),
-        camera=prepared.camera,
-        extra_files={REPORT: report.encode(), **({FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {})},
+        network_name=draft.manifest.network,
+        metrics={**draft.metrics, **measured},
+        extra_files={**draft.files, REPORT: report.encode()},
         overwrite=run.options.overwrite,
+        **{**kept, "led": led_settings(prepared.led), "camera": prepared.camera},
     )
