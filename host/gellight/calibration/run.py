@@ -6,14 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import STEPS, Display
 from gellight.calibration.folder import Folder
-from gellight.calibration.records import Preparation
 from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
@@ -80,12 +77,6 @@ class CalibrationRun:
             yield
         finally:
             self.display.update(actions=("abort",))
-
-    def relight(self) -> None:
-        """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
-        levels, ring = self.folder.figures(Preparation).led, self.camera.ring
-        if levels and ring is not None:
-            ring.light(np.array(levels, np.uint8))
 
     def wait_for_next(self, instruction: str) -> None:
         """Show an instruction and wait until the user says next; an automatic hand goes on at once."""

@@ -143,7 +143,8 @@ def _accepted(run: CalibrationRun, share: float) -> bool:
 def foreign_share(image: Floats) -> float:
     """Return the share of blocks of (H, W, 3) that lie off the smooth light of the rest.
 
-    The light is fitted robustly by polynomials of degree 7 in x and y, on means of 8 x 8 pixels.
+    The light is fitted robustly by polynomials of degree 7 in x and y, on means of 16 x 16 pixels; of 4 x 4 where a
+    side of the picture is shorter than 240 pixels.
     """
     blocks = block_means(block_means(image, BLOCK_PX) if min(image.shape[:2]) >= 240 else image, BLOCK_PX)
     rows, columns = np.indices(blocks.shape[:2])
