@@ -64,11 +64,6 @@ class CalibrationRun:
         except EndOfStream as error:
             raise CameraError(f"{error}; a calibration needs a camera that goes on delivering") from error
 
-    def frames(self) -> Iterator[CameraFrame]:
-        """Yield frames for ever."""
-        while True:
-            yield self.frame()
-
     @contextmanager
     def offering(self, *actions: str) -> Iterator[None]:
         """Offer the user these actions, besides abort, while the block runs."""
@@ -95,7 +90,7 @@ class CalibrationRun:
 
     def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
-        before = self.display.actions
+        before = self.display.shown["actions"]
         self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
             while (chosen := self.next_action()) is None or chosen[0] not in ("accept", "next"):

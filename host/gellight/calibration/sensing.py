@@ -93,7 +93,8 @@ def _looks(
     Raises InputError after more than `patience` dark frames in a row.
     """
     dark = 0
-    for frame in run.frames():
+    while True:
+        frame = run.frame()
         gel = detector.look(frame)
         run.display.show(live=frame.image)
         dark = dark + 1 if is_dark(frame.image) else 0
@@ -108,7 +109,7 @@ def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = P
     run.display.update(awaiting="lift")
     for count, gel in enumerate(gel for _, gel in _looks(run, detector, patience) if gel is not None):
         if gel.free and gel.still:
-            run.display.update(problem="" if complained else run.display.problem, awaiting="")
+            run.display.update(problem="" if complained else run.display.shown["problem"], awaiting="")
             return
         if count >= patience and not complained:
             problem = (

@@ -1,6 +1,5 @@
 """The parts of the calibration routine, each by itself: light, gel, coverage, live error, ball."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -180,17 +179,16 @@ class DarkAtFirst:
         if pressed:
             self.lit[: SHAPE[0] // 3, : SHAPE[1] // 3] = 60
 
-    def frames(self) -> Iterator[CameraFrame]:
-        while True:
-            self.taken += 1
-            yield frame(self.lit if self.taken > self.dark else np.zeros_like(self.lit))
+    def frame(self) -> CameraFrame:
+        self.taken += 1
+        return frame(self.lit if self.taken > self.dark else np.zeros_like(self.lit))
 
 
 def test_leds_that_are_dark_for_a_while_are_waited_for() -> None:
     run = DarkAtFirst(9)
     wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
     assert run.taken == 9 + 2
-    assert run.display.problem == ""
+    assert run.display.shown["problem"] == ""
 
 
 def test_leds_that_stay_dark_are_told() -> None:
