@@ -17,7 +17,7 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.calibration.lens.lens_fit import fit_lens, read_pins, spacing_px
-from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures, measure_lens
+from gellight.calibration.lens.measuring import add_lens, felt_depth_mm, figures, measure_lens
 from gellight.calibration.lens.pins import dimples, spots
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.integration import angle_deg, normals
@@ -150,7 +150,7 @@ class PressedGrid:
         )
         picture = digitise(np.clip(raw, 0, 255), 1.0, random)
         bundle = load_bundle("synthetic").with_reference(np.clip(untouched, 0, 255), frames=30)
-        return depth_feeler(Reconstructor(bundle))(picture)
+        return felt_depth_mm(Reconstructor(bundle), picture)
 
 
 def main() -> None:

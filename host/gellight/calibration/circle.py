@@ -16,10 +16,7 @@ LEAST_SHARE = 0.15
 
 def circle_of(image: NDArray[np.uint8], reference: NDArray[np.float32], ball: Ball) -> Circle:
     """Find the contact circle of a (H, W, 3) picture; InputError says why a press is refused."""
-    found = find_circle(image, reference, ball=ball)
-    return Circle(
-        center_x_px=found.center_x_px, center_y_px=found.center_y_px, contact_radius_px=found.contact_radius_px
-    )
+    return Circle.model_validate(find_circle(image, reference, ball=ball), from_attributes=True)
 
 
 def corrected_circle(numbers: dict[str, float], ball: Ball, image_shape: tuple[int, int]) -> Circle:

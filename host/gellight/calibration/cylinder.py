@@ -88,7 +88,9 @@ def _edge_points(difference: NDArray[np.float32], center: tuple[float, float], r
     y = center[1] + (radius + offsets) * np.sin(angles)[:, None]
     seen = [map_coordinates(difference[..., c], [y, x], order=1, mode="nearest") for c in range(3)]
     profiles = np.stack(seen, axis=2).reshape(SECTORS, -1, len(offsets), 3).mean(axis=1)
-    inside = _within(x, y, difference.shape[:2]).reshape(SECTORS, -1).all(axis=1)
+    height, width = difference.shape[:2]
+    seen_whole = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    inside = seen_whole.reshape(SECTORS, -1).all(axis=1)
     points = []
     for sector in np.flatnonzero(inside):
         at, trusted = _edge_offset(profiles[sector], offsets)
@@ -101,10 +103,6 @@ def _edge_points(difference: NDArray[np.float32], center: tuple[float, float], r
             "whole end is in the picture, straight and a little deeper"
         )
     return np.array(points)
-
-
-def _within(x: Floats, y: Floats, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    return np.asarray((x >= 0) & (x <= shape[1] - 1) & (y >= 0) & (y <= shape[0] - 1))
 
 
 def edge_profile(t_px: Floats, width_px: float) -> Floats:

@@ -69,8 +69,11 @@ class Folder:
         if state is None or state.finished:
             state = State(identity=identity)
         _drop_lost(path, state)
-        for name in ("", *KINDS):
-            _make(path / name)
+        for place in (path, *(path / kind for kind in KINDS)):
+            try:
+                make_folder(place)
+            except OSError as error:
+                raise InputError(f"folder {place} cannot be made ({error.strerror}): give another one") from error
         folder = cls(path, state)
         folder.save()
         return folder
@@ -157,9 +160,9 @@ class Folder:
 
     def _add(self, kind: str, records: list[_Kept], make: type[_Kept], picture: Picture, **more: Any) -> _Kept:
         number = 1 + max((record.number for record in records), default=0)
-        while (self.path / _file(kind, number)).exists():
+        while (self.path / (file := f"{kind}/press-{number:03d}.png")).exists():
             number += 1  # somebody else's
-        record = make(number=number, file=_file(kind, number), **more)
+        record = make(number=number, file=file, **more)
         records.append(record)
         # The state first: a file that lies there and is not in it would count as somebody else's for ever.
         self.save()
@@ -197,10 +200,6 @@ class Folder:
         return [record.press(self.path) for record in self.state.checks]
 
 
-def _file(kind: str, number: int) -> str:
-    return f"{kind}/press-{number:03d}.png"
-
-
 def _check_empty(path: Path) -> None:
     """Refuse a folder in which something lies that no calibration wrote; hidden files do not count."""
     found = sorted(entry.name for entry in path.iterdir() if not entry.name.startswith(".")) if path.is_dir() else []
@@ -226,10 +225,3 @@ def _drop_lost(path: Path, state: State) -> None:
     lists: Iterable[list[Any]] = (state.presses, state.checks, state.grids)
     for records in lists:
         records[:] = [record for record in records if (path / record.file).is_file()]
-
-
-def _make(path: Path) -> None:
-    try:
-        make_folder(path)
-    except OSError as error:
-        raise InputError(f"folder {path} cannot be made ({error.strerror}): give another one") from error

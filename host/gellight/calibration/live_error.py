@@ -18,9 +18,7 @@ SAMPLES = 500
 _FLAT_SAMPLES = 150
 _FLAT_DISTANCE = 3.0
 _RIDGE = 1e-3
-_DEGREE = 3
-_INPUTS = 5
-_POWERS = powers_up_to(_DEGREE, _INPUTS)
+_POWERS = powers_up_to(3, 5)
 LEAST = 5
 """presses before anything can be said"""
 _OUTLIER = 3.0
@@ -46,19 +44,15 @@ class LiveError:
         random = np.random.default_rng(number)
         inside = np.flatnonzero(contact_circle(press, shape))
         far = np.flatnonzero(distance_px(press, shape) > _FLAT_DISTANCE * press.contact_radius_px)
-        chosen = np.concatenate(
-            [
-                random.choice(inside, min(SAMPLES, len(inside)), replace=False),
-                random.choice(far, min(_FLAT_SAMPLES, len(far)), replace=False),
-            ]
-        )
+        inside = random.choice(inside, min(SAMPLES, len(inside)), replace=False)
+        far = random.choice(far, min(_FLAT_SAMPLES, len(far)), replace=False)
+        chosen = np.concatenate([inside, far])
         gradient = sphere_gradient(press, self.ball, shape).reshape(-1, 2)
-        slopes = np.zeros((len(chosen), 2))
-        count = min(SAMPLES, len(inside))
-        slopes[:count] = gradient[chosen[:count]]
         difference = (image.astype(np.float32) - self.reference).reshape(-1, 3)[chosen]
-        self._inputs[number] = _features(difference, chosen % shape[1], chosen // shape[1], shape)
-        self._slopes[number] = slopes
+        x, y = 2 * (chosen % shape[1]) / shape[1] - 1, 2 * (chosen // shape[1]) / shape[0] - 1
+        # Five inputs, each scaled to about one.
+        self._inputs[number] = terms_of([*(difference / 64.0).T, x, y], _POWERS)
+        self._slopes[number] = np.concatenate([gradient[inside], np.zeros((len(far), 2))])
 
     def drop(self, number: int) -> None:
         """Forget a press."""
@@ -94,9 +88,3 @@ class LiveError:
             return []
         usual = float(np.median(list(self.by_press.values())))
         return [n for n, error in self.by_press.items() if error > max(_OUTLIER * usual, usual + _OUTLIER_DEG)]
-
-
-def _features(difference: NDArray[np.floating], x: Floats, y: Floats, shape: tuple[int, int]) -> Floats:
-    """(N, 56) products of up to three of the five inputs, each scaled to about one."""
-    columns = [difference[:, c] / 64.0 for c in range(3)] + [2 * x / shape[1] - 1, 2 * y / shape[0] - 1]
-    return terms_of(columns, _POWERS)

@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import load_bundle
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.lens.lattice import Lattice
-from gellight.calibration.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px
-from gellight.calibration.lens.measuring import add_lens, depth_feeler, figures
-from gellight.calibration.lens.pins import dimples, imprints, marked
+from gellight.calibration.lens.lens_fit import check_pins, read_pins, spacing_px
+from gellight.calibration.lens.measuring import add_lens, felt_lens, figures
+from gellight.calibration.lens.pins import imprints, marked
 from gellight.calibration.records import MeasuredLens, PinGrid, PixelSize
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.virtual_hand import VirtualHand
 
 Floats = NDArray[np.float32]
@@ -53,7 +52,7 @@ def _announce(run: CalibrationRun, done: int, wanted: str) -> None:
         instruction=f"Press the pin grid ({run.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
         "whole view, some tenths of a millimetre deep. Hold still, then lift. Without one, go on.",
         progress=Progress(done=done, wanted=done + 1, unit="pictures"),
-        problem=wanted if done else run.display.problem,
+        problem=wanted if done else run.display.shown["problem"],
     )
 
 
@@ -77,9 +76,14 @@ def _taken(run: CalibrationRun, capture: Capture, reference: Floats) -> list[Lat
 
 
 def _pins(run: CalibrationRun, picture: Picture, reference: Floats) -> Lattice:
-    size, pitch = _sizes(run)
+    pitch, size = _pitch_mm(run), (run.folder.figures(PixelSize).pixel_size_mm,) * 2
     contrasts = imprints(picture.astype(np.float32) - reference, spacing_px(size, pitch))
     return read_pins(contrasts, pixel_size_mm=size, pitch_mm=pitch, source=_SOURCE)
+
+
+def _pitch_mm(run: CalibrationRun) -> float:
+    assert run.options.pin_pitch_mm is not None
+    return run.options.pin_pitch_mm
 
 
 def _missing(seen: list[Lattice], image_shape: tuple[int, int]) -> str:
@@ -103,7 +107,7 @@ def straighten(run: CalibrationRun) -> None:
         return
     paths = _pictures(run)
     try:
-        fit = _felt(run, draft, paths)
+        fit = felt_lens(draft, paths, _pitch_mm(run), _SOURCE)
     except InputError as error:
         run.folder.forget_grid()
         raise BundleError(f"{error}. The presses are kept: go on, and press the grid again") from error
@@ -114,24 +118,5 @@ def straighten(run: CalibrationRun) -> None:
     run.display.show(pins=marked(read_image(paths[0]), fit.lattices[0].points, fit.expected_px[0]))
 
 
-def _felt(run: CalibrationRun, draft: Bundle, paths: list[Path]) -> LensFit:
-    size, pitch = _sizes(run)
-    feel = depth_feeler(Reconstructor(draft, undistorted=False))
-    lattices = [
-        read_pins(
-            dimples(feel(read_image(path)), spacing_px(size, pitch)), pixel_size_mm=size, pitch_mm=pitch, source=_SOURCE
-        )
-        for path in paths
-    ]
-    return fit_lens(lattices, draft.image_shape, pitch)
-
-
 def _pictures(run: CalibrationRun) -> list[Path]:
     return [run.folder.path / record.file for record in run.folder.state.grids]
-
-
-def _sizes(run: CalibrationRun) -> tuple[tuple[float, float], float]:
-    """Size of a pixel (x, y) and pitch of the grid, mm."""
-    size, pitch = run.folder.figures(PixelSize).pixel_size_mm, run.options.pin_pitch_mm
-    assert pitch is not None
-    return (size, size), pitch

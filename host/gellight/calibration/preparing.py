@@ -34,20 +34,21 @@ def prepare(run: CalibrationRun) -> None:
     run.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
     run.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
     _lock(camera)
-    lights, led = None, None
+    lights, levels = None, None
     if camera.ring is not None:
         lights = led_check.check_lights(run, full_colours(options.led_colours))
-        led = _balanced(run).tolist()
+        levels = _balanced(run)
     elif camera.controls is not None:
         _expose(run, camera.controls)
+    settings = settings_of(camera)
+    camera.adopt(settings, levels)  # so it is set and lit again when it was unplugged
+    led = None if levels is None else levels.tolist()
     image = mean_image([run.frame() for _ in range(options.reference_frames // 2)])
     check_light(image, "the untouched gel")
     uniformity = of_image(image.astype(np.float32))
     run.display.show(uniformity=contour_picture(image.mean(axis=2, dtype=np.float32)), untouched=image)
     run.folder.finish(
-        Preparation(
-            camera=settings_of(camera), led=led, lights=lights, uniformity=uniformity, advice=_advice(uniformity)
-        )
+        Preparation(camera=settings, led=led, lights=lights, uniformity=uniformity, advice=_advice(uniformity))
     )
 
 

@@ -19,8 +19,14 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import Picture
+from gellight.calibration.fitting import fit
+from gellight.calibration.pin_grid import collect_grid, straighten
+from gellight.calibration.preparing import prepare, prepare_again
+from gellight.calibration.pressing import collect_presses
+from gellight.calibration.probing import measure_pixel_size
 from gellight.calibration.run import Aborted, CalibrationRun
-from gellight.calibration.steps import run_steps
+from gellight.calibration.untouched import compare_with_reference, take_reference
+from gellight.calibration.verifying import verify
 from gellight.frames.camera import Camera
 from gellight.simulator.virtual_hand import VirtualHand
 
@@ -53,17 +59,13 @@ class Routine:
         self._calibration = CalibrationRun(camera, options, folder, hand=hand)
         self._install = install
         self._thread: threading.Thread | None = None
-        self._error: GellightError | None = None
+        self.error: GellightError | None = None
+        """what made it fail; None while it runs and after a good end"""
 
     @property
     def ended(self) -> bool:
         """Whether it is finished, aborted or failed."""
-        return self._calibration.display.step in ENDS and not (self._thread and self._thread.is_alive())
-
-    @property
-    def error(self) -> GellightError | None:
-        """What made it fail; None while it runs and after a good end."""
-        return self._error
+        return self._calibration.display.shown["step"] in ENDS and not (self._thread and self._thread.is_alive())
 
     def snapshot(self) -> dict[str, Any]:
         """Return what is to be shown, ready for JSON.
@@ -98,7 +100,7 @@ class Routine:
         """
         if action not in ACTIONS:
             raise InputError(f"no action {action!r}: choose one of {', '.join(ACTIONS)}")
-        offered = self._calibration.display.actions
+        offered = self._calibration.display.shown["actions"]
         if action not in offered:
             raise InputError(f"{action} is not possible now: choose {' or '.join(offered) or 'nothing, but wait'}")
         if action == "start":
@@ -123,21 +125,45 @@ class Routine:
     def _run(self) -> None:
         display = self._calibration.display
         try:
-            bundle = run_steps(self._calibration)
+            bundle = _run_steps(self._calibration)
             if self._install and bundle:
                 self._install(bundle)
-            self._end("finished", display.instruction)
+            self._end("finished", display.shown["instruction"])
         except Aborted:
             self._end("aborted", "Stopped. What was measured is kept: you can go on from here.")
         except GellightError as error:
-            self._error = error
+            self.error = error
             display.update(problem=str(error))
             self._end("failed", "The calibration stopped; nothing was replaced.")
         except Exception as error:
             logger.exception("calibration failed")
-            self._error = GellightError(f"the calibration failed ({error}): please report it")
-            display.update(problem=str(self._error))
+            self.error = GellightError(f"the calibration failed ({error}): please report it")
+            display.update(problem=str(self.error))
             self._end("failed", "The calibration stopped; nothing was replaced.")
 
     def _end(self, step: str, instruction: str) -> None:
         self._calibration.display.update(step=step, instruction=instruction, actions=())
+
+
+def _run_steps(run: CalibrationRun) -> Bundle | None:
+    """Go through all steps and return the bundle that passed, None where the verdict was bad."""
+    for step, first, again in (
+        ("prepare", prepare, prepare_again),
+        ("reference", take_reference, compare_with_reference),
+        ("pixel_size", measure_pixel_size, None),
+        ("lens", collect_grid, None),
+        ("presses", collect_presses, None),
+        ("fit", fit, None),
+    ):
+        if step not in run.display.steps:
+            continue
+        run.display.begin_step(step)
+        if run.folder.done(step) is None:
+            first(run)
+        elif again:
+            again(run)
+        if figures := run.folder.done(step):
+            run.display.add_figures(step, figures)
+    straighten(run)
+    run.display.begin_step("verify")
+    return verify(run)

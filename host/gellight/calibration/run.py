@@ -6,14 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import STEPS, Display
 from gellight.calibration.folder import Folder
-from gellight.calibration.records import Preparation
 from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
@@ -67,11 +64,6 @@ class CalibrationRun:
         except EndOfStream as error:
             raise CameraError(f"{error}; a calibration needs a camera that goes on delivering") from error
 
-    def frames(self) -> Iterator[CameraFrame]:
-        """Yield frames for ever."""
-        while True:
-            yield self.frame()
-
     @contextmanager
     def offering(self, *actions: str) -> Iterator[None]:
         """Offer the user these actions, besides abort, while the block runs."""
@@ -80,12 +72,6 @@ class CalibrationRun:
             yield
         finally:
             self.display.update(actions=("abort",))
-
-    def relight(self) -> None:
-        """Light the LEDs again as they were prepared: a board that was reset or kept waiting is dark."""
-        levels, ring = self.folder.figures(Preparation).led, self.camera.ring
-        if levels and ring is not None:
-            ring.light(np.array(levels, np.uint8))
 
     def wait_for_next(self, instruction: str) -> None:
         """Show an instruction and wait until the user says next; an automatic hand goes on at once."""
@@ -104,7 +90,7 @@ class CalibrationRun:
 
     def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
-        before = self.display.actions
+        before = self.display.shown["actions"]
         self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
             while (chosen := self.next_action()) is None or chosen[0] not in ("accept", "next"):

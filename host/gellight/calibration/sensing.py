@@ -65,18 +65,14 @@ class TouchDetector:
         seen = block_means(frame.image, BLOCK_PX)
         difference = seen - self._reference
         touched = np.abs(difference - light_drift(difference)).max(axis=2) > self._threshold
-        moved = 1.0 if self._last is None else float((_largest(seen - self._last) > 1.5 * self._threshold).mean())
+        change = np.inf if self._last is None else np.abs(seen - self._last).max(axis=2)
         self._last = seen
-        return GelState(touched=float(touched.mean()), moved=moved)
+        return GelState(touched=float(touched.mean()), moved=float(np.mean(change > 1.5 * self._threshold)))
 
 
 def detector_of(run: CalibrationRun) -> TouchDetector:
     """Return what compares frames with the reference of a calibration."""
     return TouchDetector(run.folder.reference(), run.folder.figures(UntouchedGel).noise_grey)
-
-
-def _largest(difference: Floats) -> Floats:
-    return np.asarray(np.abs(difference).max(axis=2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,17 +85,31 @@ class Capture:
     """the last of them"""
 
 
-def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
-    """Wait until nothing touches; after so many frames say what may be wrong."""
-    complained, light = False, _Light(run, patience)
-    run.display.update(awaiting="lift")
-    for count, frame in enumerate(run.frames()):
+def _looks(
+    run: CalibrationRun, detector: TouchDetector, patience: int = PATIENCE_FRAMES
+) -> Iterator[tuple[CameraFrame, GelState | None]]:
+    """Yield every frame with what it shows of the gel, None where it is dark: the ring lights again by itself.
+
+    Raises InputError after more than `patience` dark frames in a row.
+    """
+    dark = 0
+    while True:
+        frame = run.frame()
         gel = detector.look(frame)
         run.display.show(live=frame.image)
-        if light.is_out(frame.image):
-            continue
+        dark = dark + 1 if is_dark(frame.image) else 0
+        if dark > patience:
+            check_light(frame.image, "the gel")
+        yield frame, None if dark else gel
+
+
+def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
+    """Wait until nothing touches; after so many frames say what may be wrong."""
+    complained = False
+    run.display.update(awaiting="lift")
+    for count, gel in enumerate(gel for _, gel in _looks(run, detector, patience) if gel is not None):
         if gel.free and gel.still:
-            run.display.update(problem="" if complained else run.display.problem, awaiting="")
+            run.display.update(problem="" if complained else run.display.shown["problem"], awaiting="")
             return
         if count >= patience and not complained:
             problem = (
@@ -115,15 +125,12 @@ def wait_press(run: CalibrationRun, detector: TouchDetector, ended: Callable[[],
 
     Where it moves while it is captured, the user is told so, and it is waited for again.
     """
-    still, taken, light = 0, list[CameraFrame](), _Light(run)
+    still, taken = 0, list[CameraFrame]()
     run.display.update(awaiting="press")
-    for frame in run.frames():
+    for frame, gel in _looks(run, detector):
         if ended():
-            run.display.update(awaiting="")
-            return None
-        gel = detector.look(frame)
-        run.display.show(live=frame.image)
-        if light.is_out(frame.image) or gel.free:
+            break
+        if gel is None or gel.free:
             still, taken = 0, []
         elif not gel.still:
             if taken:
@@ -134,9 +141,9 @@ def wait_press(run: CalibrationRun, detector: TouchDetector, ended: Callable[[],
         else:
             taken.append(frame)
             if len(taken) == MEAN_FRAMES:
-                run.display.update(awaiting="")
-                return Capture(image=mean_image(taken), frame=taken[-1])
-    raise AssertionError("frames come for ever")
+                break
+    run.display.update(awaiting="")
+    return Capture(image=mean_image(taken), frame=taken[-1]) if len(taken) == MEAN_FRAMES else None
 
 
 @contextmanager
@@ -155,32 +162,10 @@ def next_press(
         run.hand.lift()
 
 
-class _Light:
-    """Lights the ring again where the picture goes dark: a board that was reset or kept waiting makes it so itself."""
-
-    def __init__(self, run: CalibrationRun, patience: int = PATIENCE_FRAMES) -> None:
-        """Give up after `patience` dark frames in a row."""
-        self._calibration, self._patience, self._dark = run, patience, 0
-
-    def is_out(self, image: NDArray[np.uint8]) -> bool:
-        """Tell whether a frame is dark, and see to it; InputError where the light does not come back."""
-        if not is_dark(image):
-            self._dark = 0
-            return False
-        if self._dark > self._patience:
-            check_light(image, "the gel")
-        if self._dark % (self._patience // 3) == 0:
-            self._calibration.relight()
-        self._dark += 1
-        return True
-
-
 def mean_image(frames: list[CameraFrame]) -> NDArray[np.uint8]:
     """(H, W, 3) mean, rounded to grey levels."""
-    total = np.zeros(frames[0].image.shape, np.float32)
-    for frame in frames:
-        total += frame.image
-    return np.asarray(np.rint(total / len(frames)).astype(np.uint8))
+    mean = np.mean([frame.image for frame in frames], axis=0, dtype=np.float32)
+    return np.asarray(np.rint(mean).astype(np.uint8))
 
 
 def check_light(image: NDArray[np.uint8], what: str) -> None:

@@ -10,7 +10,7 @@ from gellight.calibration.display import Progress
 from gellight.calibration.records import UntouchedGel, WarmUp
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import BLOCK_PX, TouchDetector, check_light, detector_of
-from gellight.reconstruction.image_noise import ImageNoise, measure_noise
+from gellight.reconstruction.image_noise import measure_noise
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pixel_grid import block_means
 
@@ -33,14 +33,17 @@ def take_reference(run: CalibrationRun) -> None:
     while True:
         warm_up = wait_steady(run)
         try:
-            image, noise = _averaged(_record(run, run.options.reference_frames))
+            images = _record(run, run.options.reference_frames)
+            image = np.asarray(np.mean(images, axis=0, dtype=np.float64), np.float32)
             check_light(np.rint(image).astype(np.uint8), "the untouched gel")
         except InputError as error:
-            _ask_again(run, error)
+            run.refuse(error)
+            run.wait_for_next("Take everything off the gel, then go on.")
             continue
         share = foreign_share(image)
         if share <= _FOREIGN_SHARE or _accepted(run, share):
             break
+    noise = measure_noise(images, image)
     run.folder.keep_reference(image)
     run.folder.finish(
         UntouchedGel(
@@ -113,22 +116,6 @@ def _record(run: CalibrationRun, count: int) -> list[NDArray[np.uint8]]:
     return images
 
 
-def _averaged(images: list[NDArray[np.uint8]]) -> tuple[Floats, ImageNoise]:
-    """(H, W, 3) mean of frames, and their noise."""
-    mean = np.zeros(images[0].shape, np.float64)
-    for image in images:
-        mean += image
-    average = (mean / len(images)).astype(np.float32)
-    return average, measure_noise(images, average)
-
-
-def _ask_again(run: CalibrationRun, error: InputError) -> None:
-    if run.hand:
-        raise error
-    run.display.update(problem=str(error))
-    run.wait_for_next("Take everything off the gel, then go on.")
-
-
 def _accepted(run: CalibrationRun, share: float) -> bool:
     """Ask whether to keep a reference that looks touched: light alone changes smoothly over the gel."""
     problem = (
@@ -143,7 +130,8 @@ def _accepted(run: CalibrationRun, share: float) -> bool:
 def foreign_share(image: Floats) -> float:
     """Return the share of blocks of (H, W, 3) that lie off the smooth light of the rest.
 
-    The light is fitted robustly by polynomials of degree 7 in x and y, on means of 8 x 8 pixels.
+    The light is fitted robustly by polynomials of degree 7 in x and y, on means of 16 x 16 pixels; of 4 x 4 where a
+    side of the picture is shorter than 240 pixels.
     """
     blocks = block_means(block_means(image, BLOCK_PX) if min(image.shape[:2]) >= 240 else image, BLOCK_PX)
     rows, columns = np.indices(blocks.shape[:2])

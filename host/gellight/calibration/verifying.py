@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import REPORT, Bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, write_bundle
 from gellight.bundle.limits import Limits
 from gellight.calibration.circle import circle_of, drawn
 from gellight.calibration.display import Progress
@@ -21,27 +21,52 @@ from gellight.calibration.records import (
     Verdict,
     Verification,
 )
-from gellight.calibration.report import page
-from gellight.calibration.rerender import Rerenderer
+from gellight.calibration.report import Example, page
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.calibration.state import CheckRecord
-from gellight.calibration.verification_report import Example
-from gellight.frames.frames import CameraFrame, GroundTruth, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.errors import surface_errors
-from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens, lens_of, read_record
+from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_picture
 from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
+from gellight.training.polynomial import powers_up_to, ridge, terms_of
 from gellight.training.presses import Ball, Press, PressTable, contact_circle
 from gellight.training.validation import baseline_errors, press_error
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
 """so many more are asked for after a bad verdict"""
+_LARGEST_TABLE = 60_000
+_POWERS = powers_up_to(4, 4)
+_RIDGE = 1e-6
+
+
+class Rerenderer:
+    """Predicts the picture from the slopes that were felt: a check that needs no truth, on any sensor.
+
+    A polynomial maps slopes and place to colour changes, the opposite way of the network; it is fitted to the same
+    table. Where the slopes felt are wrong, the predicted picture differs from the one that was taken.
+    """
+
+    def __init__(self, rows: Floats, image_shape: tuple[int, int]) -> None:
+        """Fit to the (N, 7) table of a calibration."""
+        self._shape = image_shape
+        chosen = rows[:: max(1, len(rows) // _LARGEST_TABLE)].astype(np.float64)
+        self._amounts = ridge(self._features(chosen[:, 5:7], chosen[:, 3:5]), chosen[:, :3], _RIDGE)
+
+    def difference(self, gradient_map: Floats, where: NDArray[np.bool_]) -> Floats:
+        """(N, 3) predicted difference, grey levels, at the pixels of a (H, W, 2) gradient map that a mask chooses."""
+        features = self._features(gradient_map[where].astype(np.float64), np.argwhere(where)[:, ::-1])
+        return np.asarray(features @ self._amounts, np.float32)
+
+    def _features(self, slopes: NDArray[np.float64], places_px: NDArray[np.number]) -> NDArray[np.float64]:
+        height, width = self._shape
+        return terms_of([*slopes.T, *(2 * places_px / (width, height) - 1).T], _POWERS)
 
 
 @dataclass(frozen=True)
@@ -54,16 +79,21 @@ class _Judge:
     ball: Ball
 
     def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
-        """Return what is felt of a press, and its errors."""
+        """Return what is felt of a press, and its errors; slopes felt wrong would make another picture."""
         felt = self.reconstructor.reconstruct(frame)
         seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
+        inside = contact_circle(press, self.draft.image_shape)
+        predicted = self.rerenderer.difference(seen.gradient_map, inside)
         error = press_error(self.on_gel(press), self.ball, felt)
+        true = surface_errors(felt, frame.truth) if frame.truth else None
         return felt, CheckErrors(
             depth_mm=error.depth_mae_mm,
             normal_deg=error.mean_deg,
             indentation_mm=felt.contact.indentation_mm,
-            picture_grey=picture_error_grey(seen, press, self.rerenderer),
-            **true_errors(felt, frame.truth),
+            picture_grey=float(np.abs(predicted - seen.difference[inside]).mean()),
+            true_depth_mm=true.contact_depth_mm if true else None,
+            true_normal_deg=true.normal_deg if true else None,
+            true_contact_normal_deg=true.contact_normal_deg if true else None,
         )
 
     def on_gel(self, press: Press) -> Press:
@@ -80,21 +110,20 @@ def verify(run: CalibrationRun) -> Bundle | None:
     draft = load_bundle(run.folder.draft)
     rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
     judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
-    reference = run.folder.reference()
-    detector = detector_of(run)
+    reference, detector = run.folder.reference(), detector_of(run)
+
+    def press(hand: VirtualHand) -> None:
+        number = len(run.folder.state.checks) + run.folder.state.steps.refused_checks
+        hand.check(number, judge.ball.pixel_size_mm, run.camera.image_shape)
+
     while len(run.folder.state.checks) < run.options.verifications:
         _announce(run)
-        with next_press(run, detector, lambda hand: _press_check(run, hand, judge.ball)) as capture:
+        with next_press(run, detector, press) as capture:
             assert capture is not None
             _take(run, capture, reference, judge)
     wait_free(run, detector)
     _announce(run)
     return _conclude(run, draft, judge)
-
-
-def _press_check(run: CalibrationRun, hand: VirtualHand, ball: Ball) -> None:
-    number = len(run.folder.state.checks) + run.folder.state.steps.refused_checks
-    hand.check(number, ball.pixel_size_mm, run.camera.image_shape)
 
 
 def _announce(run: CalibrationRun) -> None:
@@ -125,28 +154,6 @@ def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
     x, y = circle.center_x_px, circle.center_y_px
     if min(x, y, shape[1] - 1 - x, shape[0] - 1 - y) < circle.contact_radius_px:
         raise InputError(f"the contact at ({x:.0f}, {y:.0f}) px leaves the picture: press nearer to the middle")
-
-
-def picture_error_grey(seen: TactileFrame, press: Press, rerenderer: Rerenderer) -> float:
-    """Return the mean absolute difference from the re-rendered picture inside the circle; `seen` lies over the picture.
-
-    Slopes that were felt wrong would make another picture than the one that was taken.
-    """
-    inside = contact_circle(press, (seen.depth_mm.shape[0], seen.depth_mm.shape[1]))
-    predicted = rerenderer.difference(seen.gradient_map, *np.nonzero(inside))
-    return float(np.abs(predicted - seen.difference[inside]).mean())
-
-
-def true_errors(felt: TactileFrame, truth: GroundTruth | None) -> dict[str, float]:
-    """Return the errors of `CheckErrors` against what only a simulator knows; none on a real sensor."""
-    if truth is None:
-        return {}
-    error = surface_errors(felt, truth)
-    return {
-        "true_depth_mm": error.contact_depth_mm,
-        "true_normal_deg": error.normal_deg,
-        "true_contact_normal_deg": error.contact_normal_deg,
-    }
 
 
 def _conclude(run: CalibrationRun, draft: Bundle, judge: _Judge) -> Bundle | None:
@@ -218,29 +225,22 @@ def _example(run: CalibrationRun, judge: _Judge) -> Example:
 
 
 def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
-    """Write the bundle with everything that was learnt."""
-    steps, manifest = run.folder.state.steps, draft.manifest
-    prepared, lens = run.folder.figures(Preparation), steps.lens
+    """Write the draft as the bundle, with all that it holds and all that was measured since."""
+    prepared, lens = run.folder.figures(Preparation), run.folder.state.steps.lens
+    measured = {
+        "verification": figures.as_json(),
+        "pixel_size": run.folder.figures(PixelSize).as_json(),
+        "lens": lens.as_json() if lens else {},
+        "prepare": prepared.as_json(),
+    }
+    kept = draft.manifest.model_dump(include=set(Description.__annotations__))
     return write_bundle(
         run.options.out,
-        sensor=run.options.sensor,
         reference=draft.reference,
-        reference_frames=manifest.reference_frames,
-        noise_grey=manifest.noise_grey,
-        pixel_size_mm=manifest.pixel_size_mm,
         network=draft.network,
-        network_name=manifest.network,
-        follow_light=manifest.follow_light,
-        metrics={
-            **draft.metrics,
-            "verification": figures.as_json(),
-            "pixel_size": run.folder.figures(PixelSize).as_json(),
-            "lens": lens.as_json() if lens else {},
-            "prepare": prepared.as_json(),
-        },
-        presses=draft.presses(),
-        led=led_settings(prepared.led),
-        camera=prepared.camera,
-        extra_files={REPORT: report.encode(), **({FILE_NAME: draft.files[FILE_NAME]} if has_lens(draft) else {})},
+        network_name=draft.manifest.network,
+        metrics={**draft.metrics, **measured},
+        extra_files={**draft.files, REPORT: report.encode()},
         overwrite=run.options.overwrite,
+        **{**kept, "led": led_settings(prepared.led), "camera": prepared.camera},
     )

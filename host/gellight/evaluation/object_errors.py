@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
@@ -17,7 +16,6 @@ from gellight.reconstruction.pipeline import Reconstructor
 BALL = "BALL"
 _SETTLE_FRAMES = 3
 _REFERENCE_FRAMES = 30
-_ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,27 +45,16 @@ def object_errors(
         return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
 
 
-def _lit_frame(camera: Camera, bundle: Bundle) -> CameraFrame:
-    """A frame under the light of the bundle; a board that was kept waiting too long is dark, and lit again."""
-    wanted = np.array([led.rgb for led in bundle.manifest.led], np.uint8)
-    for _ in range(_ATTEMPTS):
-        frame = camera.read()
-        if frame.light is None or not len(wanted) or np.array_equal(frame.light, wanted):
-            return frame
-        camera.adopt(bundle.controls, bundle.colours)
-    raise CameraError(f"{camera.url}: the LEDs do not keep the light of the calibration: see `gellight ring info`")
-
-
 def rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
     """Return the bundle with the untouched gel as the camera sees it now, and all else as it was."""
-    untouched = np.mean([_lit_frame(camera, bundle).image for _ in range(_REFERENCE_FRAMES)], axis=0)
+    untouched = np.mean([camera.read().image for _ in range(_REFERENCE_FRAMES)], axis=0)
     return bundle.with_reference(untouched, frames=_REFERENCE_FRAMES)
 
 
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
     assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
-    frame = _lit_frame(camera, reconstructor.bundle)
+    frame = camera.read()
     assert frame.truth is not None
     error = surface_errors(reconstructor.reconstruct(frame), frame.truth)
     return ObjectError(object_name=name, **asdict(error))

@@ -1,6 +1,5 @@
 """The parts of the calibration routine, each by itself: light, gel, coverage, live error, ball."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -168,45 +167,42 @@ def test_the_noise_of_the_camera_does_not_look_like_a_touch(scene: Scene) -> Non
     assert all(look.still for look in looks[1:])
 
 
-class DarkUntilRelit:
-    """Stands for a run whose LEDs went dark; its board answers the `answers`-th time."""
+class DarkAtFirst:
+    """Stands for a run whose LEDs are dark for some frames, and lit again by the ring itself."""
 
     hand = None
 
-    def __init__(self, answers: int, *, pressed: bool = False) -> None:
+    def __init__(self, dark: int, *, pressed: bool = False) -> None:
         self.display = Display()
-        self.relit, self.answers = 0, answers
+        self.dark, self.taken = dark, 0
         self.lit = np.full((*SHAPE, 3), 100, np.uint8)
         if pressed:
             self.lit[: SHAPE[0] // 3, : SHAPE[1] // 3] = 60
 
-    def relight(self) -> None:
-        self.relit += 1
-
-    def frames(self) -> Iterator[CameraFrame]:
-        while True:
-            yield frame(self.lit if self.relit >= self.answers else np.zeros_like(self.lit))
+    def frame(self) -> CameraFrame:
+        self.taken += 1
+        return frame(self.lit if self.taken > self.dark else np.zeros_like(self.lit))
 
 
-def test_leds_that_went_dark_are_lit_again() -> None:
-    run = DarkUntilRelit(answers=2)
+def test_leds_that_are_dark_for_a_while_are_waited_for() -> None:
+    run = DarkAtFirst(9)
     wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
-    assert run.relit == 2
+    assert run.taken == 9 + 2
+    assert run.display.shown["problem"] == ""
 
 
 def test_leds_that_stay_dark_are_told() -> None:
-    run = DarkUntilRelit(answers=99)
+    run = DarkAtFirst(10)
     with pytest.raises(InputError, match="the gel is dark: check the LEDs"):
         wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
 
 
-def test_leds_that_go_dark_during_a_press_are_lit_again_and_the_dark_is_no_press() -> None:
-    run = DarkUntilRelit(answers=2, pressed=True)
+def test_the_dark_is_no_press() -> None:
+    run = DarkAtFirst(20, pressed=True)
     untouched = np.full((*SHAPE, 3), 100, np.float32)
     capture = wait_press(run, TouchDetector(untouched, 1.0), lambda: False)  # type: ignore[arg-type]
     assert capture is not None
     assert capture.image.min() == 60
-    assert run.relit == 2
 
 
 @pytest.mark.parametrize("limit", [float("nan"), -0.01, 0.0])

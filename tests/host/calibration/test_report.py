@@ -8,7 +8,7 @@ import pytest
 
 from gellight.calibration.choices import Limits
 from gellight.calibration.records import CheckErrors, Verification
-from gellight.calibration.verification_report import Example, depth_tiles, section_profile
+from gellight.calibration.report import Example, depth_tiles, section_profile
 from gellight.calibration.verifying import verdict_on
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle

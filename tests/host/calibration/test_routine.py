@@ -4,7 +4,8 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,15 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
-from gellight.bundle.bundle import load_bundle
+from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.routine import Routine
 from gellight.evaluation.object_errors import object_errors, summary
 from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import ImageCamera
 from gellight.opening import open_camera
 from gellight.reconstruction.lens.lens_file import read_record
@@ -62,13 +65,27 @@ def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s
     raise AssertionError(f"did not come: {routine.snapshot()}")
 
 
+class Remembering(CameraWrapper):
+    """Remembers what it adopted last: so a sensor is set and lit again after it was unplugged."""
+
+    adopted: tuple[dict[str, float], list[list[int]]] | None = None
+
+    def adopt(self, controls: Mapping[str, float], colours: np.ndarray | None) -> None:
+        super().adopt(controls, colours)
+        assert colours is not None
+        self.adopted = dict(controls), colours.tolist()
+
+    def read(self) -> CameraFrame:
+        return self._camera.read()
+
+
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A calibration by the virtual hand, with the light ring; installed bundles are listed."""
     folder = tmp_path_factory.mktemp("calibrated")
     wishes = options(folder, pin_pitch_mm=2.0)
     installed: list[str] = []
-    with camera(LIT) as sensor:
+    with Remembering(camera(LIT)) as sensor:
         assert sensor.stage is not None
         hand = VirtualHand(sensor.stage)
         routine = Routine(
@@ -76,7 +93,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str
         )
         snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
-    return folder, {**snapshot, "installed": installed}
+    return folder, {**snapshot, "installed": installed, "adopted": sensor.adopted}
 
 
 def test_the_routine_calibrates_the_simulated_sensor_by_itself(calibrated: tuple[Path, dict[str, Any]]) -> None:
@@ -97,6 +114,13 @@ def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated:
     assert "".join(led["seen_colour"] for led in leds) == "RRRRGGGGBBBB"
     turned = [(led["azimuth_deg"] - 30 * led["led"] + 180) % 360 - 180 for led in leds]
     assert max(map(abs, turned)) < 12
+
+
+def test_a_sensor_that_is_unplugged_later_comes_back_as_it_was_prepared(
+    calibrated: tuple[Path, dict[str, Any]],
+) -> None:
+    prepared = calibrated[1]["figures"]["prepare"]
+    assert calibrated[1]["adopted"] == (prepared["camera"], prepared["led"])
 
 
 def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, dict[str, Any]]) -> None:
@@ -340,6 +364,27 @@ def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
     state = json.loads(place.read_text())
     assert state["extra_presses"] > 0
     assert "fit" not in state["steps"]
+
+
+def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    shutil.copytree(calibrated[0] / "state", tmp_path / "state")
+    place = tmp_path / "state/state.json"
+    place.write_text(json.dumps({**json.loads(place.read_text()), "finished": False}))
+    draft = load_bundle(tmp_path / "state/draft")
+    draft = replace(draft, manifest=draft.manifest.model_copy(update={"bulge": 0.7}))
+    draft = extend_bundle(draft, tmp_path / "state/draft", {"notes.json": b"{}"}, overwrite=True)
+    with camera(LIT) as sensor:
+        assert sensor.stage is not None
+        wishes = options(tmp_path, pin_pitch_mm=2.0)
+        snapshot = finished(Routine(sensor, wishes, tmp_path / "state", hand=VirtualHand(sensor.stage)))
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    bundle = load_bundle(tmp_path / "bundle")
+    changed = {"metrics.json", "report.html"}
+    assert {name for name, content in bundle.files.items() if draft.files.get(name) != content} == changed
+    assert set(bundle.files) == {*draft.files, "report.html"}
+    fields = {"files", "created", "led", "camera"}
+    assert bundle.manifest.model_dump(exclude=fields) == draft.manifest.model_dump(exclude=fields)
+    assert bundle.metrics["training"] == draft.metrics["training"]
 
 
 def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:

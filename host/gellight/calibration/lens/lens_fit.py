@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import polar
 from scipy.optimize import least_squares
 
 from gellight.base.errors import InputError
@@ -170,12 +171,11 @@ def _start(straight: list[tuple[Array, Array, Array]], middle: Array) -> Array:
     """Unknowns without distortion: a matrix is a symmetric one times a rotation (polar decomposition)."""
     scales, poses = [], []
     for matrix, offset, _ in straight:
-        u, stretch, v = np.linalg.svd(matrix)
-        scales.append(u @ np.diag(stretch) @ u.T)
-        rotation = u @ v
+        rotation, scale = polar(matrix, side="left")
+        scales.append(scale)
         poses.append([np.arctan2(rotation[1, 0], rotation[0, 0]), *(offset - middle)])
-    scale = np.mean(scales, axis=0)
-    return np.concatenate([middle, [0, 0], [scale[0, 0], scale[0, 1], scale[1, 1]], np.ravel(poses)])
+    (xx, xy), (_, yy) = np.mean(scales, axis=0)
+    return np.concatenate([middle, [0, 0, xx, xy, yy], np.ravel(poses)])
 
 
 def _lens(unknowns: Array, image_shape: tuple[int, int]) -> Lens:

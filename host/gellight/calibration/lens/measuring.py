@@ -1,6 +1,7 @@
 """Measure a lens from pictures and add it to a bundle; draw what was found."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -30,39 +31,62 @@ def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, refere
         raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
     if not images:
         raise InputError("there is no picture: give at least one of the pin grid")
-    spacing = spacing_px(bundle.pixel_size_mm, pitch_mm)
-    feel = None if reference is None else _touching(bundle, reference)
-
-    def contrasts(path: Path) -> list[Floats]:
-        picture = _picture(path, bundle)
-        return spots(picture.astype(np.float32), spacing) if feel is None else dimples(feel(picture), spacing)
-
-    size = bundle.pixel_size_mm
-    lattices = [read_pins(contrasts(path), pixel_size_mm=size, pitch_mm=pitch_mm, source=path) for path in images]
-    return fit_lens(lattices, bundle.image_shape, pitch_mm)
-
-
-def _touching(bundle: Bundle, reference: str) -> Callable[[Picture], Floats]:
-    """Return a function from a picture to its (H, W) depth, mm, in pixels of the picture as it was taken."""
+    if reference is None:
+        return _fitted(bundle, images, pitch_mm, lambda picture, spacing: spots(picture.astype(np.float32), spacing))
     untouched = read_reference(reference)
     bundle.check_fits(reference, untouched.image_shape)
-    bundle = bundle.with_reference(untouched.image, frames=untouched.frames)
-    return depth_feeler(Reconstructor(bundle, undistorted=False))
+    return felt_lens(bundle.with_reference(untouched.image, frames=untouched.frames), images, pitch_mm)
 
 
-def depth_feeler(reconstructor: Reconstructor) -> Callable[[Picture], Floats]:
-    """Return a function from a picture to its (H, W) depth, mm."""
+def felt_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, source: str | None = None) -> LensFit:
+    """Fit the lens to pins in the depth that the bundle's network feels; errors name `source`, or else the picture."""
+    reconstructor = Reconstructor(bundle, undistorted=False)
 
-    def feel(picture: Picture) -> Floats:
-        frame = CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")
-        return reconstructor.reconstruct(frame).depth_mm
+    def contrasts(picture: Picture, spacing: float) -> list[Floats]:
+        return dimples(felt_depth_mm(reconstructor, picture), spacing)
 
-    return feel
+    return _fitted(bundle, images, pitch_mm, contrasts, source)
+
+
+def felt_depth_mm(reconstructor: Reconstructor, picture: Picture) -> Floats:
+    """Return the (H, W) depth of a picture, mm."""
+    return reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")).depth_mm
+
+
+def _fitted(
+    bundle: Bundle,
+    images: Sequence[Path],
+    pitch_mm: float,
+    contrasts: Callable[[Picture, float], list[Floats]],
+    source: str | None = None,
+) -> LensFit:
+    """Fit the lens to pins in what `contrasts` makes of each picture and the spacing of the pins, px."""
+    size, lattices = bundle.pixel_size_mm, []
+    for path in images:
+        picture: Picture = read_image(path)
+        bundle.check_fits(str(path), (picture.shape[0], picture.shape[1]))
+        seen = contrasts(picture, spacing_px(size, pitch_mm))
+        lattices.append(read_pins(seen, pixel_size_mm=size, pitch_mm=pitch_mm, source=source or path))
+    return fit_lens(lattices, bundle.image_shape, pitch_mm)
 
 
 def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False) -> Bundle:
     """Write the bundle with the lens as a new one and return it; BundleError where that cannot be."""
-    content = lens_json(fit, tuple(path.name for path in images), bundle)
+    lens = asdict(fit.lens)
+    height, width = lens.pop("image_shape")
+    record = LensRecord(
+        image_width_px=width,
+        image_height_px=height,
+        **lens,
+        learnt_from_circles="presses.npz" in bundle.files,  # the labels of presses are circles
+        pitch_mm=fit.pitch_mm,
+        images=tuple(path.name for path in images),
+        pins=fit.pins,
+        rms_before_px=fit.rms_before_px,
+        rms_after_px=fit.rms_after_px,
+        created=datetime.now(UTC).replace(microsecond=0),
+    )
+    content = (record.model_dump_json(indent=1) + "\n").encode()
     return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
 
 
@@ -94,31 +118,3 @@ def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
         write_png(path, marked(read_image(image), fit.lattices[0].points, fit.expected_px[0]))
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror}): choose another place") from error
-
-
-def _picture(path: Path, bundle: Bundle) -> Picture:
-    picture: Picture = read_image(path)
-    bundle.check_fits(str(path), (picture.shape[0], picture.shape[1]))
-    return picture
-
-
-def lens_json(fit: LensFit, images: tuple[str, ...], bundle: Bundle) -> bytes:
-    """Return the content of the file for a bundle; one with presses learnt from contact circles."""
-    lens = fit.lens
-    record = LensRecord(
-        image_width_px=lens.image_shape[1],
-        image_height_px=lens.image_shape[0],
-        centre_px=lens.centre_px,
-        k1=lens.k1,
-        k2=lens.k2,
-        px_per_mm=lens.px_per_mm,
-        origin_mm=lens.origin_mm,
-        learnt_from_circles="presses.npz" in bundle.files,
-        pitch_mm=fit.pitch_mm,
-        images=images,
-        pins=fit.pins,
-        rms_before_px=fit.rms_before_px,
-        rms_after_px=fit.rms_after_px,
-        created=datetime.now(UTC).replace(microsecond=0),
-    )
-    return (record.model_dump_json(indent=1) + "\n").encode()

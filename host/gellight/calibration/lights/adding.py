@@ -1,30 +1,30 @@
-"""What `gellight calibrate lights` puts together: a camera with its ring, and the bundle that learns the lights."""
+"""What `gellight calibrate lights` does: take pictures under each LED, and add the light of each to the bundle."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, CameraError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.calibration.lights.reference_light import ReferencePictures, light_model
 from gellight.calibration.lights.ring_fit import RingFit, fit_ring
-from gellight.calibration.lights.taking import Progress, take_lights
+from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.photometric.light_model import LightModel
 from gellight.reconstruction.photometric.lights_file import write_lights
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.series_cameras import EXPOSURE
 
 
 def add_lights(
-    settings: Settings,
-    out: Path,
-    *,
-    frames: int,
-    ring_from_light: bool = False,
-    overwrite: bool = False,
-    progress: Progress = lambda done, total: None,
+    settings: Settings, out: Path, *, frames: int, ring_from_light: bool = False, overwrite: bool = False
 ) -> dict[str, object]:
     """Measure the lights of the sensor and write the bundle, both as `settings` name them, with them to `out`.
 
@@ -35,13 +35,8 @@ def add_lights(
     ring = RingGeometry.from_overrides(settings.geometry.overrides())
     colours = led_colours(bundle, ring)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
-        if camera.image_shape != bundle.image_shape:
-            raise BundleError(
-                f"{camera.url} delivers {camera.image_shape[1]}x{camera.image_shape[0]} pixels, the calibration "
-                f"{bundle.source} is for {bundle.image_shape[1]}x{bundle.image_shape[0]}: choose the bundle of "
-                "this sensor"
-            )
-        model = take_lights(camera, ring, colours, bundle.pixel_size_mm, frames=frames, progress=progress)
+        bundle.check_fits(camera.url, camera.image_shape)
+        model = _take_lights(camera, ring, colours, bundle.pixel_size_mm, frames)
     fit = fit_ring(model, bundle.pixel_size_mm)
     if ring_from_light:
         model = replace(model, ring=fit.ring)
@@ -68,7 +63,7 @@ def led_colours(bundle: Bundle, ring: RingGeometry) -> NDArray[np.uint8]:
 
     Raises BundleError where the two disagree about which LED is of which colour.
     """
-    if not bundle.manifest.led:
+    if bundle.colours is None:
         return ring.colours
     found = "".join(led.colour for led in bundle.manifest.led)
     if found != ring.led_colours:
@@ -76,4 +71,53 @@ def led_colours(bundle: Bundle, ring: RingGeometry) -> NDArray[np.uint8]:
             f"{bundle.source} is of a ring {found}, the settings say {ring.led_colours}: correct led_colours in "
             "[geometry]"
         )
-    return np.array([led.rgb for led in bundle.manifest.led], np.uint8)
+    return bundle.colours
+
+
+def _take_lights(
+    camera: Camera, ring: RingGeometry, colours: NDArray[np.uint8], pixel_size_mm: tuple[float, float], frames: int
+) -> LightModel:
+    """Show the untouched gel dark, under each LED and under all, and make the light model of what the camera sees.
+
+    colours: (K, 3) uint8 of the LEDs. A simulated sensor lifts off what is pressed, and presses it again afterwards.
+    Raises CameraError without a ring, and what `light_model` raises.
+    """
+    if camera.ring is None:
+        raise CameraError(f"{camera.url} has no light ring whose LEDs could be lit one by one: connect its board")
+    with _untouched(camera):
+        pictures = _take_pictures(camera, colours, frames)
+    controls = camera.controls
+    exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
+    return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
+
+
+@contextmanager
+def _untouched(camera: Camera) -> Iterator[None]:
+    """Lift off what a stage presses, and press it again."""
+    stage = camera.stage
+    pressed = stage.status() if stage else {}
+    if stage:
+        stage.release()
+    try:
+        yield
+    finally:
+        if stage and pressed["object"]:
+            stage.press(*(pressed[name] for name in ("object", "depth_mm", "x_mm", "y_mm")))  # type: ignore[arg-type]
+
+
+def _take_pictures(camera: Camera, colours: NDArray[np.uint8], frames: int) -> ReferencePictures:
+    """Average `frames` frames in the dark, under each LED, under each triple and under all."""
+    singles, triples = single_leds(colours), colour_triples(colours)
+    groups = [np.zeros_like(colours), *singles, *triples, colours]
+    taken = []
+    with Hold(camera) as hold:
+        for index, group in enumerate(groups):
+            images = [frame.image for frame in hold.expose(group, index, frames)]
+            # The dark by its median: noise that is cut off at 0 would lift the mean.
+            taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
+    return ReferencePictures(
+        dark=taken[0],
+        singles=tuple(taken[1 : 1 + len(singles)]),
+        triples=tuple(taken[1 + len(singles) : -1]),
+        whole=taken[-1],
+    )
