@@ -13,10 +13,7 @@ _NEIGHBOURS = np.ones((3, 3), np.bool_)
 
 
 def find_contact(
-    depth_mm: NDArray[np.floating],
-    pixel_size_mm: float | tuple[float, float],
-    *,
-    threshold_mm: float = THRESHOLD_MM,
+    depth_mm: NDArray[np.floating], pixel_size_mm: float | tuple[float, float], *, threshold_mm: float = THRESHOLD_MM
 ) -> Contact:
     """Find the contact patch in a depth map.
 

@@ -235,12 +235,7 @@ def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
 
 
 def _press_rows(
-    press: Press,
-    reference: Floats,
-    ball: Ball,
-    options: TableOptions,
-    follow_light: bool,
-    random: np.random.Generator,
+    press: Press, reference: Floats, ball: Ball, options: TableOptions, follow_light: bool, random: np.random.Generator
 ) -> Floats:
     shape = (reference.shape[0], reference.shape[1])
     difference = read_image(press.image).astype(np.float32) - reference

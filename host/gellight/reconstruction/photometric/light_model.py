@@ -138,10 +138,7 @@ look bent."""
 
 
 def signals_of(
-    pictures: Sequence[Sequence[NDArray[np.uint8]]],
-    groups: NDArray[np.uint8],
-    model: LightModel,
-    noise_grey: float,
+    pictures: Sequence[Sequence[NDArray[np.uint8]]], groups: NDArray[np.uint8], model: LightModel, noise_grey: float
 ) -> Signals:
     """Take apart the pictures of each light group, each (H, W, 3) uint8; several of one group are averaged.
 

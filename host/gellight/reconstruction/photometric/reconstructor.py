@@ -54,12 +54,7 @@ class PhotometricReconstructor:
     """Everything that stays the same between the series of one sensor. One reconstructor serves one thread."""
 
     def __init__(
-        self,
-        bundle: Bundle,
-        model: LightModel,
-        kind: LightGroups,
-        *,
-        smoothing_px: int = NARROWEST_PX,
+        self, bundle: Bundle, model: LightModel, kind: LightGroups, *, smoothing_px: int = NARROWEST_PX
     ) -> None:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
 

@@ -55,10 +55,7 @@ def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Arr
 
 def background(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
     """(N, 3) light that drifted since the reference: a constant and a slow change over the view."""
-    return np.stack(
-        [np.ones_like(x), (x - shape.center_x) / ball_radius, (y - shape.center_y) / ball_radius],
-        axis=1,
-    )
+    return np.stack([np.ones_like(x), (x - shape.center_x) / ball_radius, (y - shape.center_y) / ball_radius], axis=1)
 
 
 def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:

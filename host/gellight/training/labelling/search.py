@@ -56,11 +56,7 @@ def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
     reach = min(int(np.ceil(_SUPPORT * contact_radius)), min(image.shape[:2]) // 2)
     y, x = (axis.ravel() for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64))
     shape = PressShape(
-        center_x=0,
-        center_y=0,
-        contact_radius=contact_radius,
-        step_share=0.0,
-        skirt_length=0.6 * contact_radius,
+        center_x=0, center_y=0, contact_radius=contact_radius, step_share=0.0, skirt_length=0.6 * contact_radius
     )
     # The linear part of the response and the depth are enough to find the place.
     pattern = response(x, y, shape, ball_radius)[:, [0, 1, 2, -1]]
