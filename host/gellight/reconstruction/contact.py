@@ -1,5 +1,6 @@
 """Depth map to contact: where the gel is touched, how deep, how large."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -38,15 +39,18 @@ def find_contact(
     labels, count = ndimage.label(blocks > threshold_mm, structure=_NEIGHBOURS)
     if count == 0:
         return Contact(mask=np.zeros(depth_mm.shape, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
-    deepest = _deepest_of_regions(blocks, labels, count)
+    deepest, inside = np.zeros(count + 1, np.float64), labels > 0
+    np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
     level = np.maximum(deepest / 2, threshold_mm)
     level[0] = np.inf
     mask = _at_least(depth_mm, level[labels].astype(depth_mm.dtype))
+    sums, (height, width) = cv2.moments(mask.astype(np.uint8), binaryImage=True), mask.shape
+    x, y = sums["m10"] / sums["m00"] - (width - 1) / 2, sums["m01"] / sums["m00"] - (height - 1) / 2
     return Contact(
         mask=mask,
         area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
         indentation_mm=float(deepest[1:].max()),
-        centroid_mm=_centroid(mask, size_x, size_y),
+        centroid_mm=(x * size_x, y * size_y),
     )
 
 
@@ -77,14 +81,6 @@ def _second_largest_of_blocks(depth: NDArray[np.floating]) -> NDArray[np.floatin
     return second
 
 
-def _deepest_of_regions(blocks: NDArray[np.floating], labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
-    """(count + 1,) largest value of each region; entry 0, the rest, is 0."""
-    deepest = np.zeros(count + 1, np.float64)
-    inside = labels > 0
-    np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
-    return deepest
-
-
 def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Compare each pixel with the level of its block."""
     mask = np.empty(depth.shape, np.bool_)
@@ -93,14 +89,3 @@ def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArr
             pixels = depth[row::2, column::2]
             mask[row::2, column::2] = pixels >= level[: pixels.shape[0], : pixels.shape[1]]
     return mask
-
-
-def _centroid(mask: NDArray[np.bool_], size_x: float, size_y: float) -> tuple[float, float]:
-    """(x, y) mm of the patch from the image centre."""
-    height, width = mask.shape
-    columns = np.count_nonzero(mask, axis=0)
-    rows = np.count_nonzero(mask, axis=1)
-    total = columns.sum()
-    x = float(columns @ np.arange(width) / total) - (width - 1) / 2
-    y = float(rows @ np.arange(height) / total) - (height - 1) / 2
-    return x * size_x, y * size_y
