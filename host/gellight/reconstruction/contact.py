@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.frames.frames import Contact
+from gellight.reconstruction.pixel_grid import pixel_size_xy
 
 THRESHOLD_MM = 0.02
 """Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""
@@ -34,7 +35,8 @@ def find_contact(
     Two contacts whose skirts meet above the threshold count as one region. NaN counts as untouched.
     Raises ValueError for a wrong shape or a pixel size or threshold that is not above 0.
     """
-    size_x, size_y = _checked(depth_mm, pixel_size_mm, threshold_mm)
+    _check(depth_mm, threshold_mm)
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
     blocks = _second_largest_of_blocks(depth_mm)
     labels, count = ndimage.label(blocks > threshold_mm, structure=_NEIGHBOURS)
     if count == 0:
@@ -54,18 +56,11 @@ def find_contact(
     )
 
 
-def _checked(
-    depth_mm: NDArray[np.floating], pixel_size_mm: float | tuple[float, float], threshold_mm: float
-) -> tuple[float, float]:
-    """(x, y) pixel size."""
+def _check(depth_mm: NDArray[np.floating], threshold_mm: float) -> None:
     if depth_mm.ndim != 2 or depth_mm.size == 0:
         raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W)")
     if not threshold_mm > 0:
         raise ValueError(f"threshold_mm = {threshold_mm}: it must be above 0, where the gel is at rest")
-    size_x, size_y = np.broadcast_to(np.asarray(pixel_size_mm, np.float64), 2)
-    if not (size_x > 0 and size_y > 0):
-        raise ValueError(f"pixel size {pixel_size_mm} mm: it must be above 0")
-    return float(size_x), float(size_y)
 
 
 def _second_largest_of_blocks(depth: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.bundle.manifest import BULGE
+from gellight.reconstruction.pixel_grid import pixel_size_xy
 
 Floats = NDArray[np.floating]
 
@@ -59,7 +60,7 @@ def integrate(
     Raises ValueError for a wrong shape, for NaN or infinity and for a pixel size that is not above 0.
     """
     slopes = _checked(gradient_map)
-    size_x, size_y = _pixel_size(pixel_size_mm)
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
     depth = _poisson(_divergence(slopes, size_x, size_y))
     depth -= _rest_level(depth, at_rest, bulge)
     return depth
@@ -74,7 +75,7 @@ def surface_gradient(depth_mm: Floats, pixel_size_mm: float | tuple[float, float
     """
     if depth_mm.ndim != 2 or min(depth_mm.shape) < 3:
         raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W) with at least 3 x 3 pixels")
-    size_x, size_y = _pixel_size(pixel_size_mm)
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
     depth = depth_mm.astype(np.float32, copy=False)
     taps, one = np.array([-w for w in _DIFFERENCE[::-1]] + [0.0, *_DIFFERENCE]), np.ones(1)
     reach, (height, width) = len(_DIFFERENCE), depth.shape
@@ -120,14 +121,6 @@ def _checked(gradient_map: Floats) -> Floats:
         count = int(planes.size - np.isfinite(planes).sum())
         raise ValueError(f"gradient map has {count} values that are NaN or infinite: mask them before integrating")
     return planes
-
-
-def _pixel_size(pixel_size_mm: float | tuple[float, float]) -> tuple[float, float]:
-    """(x, y) in mm, checked."""
-    sizes = np.broadcast_to(np.asarray(pixel_size_mm, dtype=np.float64), 2)
-    if not (np.isfinite(sizes).all() and (sizes > 0).all()):
-        raise ValueError(f"pixel size {pixel_size_mm} mm: it must be above 0")
-    return float(sizes[0]), float(sizes[1])
 
 
 def _edge_integrals(slope: Floats) -> Floats:

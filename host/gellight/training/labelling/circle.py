@@ -6,8 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.training.labelling.pattern import STEEPEST, PressShape, background
-from gellight.training.labelling.pattern_fit import Window, difference_image, fitted, left_over, starts, window, without
+from gellight.training.labelling.pattern import (
+    STEEPEST,
+    PressShape,
+    Window,
+    background,
+    difference_image,
+    fitted,
+    left_over,
+    starts,
+    window,
+    without,
+)
 from gellight.training.labelling.search import Candidate, best_candidate
 from gellight.training.presses import Ball
 

@@ -18,8 +18,17 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.training.labelling.circle import fit_circle
-from gellight.training.labelling.pattern import STEEPEST, PressShape, background, response
-from gellight.training.labelling.pattern_fit import Window, difference_image, fitted, window, without
+from gellight.training.labelling.pattern import (
+    STEEPEST,
+    PressShape,
+    Window,
+    background,
+    difference_image,
+    fitted,
+    response,
+    window,
+    without,
+)
 from gellight.training.presses import Ball, Press
 
 Array = NDArray[np.float64]
