@@ -129,29 +129,19 @@ def _edge_integrals(slope: Floats) -> Floats:
         return (slope[..., 1:] + slope[..., :-1]) / 2
     edges = np.empty_like(slope[..., 1:])
     if slope.shape[-1] > 5:
-        _fill_interior(slope, edges)
-    _close_borders(slope, edges)
-    return edges
-
-
-def _fill_interior(slope: Floats, edges: Floats) -> None:
-    """Fill all edges but the two at each end."""
-    inner = edges[..., 2:-2]
-    np.add(slope[..., 2:-3], slope[..., 3:-2], out=inner)
-    inner *= slope.dtype.type(_EDGE[0])
-    pair = slope[..., 1:-4] + slope[..., 4:-1]
-    pair *= slope.dtype.type(_EDGE[1])
-    inner += pair
-    np.add(slope[..., :-5], slope[..., 5:], out=pair)
-    pair *= slope.dtype.type(_EDGE[2])
-    inner += pair
-
-
-def _close_borders(slope: Floats, edges: Floats) -> None:
-    """Fill the two edges at each end."""
+        inner = edges[..., 2:-2]
+        np.add(slope[..., 2:-3], slope[..., 3:-2], out=inner)
+        inner *= slope.dtype.type(_EDGE[0])
+        pair = slope[..., 1:-4] + slope[..., 4:-1]
+        pair *= slope.dtype.type(_EDGE[1])
+        inner += pair
+        np.add(slope[..., :-5], slope[..., 5:], out=pair)
+        pair *= slope.dtype.type(_EDGE[2])
+        inner += pair
     for s, e in ((slope, edges), (slope[..., ::-1], edges[..., ::-1])):
         e[..., 0] = sum(w * s[..., i] for i, w in enumerate(_EDGE_FIRST))
         e[..., 1] = _EDGE_SECOND[0] * (s[..., 1] + s[..., 2]) + _EDGE_SECOND[1] * (s[..., 0] + s[..., 3])
+    return edges
 
 
 def _divergence(slopes: Floats, size_x: float, size_y: float) -> Floats:
