@@ -1,6 +1,5 @@
 """Depth map to contact: where the gel is touched, how deep, how large."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -46,8 +45,8 @@ def find_contact(
     level = np.maximum(deepest / 2, threshold_mm)
     level[0] = np.inf
     mask = _at_least(depth_mm, level[labels].astype(depth_mm.dtype))
-    sums, (height, width) = cv2.moments(mask.astype(np.uint8), binaryImage=True), mask.shape
-    x, y = sums["m10"] / sums["m00"] - (width - 1) / 2, sums["m01"] / sums["m00"] - (height - 1) / 2
+    # The counts of the columns along x, of the rows along y.
+    x, y = (_mean_place(np.count_nonzero(mask, axis=axis)) for axis in (0, 1))
     return Contact(
         mask=mask,
         area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
@@ -84,3 +83,8 @@ def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArr
             pixels = depth[row::2, column::2]
             mask[row::2, column::2] = pixels >= level[: pixels.shape[0], : pixels.shape[1]]
     return mask
+
+
+def _mean_place(counts: NDArray[np.intp]) -> float:
+    """Mean place of what is counted along one axis, px from its middle."""
+    return float(counts @ np.arange(len(counts)) / counts.sum()) - (len(counts) - 1) / 2
