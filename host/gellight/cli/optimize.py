@@ -16,13 +16,19 @@ from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, with_options
 from gellight.design import designs, output, studies
 from gellight.design import report as reporting
-from gellight.design.all_studies import run_all_studies
+from gellight.design.all_studies import run_all_studies, time_sweep
 from gellight.design.benchmark_files import write_benchmark
 from gellight.design.geometry import read_geometry
-from gellight.design.store import ResultStore, default_folder
 from gellight.design.studies import Setup, setup_of
-from gellight.design.sweep import SweepIncomplete, SweepOptions, available_cores, parse_shard, run_study
-from gellight.design.sweep_times import time_sweep
+from gellight.design.sweep import (
+    ResultStore,
+    SweepIncomplete,
+    SweepOptions,
+    available_cores,
+    default_folder,
+    parse_shard,
+    run_study,
+)
 from sim_reference.deformation import NotConverged
 from sim_reference.optimizer.exposing import LightGroups
 
@@ -152,7 +158,7 @@ def design(
     wishes = designs.wishes(numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit)
     with study.sweep("designs") as options:
         result = run_study(designs.full_design_study(setup, wishes), options)
-    answer, files = designs.design_json(result, sensor), designs.design_parts(result, sensor)
+    answer, files = designs.design_json(result, sensor), designs.parts_of(designs.designed(result.chosen, sensor))
     study.answer("design", answer, designs.design_text(result), files)
 
 

@@ -1,17 +1,21 @@
-"""All studies of a sensor, as the report shows them."""
+"""All studies of a sensor, as the report shows them, and the time that the coarse one takes."""
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gellight.design import comparison, comparison_coarse, designs, output, parts, studies
 from gellight.design.comparison import Statement
 from gellight.design.designs import DesignResult, Gain
 from gellight.design.output import BallResult
 from gellight.design.studies import BeyondResult, FineResult, Setup, VariantResult
-from gellight.design.sweep import Study, SweepOptions, run_all, run_study
-from gellight.design.sweep_times import SweepTimes, time_sweep
+from gellight.design.sweep import Study, SweepOptions, executor, run_all, run_study
 from sim_reference.geometry import SensorGeometry
-from sim_reference.optimizer import design, fine
+from sim_reference.optimizer import coarse, design, fine, plain
+from sim_reference.optimizer.benchmark import PressedObject, press_benchmark
 from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 
@@ -20,6 +24,36 @@ NUMBERS = (6, 9, 12, 15)
 BALL_PRESS_MM = 2.0
 BALL_PRESS_SHARE = 0.4
 """of the gel's thickness, where that is less"""
+
+
+@dataclass(frozen=True)
+class SweepTimes:
+    """Times of the sweep ("shared") and of the plain code on the same objects, and how far their errors differ."""
+
+    size_px: int
+    objects: int
+    configurations: int
+    workers: int
+    shared_s: float
+    plain_s: float
+    shared_cpu_s: float
+    plain_cpu_s: float
+    largest_difference_deg: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times faster the sweep is, in wall-clock time."""
+        return self.plain_s / self.shared_s
+
+    def in_words(self) -> str:
+        """Return the comparison in two sentences."""
+        return (
+            f"{self.objects} objects × {self.configurations} configurations at {self.size_px} × {self.size_px} pixels, "
+            f"the objects pressed beforehand: {self.shared_s:.1f} s on {self.workers} cores; plain NumPy, one "
+            f"configuration at a time: {self.plain_s:.1f} s, {self.ratio:.1f} times as long (processor time "
+            f"{self.shared_cpu_s:.1f} s and {self.plain_cpu_s:.1f} s). The errors differ by at most "
+            f"{self.largest_difference_deg:.0e}°."
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +115,9 @@ def run_all_studies(
     bright = designs.wishes((own,), geometry, noise_grey=noise, exposure_limit=float("inf"))
     ball = output.ball_study(geometry, min(BALL_PRESS_MM, BALL_PRESS_SHARE * geometry.gel_thickness_mm), None)
     coarse, beyond = studies.coarse_study(setup, groups), studies.beyond_study(setup)
-    heights = studies.fine_study(setup, _heights(geometry))
+    # The paper's heights, as far as the LEDs stay above the gel surface.
+    heights_mm = tuple(height for height in fine.HEIGHTS_MM if height <= 0.9 * geometry.camera_height_mm)
+    heights = studies.fine_study(setup, heights_mm)
     given, one_shot_given = (studies.given_study(setup, wishes) for wishes in (alike, at_once))
     best, one_shot_best, bright_best = (studies.design_study(setup, wishes) for wishes in (alike, at_once, bright))
     sensitivity = studies.sensitivity_study(setup)
@@ -105,6 +141,24 @@ def run_all_studies(
     )
 
 
-def _heights(geometry: SensorGeometry) -> tuple[float, ...]:
-    """Return the paper's heights, as far as the LEDs stay above the gel surface."""
-    return tuple(height for height in fine.HEIGHTS_MM if height <= 0.9 * geometry.camera_height_mm)
+def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> SweepTimes:
+    """Time the sweep on all workers, which are warm, and the plain code on one."""
+    pressed = [press_benchmark(name, setup.sampling, setup.geometry, setup.parameters) for name in setup.names]
+    with executor(options) as pool:
+        twice = 2 * options.workers  # tasks, so that every worker has had one
+        list(pool.map(_shared, pressed[:1] * twice, [replace(groups, numbers=(3,))] * twice))
+        start = time.perf_counter()
+        shared = list(pool.map(_shared, pressed, [groups] * len(pressed)))
+        shared_s = time.perf_counter() - start
+    start, start_cpu = time.perf_counter(), time.process_time()
+    plainly = [plain.evaluate(one, groups) for one in pressed]
+    plain_s, plain_cpu_s = time.perf_counter() - start, time.process_time() - start_cpu
+    difference = max(float(np.abs(errors - slowly).max()) for (errors, _), slowly in zip(shared, plainly, strict=True))
+    counts = setup.sampling.size_px, len(pressed), len(groups.numbers) * len(groups.angles_rad), options.workers
+    shared_cpu_s = sum(cpu for _, cpu in shared)
+    return SweepTimes(*counts, shared_s, plain_s, shared_cpu_s, plain_cpu_s, float(np.degrees(difference)))
+
+
+def _shared(pressed: PressedObject, groups: LightGroups) -> tuple[NDArray[np.float64], float]:
+    start = time.process_time()
+    return coarse.evaluate(pressed, groups), time.process_time() - start

@@ -16,41 +16,36 @@ UNKNOWN_MEASURES = "depends on measures of the objects that the paper does not g
 def coarse_statements(result: CoarseResult) -> list[Statement]:
     """Return the statements of section 3.1.1."""
     return [
-        _best_angle(result),
-        _mean_best_angle(result),
+        *_best_angles(result),
         _falls_and_rises(result),
         _same_for_any_number(result),
-        _flat_beyond_twelve(result),
-        _angle_before_number(result),
-        _large_blue_region(result),
-        _red_region(result),
-        _sharp_step(result),
+        *_number_of_lights(result),
+        *_regions(result),
         _low_frequency(result),
         _steepest_rise(result),
     ]
 
 
-def _best_angle(result: CoarseResult) -> Statement:
+def _best_angles(result: CoarseResult) -> list[Statement]:
     best = degrees(result.best_angle_rad())
-    return _statement(
-        claim="the incident angle is 29°, closest to the average minimum",
-        measured=f"the averaged Top1 curve is lowest at {best:.0f}°",
-        holds_if="lowest at 29°",
-        reproduced=abs(best - 29) < 0.5,
-        why="a property of surfaces with slopes of some 60°: see the sensitivity below",
-    )
-
-
-def _mean_best_angle(result: CoarseResult) -> Statement:
     mean = degrees(result.mean_best_angle_rad())
-    return _statement(
-        claim="the best angle averaged over the benchmark is 32.2°",
-        measured=f"the mean of the ten best angles is {mean:.1f}°",
-        holds_if="from 29° to 37°, less than a step of 8° away",
-        reproduced=29 <= mean <= 37,
-        why="on this grid such a mean is a multiple of 0.8, and 32.2 = 322/10 can be one; where exactly it lies, "
-        + UNKNOWN_MEASURES,
-    )
+    return [
+        _statement(
+            claim="the incident angle is 29°, closest to the average minimum",
+            measured=f"the averaged Top1 curve is lowest at {best:.0f}°",
+            holds_if="lowest at 29°",
+            reproduced=abs(best - 29) < 0.5,
+            why="a property of surfaces with slopes of some 60°: see the sensitivity below",
+        ),
+        _statement(
+            claim="the best angle averaged over the benchmark is 32.2°",
+            measured=f"the mean of the ten best angles is {mean:.1f}°",
+            holds_if="from 29° to 37°, less than a step of 8° away",
+            reproduced=29 <= mean <= 37,
+            why="on this grid such a mean is a multiple of 0.8, and 32.2 = 322/10 can be one; where exactly it lies, "
+            + UNKNOWN_MEASURES,
+        ),
+    ]
 
 
 def _falls_and_rises(result: CoarseResult) -> Statement:
@@ -78,65 +73,58 @@ def _same_for_any_number(result: CoarseResult) -> Statement:
     )
 
 
-def _flat_beyond_twelve(result: CoarseResult) -> Statement:
+def _number_of_lights(result: CoarseResult) -> list[Statement]:
     means = result.map_mean_by_number()
     last = max(means)
-    at_best = result.mean_top1_rad[:, result.groups.angles_rad.index(result.best_angle_rad())]
-    ratio = float(at_best[-1] / at_best[result.row(CHOSEN_NUMBER)])
-    return _statement(
-        claim="the error falls with the number of lights and is flat beyond 12",
-        measured=f"map mean relative to 12 lights: 3: {means[3]:.2f}, 6: {means[6]:.2f}, {last}: {means[last]:.2f}",
-        holds_if=f"3 lights above 1.3, {last} above 0.85",
-        reproduced=means[3] > 1.3 and means[last] > 0.85,
-        why=f"true of the mean over all angles; at the best angle it goes on as 1/√n ({last} lights: {ratio:.2f})",
-    )
+    by_angle = result.mean_top1_rad[result.row(CHOSEN_NUMBER)]
+    by_number = result.mean_top1_rad[:, result.groups.angles_rad.index(result.best_angle_rad())]
+    ratio = float(by_number[-1] / by_number[result.row(CHOSEN_NUMBER)])
+    over_angles, over_lights = (float(some.max() / some.min()) for some in (by_angle, by_number))
+    return [
+        _statement(
+            claim="the error falls with the number of lights and is flat beyond 12",
+            measured=f"map mean relative to 12 lights: 3: {means[3]:.2f}, 6: {means[6]:.2f}, {last}: {means[last]:.2f}",
+            holds_if=f"3 lights above 1.3, {last} above 0.85",
+            reproduced=means[3] > 1.3 and means[last] > 0.85,
+            why=f"true of the mean over all angles; at the best angle it goes on as 1/√n ({last} lights: {ratio:.2f})",
+        ),
+        _statement(
+            claim="the incident angle changes the error more than the number of lights",
+            measured=f"largest to smallest Top1: {over_angles:.0f} over the angles, {over_lights:.1f} over the numbers",
+            holds_if="more over the angles",
+            reproduced=over_angles > over_lights,
+            why="the noise falls as 1/√n; a shadow falsifies what it covers however many lights there are",
+        ),
+    ]
 
 
-def _angle_before_number(result: CoarseResult) -> Statement:
-    top1 = result.mean_top1_rad
-    by_angle = top1[result.row(CHOSEN_NUMBER)]
-    by_number = top1[:, result.groups.angles_rad.index(result.best_angle_rad())]
-    over_angles, over_numbers = (float(some.max() / some.min()) for some in (by_angle, by_number))
-    return _statement(
-        claim="the incident angle changes the error more than the number of lights",
-        measured=f"largest to smallest Top1: {over_angles:.0f} over the angles, {over_numbers:.1f} over the numbers",
-        holds_if="more over the angles",
-        reproduced=over_angles > over_numbers,
-        why="the noise falls as 1/√n; a shadow falsifies what it covers however many lights there are",
-    )
-
-
-def _large_blue_region(result: CoarseResult) -> Statement:
-    blue = _blue_cells(result)
-    return _statement(
-        claim="SCROWN and SINWAVE have a large blue region",
-        measured=f"cells under 5°: {_largest(blue, 4, 'SINWAVE')}",
-        holds_if="at most three have more than either",
-        reproduced=_among_largest(blue, 4, "SCROWN", "SINWAVE"),
-        why="those after SCROWN differ by a few cells; which are ahead, " + UNKNOWN_MEASURES,
-    )
-
-
-def _red_region(result: CoarseResult) -> Statement:
-    red = _by_object(result, (result.errors_rad[..., 2] > np.radians(30)).sum(axis=(1, 2)))
-    return _statement(
-        claim="the red region grows with the complexity of the surface, as of the caves and CCONVEX",
-        measured=f"cells over 30°: {_largest(red, 3, 'CCONVEX')}",
-        holds_if="at most two have more than BALLCAVE or CCONVEX",
-        reproduced=_among_largest(red, 3, "BALLCAVE", "CCONVEX"),
-        why="our CCONVEX is sparse and mostly flat; the paper does not give its measures",
-    )
-
-
-def _sharp_step(result: CoarseResult) -> Statement:
-    blue = _blue_cells(result)
-    return _statement(
-        claim="a simple form with a sharp step, TSTEP, has a large error",
-        measured=f"cells under 5°: TSTEP {blue['TSTEP']}, SCROWN {blue['SCROWN']}, SINWAVE {blue['SINWAVE']}",
-        holds_if="fewer than both smooth ones",
-        reproduced=blue["TSTEP"] < min(blue["SCROWN"], blue["SINWAVE"]),
-        why="its walls are steeper, so they lie in shadow at smaller angles; how steep, " + UNKNOWN_MEASURES,
-    )
+def _regions(result: CoarseResult) -> list[Statement]:
+    top1 = result.errors_rad[..., 2]
+    blue = _by_object(result, (top1 < np.radians(5)).sum(axis=(1, 2)))
+    red = _by_object(result, (top1 > np.radians(30)).sum(axis=(1, 2)))
+    return [
+        _statement(
+            claim="SCROWN and SINWAVE have a large blue region",
+            measured=f"cells under 5°: {_largest(blue, 4, 'SINWAVE')}",
+            holds_if="at most three have more than either",
+            reproduced=_among_largest(blue, 4, "SCROWN", "SINWAVE"),
+            why="those after SCROWN differ by a few cells; which are ahead, " + UNKNOWN_MEASURES,
+        ),
+        _statement(
+            claim="the red region grows with the complexity of the surface, as of the caves and CCONVEX",
+            measured=f"cells over 30°: {_largest(red, 3, 'CCONVEX')}",
+            holds_if="at most two have more than BALLCAVE or CCONVEX",
+            reproduced=_among_largest(red, 3, "BALLCAVE", "CCONVEX"),
+            why="our CCONVEX is sparse and mostly flat; the paper does not give its measures",
+        ),
+        _statement(
+            claim="a simple form with a sharp step, TSTEP, has a large error",
+            measured=f"cells under 5°: TSTEP {blue['TSTEP']}, SCROWN {blue['SCROWN']}, SINWAVE {blue['SINWAVE']}",
+            holds_if="fewer than both smooth ones",
+            reproduced=blue["TSTEP"] < min(blue["SCROWN"], blue["SINWAVE"]),
+            why="its walls are steeper, so they lie in shadow at smaller angles; how steep, " + UNKNOWN_MEASURES,
+        ),
+    ]
 
 
 def _low_frequency(result: CoarseResult) -> Statement:
@@ -160,11 +148,6 @@ def _steepest_rise(result: CoarseResult) -> Statement:
         reproduced=_among_largest(rise, 3, "CCONVEX", "QUCAVE"),
         why="our CCONVEX is sparse and mostly flat; the paper does not give its measures",
     )
-
-
-def _blue_cells(result: CoarseResult) -> dict[str, float]:
-    """Count the cells of each object's heat map whose Top1 is under 5 degrees."""
-    return _by_object(result, (result.errors_rad[..., 2] < np.radians(5)).sum(axis=(1, 2)))
 
 
 def _by_object(result: CoarseResult, values: NDArray[np.floating | np.integer]) -> dict[str, float]:

@@ -181,11 +181,6 @@ def design_text(result: DesignResult) -> str:
     )
 
 
-def design_parts(result: DesignResult, geometry: SensorGeometry) -> Files:
-    """Return the parts of the chosen design."""
-    return parts_of(designed(result.chosen, geometry))
-
-
 def parts_of(geometry: SensorGeometry) -> Files:
     """Return the files to make a ring: strip as DXF and SVG, section, LED table, and the settings of the sensor."""
     flat = parts.strip(geometry)

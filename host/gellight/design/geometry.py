@@ -1,6 +1,5 @@
 """The sensor's geometry: read from a settings file, checked for what cannot be built, and written."""
 
-from dataclasses import fields
 from math import cos, degrees
 from pathlib import Path
 
@@ -70,12 +69,8 @@ def ring_colours(geometry: SensorGeometry) -> str:
 def design_file(geometry: SensorGeometry) -> bytes:
     """Return the settings file of a sensor: `gellight` started beside it simulates, or drives, this sensor."""
     section = {}
-    for field in fields(geometry):
-        value = getattr(geometry, field.name)
-        name = field.name.removesuffix("_rad") + "_deg" if field.name.endswith("_rad") else field.name
-        section[name] = round(degrees(value), 6) if field.name.endswith("_rad") else _rounded(value)
+    for name, value in vars(geometry).items():
+        if name.endswith("_rad"):
+            name, value = f"{name.removesuffix('_rad')}_deg", degrees(value)
+        section[name] = round(value, 6) if isinstance(value, float) else value
     return f"# gellight ring set {ring_colours(geometry)}\n\n{tomli_w.dumps({'geometry': section})}".encode()
-
-
-def _rounded(value: float | int | str) -> float | int | str:
-    return round(value, 6) if isinstance(value, float) else value

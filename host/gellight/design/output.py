@@ -107,10 +107,7 @@ def fine_json(result: FineResult) -> dict[str, Any]:
         "mean_light": [round(one.mean / light[0].mean, 5) for one in light],
         "errors_deg": {
             medium: {
-                method: {
-                    figure: _numbers(result.errors_deg(medium, method)[:, at])
-                    for at, figure in enumerate(("mae", "top1"))
-                }
+                method: dict(zip(("mae", "top1"), map(_numbers, result.errors_deg(medium, method).T), strict=True))
                 for method in METHODS
             }
             for medium in result.errors_rad
@@ -144,11 +141,10 @@ def fine_charts(result: FineResult) -> Files:
         for medium in result.errors_rad
         for at, method in enumerate(METHODS)
     ]
-    x, half = "mounting height, mm", ((50.0, "50 %"),)
+    x = "mounting height, mm"
+    half = Axes(title="Figure 4e: SAT of a plane", x=x, y="SAT, %", levels=((50.0, "50 %"),))
     return {
-        "saturation.svg": line_chart(
-            [saturation], Axes(title="Figure 4e: SAT of a plane", x=x, y="SAT, %", levels=half)
-        ),
+        "saturation.svg": line_chart([saturation], half),
         "deviation.svg": line_chart([deviation], Axes(title="Figure 4e: NSD of a plane", x=x, y="NSD")),
         "error.svg": line_chart(errors, Axes(title="Error of the normals, benchmark", x=x, y="MAE, degrees", log=True)),
     }
@@ -175,7 +171,7 @@ def ball_study(geometry: SensorGeometry, press_mm: float, radii_mm: Sequence[flo
             raise ValueError(f"--radius {', '.join(f'{r:g}' for r in at_hand)}: give radii in mm, greater than 0")
         if len(at_hand) == 1 and press_mm > at_hand[0]:
             raise ValueError(
-                f"a press of {press_mm:g} mm is deeper than the ball of {at_hand.min():g} mm radius: press less"
+                f"a press of {press_mm:g} mm is deeper than the ball of {at_hand[0]:g} mm radius: press less"
             )
         choice = ball.choose_ball(at_hand, geometry, press_depth_mm=press_mm)
     except ValueError as error:

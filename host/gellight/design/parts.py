@@ -47,8 +47,7 @@ class Strip:
 
     def led_corners(self, led: int) -> list[Point]:
         """Return the corners of an LED's package, in the coordinates of `led_centre`."""
-        turn = self._turn(led)
-        half = LED_SIDE_MM / 2
+        turn, half = self._turn(led), LED_SIDE_MM / 2
         local = [(half, half), (half, -half), (-half, -half), (-half, half)]
         corners = [(self.middle_radius_mm + out + 1j * along) * rect(1, turn) for out, along in local]
         return [(corner.real, corner.imag) for corner in corners]
@@ -72,19 +71,13 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
     middle = geometry.ring_radius_mm / flat
     count = len(geometry.led_colours)
     if not fits(count, geometry):
+        apart = 2 * pi * geometry.ring_radius_mm / count
         raise InputError(
-            f"{count} LEDs on a ring of {geometry.ring_radius_mm} mm are "
-            f"{2 * pi * geometry.ring_radius_mm / count:.2f} mm apart, an LED takes "
-            f"{LED_SIDE_MM + LED_GAP_MM} mm: use fewer or a wider ring"
+            f"{count} LEDs on a ring of {geometry.ring_radius_mm} mm are {apart:.2f} mm apart, "
+            f"an LED takes {LED_SIDE_MM + LED_GAP_MM} mm: use fewer or a wider ring"
         )
-    return Strip(
-        middle - width_mm / 2,
-        middle,
-        middle + width_mm / 2,
-        2 * pi * flat,
-        count,
-        width_mm * sin(geometry.incident_angle_rad),
-    )
+    half, rise_mm = width_mm / 2, width_mm * sin(geometry.incident_angle_rad)
+    return Strip(middle - half, middle, middle + half, 2 * pi * flat, count, rise_mm)
 
 
 def strip_dxf(flat: Strip) -> bytes:

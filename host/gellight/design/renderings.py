@@ -24,11 +24,9 @@ WIDTH_PX = 115
 
 def benchmark_depths(setup: Setup) -> str:
     """Return the depth of every pressed object, light where it is deep."""
-    figures = []
+    figures, small = [], replace(SMALL, press_depth_mm=setup.sampling.press_depth_mm)
     for name in setup.names:
-        pressed = press_benchmark(
-            name, replace(SMALL, press_depth_mm=setup.sampling.press_depth_mm), setup.geometry, setup.parameters
-        )
+        pressed = press_benchmark(name, small, setup.geometry, setup.parameters)
         slope = np.degrees(pressed.steepest_rad())
         depth = pressed.depth_mm - pressed.depth_mm.min()
         grey = np.rint(255 * depth / depth.max()).astype(np.uint8)
@@ -39,8 +37,7 @@ def benchmark_depths(setup: Setup) -> str:
 def benchmark_pictures(setup: Setup) -> str:
     """Return figure 4d: every object under the coloured ring."""
     square = SMALL.on(setup.geometry)
-    exposed = _exposed(square)
-    figures = []
+    exposed, figures = _exposed(square), []
     for name in setup.names:
         deformation = deformed(name, setup.sampling, square, setup.parameters)
         figures.append(picture(_picture(sample(deformation, square, 0, 0), square, exposed), name, WIDTH_PX))

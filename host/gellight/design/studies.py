@@ -118,12 +118,8 @@ def _errors_at(geometry: SensorGeometry, place: design.Place, medium: Medium, ca
     if geometry.camera_height_mm - geometry.mounting_height_mm <= medium.thickness_mm:
         return np.full((len(METHODS), 2), np.nan)
     ring = near_field.ring_light_vectors(geometry, place.x, place.y, medium)
-    errors = [
-        near_field.normal_error(
-            place.scenes[0], ring, near_field.mixing(geometry, one_shot=at_once), camera, drop_shadows=drop
-        )
-        for at_once, drop in METHODS.values()
-    ]
+    mixed = [(near_field.mixing(geometry, one_shot=at_once), drop) for at_once, drop in METHODS.values()]
+    errors = [near_field.normal_error(place.scenes[0], ring, mix, camera, drop_shadows=drop) for mix, drop in mixed]
     return np.array([[mae, top1] for mae, _, top1 in errors])
 
 
@@ -241,10 +237,7 @@ def given_study(setup: Setup, wishes: design.Wishes) -> Study[design.Candidate]:
 def design_study(setup: Setup, wishes: design.Wishes) -> Study[list[design.Candidate]]:
     """Return the study of the best designs: one task a number of LEDs."""
     return Study(
-        [
-            Task(f"{number} LEDs", best_candidate, (setup, replace(wishes, numbers=(number,))))
-            for number in wishes.numbers
-        ],
+        [Task(f"{n} LEDs", best_candidate, (setup, replace(wishes, numbers=(n,)))) for n in wishes.numbers],
         lambda found: [design.Candidate(**one) for one in found],
     )
 

@@ -2,6 +2,8 @@
 
 import hashlib
 import importlib.util
+import json
+import logging
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -12,9 +14,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from gellight.base.errors import InputError
-from gellight.design.store import ResultStore
+import platformdirs
 
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+
+logger = logging.getLogger(__name__)
 Progress = Callable[[int, int, str], None]
 """called with the number of tasks done, of all tasks, and the label of the last one done, "" at first"""
 ResultT = TypeVar("ResultT")
@@ -33,6 +38,57 @@ class Task:
         """Digest of the function's name, its arguments and the simulator's source: it names the result."""
         call = f"{self.function.__module__}.{self.function.__qualname__}{self.arguments!r}"
         return hashlib.sha256(f"{simulator_digest()}\n{call}".encode()).hexdigest()
+
+
+def default_folder() -> Path:
+    """Return the folder in the user's cache where results are kept by default."""
+    return platformdirs.user_cache_path("gellight") / "optimize"
+
+
+class ResultStore:
+    """A folder of results; each file is written whole or not at all."""
+
+    def __init__(self, folder: Path) -> None:
+        """Use `folder`, made if need be; raises InputError if that is impossible."""
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"results cannot be kept in {folder} ({error.strerror}): choose another --store"
+            ) from error
+
+    def path(self, key: str) -> Path:
+        """Return the file of a result."""
+        return self.folder / f"{key}.json"
+
+    def get(self, key: str) -> Any | None:
+        """Return a result, or None where there is none; a file that is damaged is reported and counts as none."""
+        path = self.path(key)
+        try:
+            envelope = json.loads(path.read_bytes())
+            if envelope["key"] == key and envelope["sha256"] == _digest(envelope["result"]):
+                return envelope["result"]
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError):
+            pass
+        logger.warning("%s is damaged: computing it again", path)
+        return None
+
+    def put(self, key: str, result: Any) -> None:
+        """Keep a result that JSON can hold; raises InputError if it cannot be written."""
+        envelope = {"key": key, "sha256": _digest(result), "result": result}
+        try:
+            write_file(self.path(key), json.dumps(envelope).encode())
+        except OSError as error:
+            raise InputError(
+                f"{self.path(key)} cannot be written ({error.strerror}): free some space, or choose another --store"
+            ) from error
+
+
+def _digest(result: Any) -> str:
+    return hashlib.sha256(json.dumps(result).encode()).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.frames.frames import Contact
+from gellight.reconstruction.pixel_grid import pixel_size_xy
 
 THRESHOLD_MM = 0.02
 """Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""
@@ -13,10 +14,7 @@ _NEIGHBOURS = np.ones((3, 3), np.bool_)
 
 
 def find_contact(
-    depth_mm: NDArray[np.floating],
-    pixel_size_mm: float | tuple[float, float],
-    *,
-    threshold_mm: float = THRESHOLD_MM,
+    depth_mm: NDArray[np.floating], pixel_size_mm: float | tuple[float, float], *, threshold_mm: float = THRESHOLD_MM
 ) -> Contact:
     """Find the contact patch in a depth map.
 
@@ -36,35 +34,32 @@ def find_contact(
     Two contacts whose skirts meet above the threshold count as one region. NaN counts as untouched.
     Raises ValueError for a wrong shape or a pixel size or threshold that is not above 0.
     """
-    size_x, size_y = _checked(depth_mm, pixel_size_mm, threshold_mm)
+    _check(depth_mm, threshold_mm)
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
     blocks = _second_largest_of_blocks(depth_mm)
     labels, count = ndimage.label(blocks > threshold_mm, structure=_NEIGHBOURS)
     if count == 0:
         return Contact(mask=np.zeros(depth_mm.shape, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
-    deepest = _deepest_of_regions(blocks, labels, count)
+    deepest, inside = np.zeros(count + 1, np.float64), labels > 0
+    np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
     level = np.maximum(deepest / 2, threshold_mm)
     level[0] = np.inf
     mask = _at_least(depth_mm, level[labels].astype(depth_mm.dtype))
+    # The counts of the columns along x, of the rows along y.
+    x, y = (_mean_place(np.count_nonzero(mask, axis=axis)) for axis in (0, 1))
     return Contact(
         mask=mask,
         area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
         indentation_mm=float(deepest[1:].max()),
-        centroid_mm=_centroid(mask, size_x, size_y),
+        centroid_mm=(x * size_x, y * size_y),
     )
 
 
-def _checked(
-    depth_mm: NDArray[np.floating], pixel_size_mm: float | tuple[float, float], threshold_mm: float
-) -> tuple[float, float]:
-    """(x, y) pixel size."""
+def _check(depth_mm: NDArray[np.floating], threshold_mm: float) -> None:
     if depth_mm.ndim != 2 or depth_mm.size == 0:
         raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W)")
     if not threshold_mm > 0:
         raise ValueError(f"threshold_mm = {threshold_mm}: it must be above 0, where the gel is at rest")
-    size_x, size_y = np.broadcast_to(np.asarray(pixel_size_mm, np.float64), 2)
-    if not (size_x > 0 and size_y > 0):
-        raise ValueError(f"pixel size {pixel_size_mm} mm: it must be above 0")
-    return float(size_x), float(size_y)
 
 
 def _second_largest_of_blocks(depth: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -80,14 +75,6 @@ def _second_largest_of_blocks(depth: NDArray[np.floating]) -> NDArray[np.floatin
     return second
 
 
-def _deepest_of_regions(blocks: NDArray[np.floating], labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
-    """(count + 1,) largest value of each region; entry 0, the rest, is 0."""
-    deepest = np.zeros(count + 1, np.float64)
-    inside = labels > 0
-    np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
-    return deepest
-
-
 def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Compare each pixel with the level of its block."""
     mask = np.empty(depth.shape, np.bool_)
@@ -98,12 +85,6 @@ def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArr
     return mask
 
 
-def _centroid(mask: NDArray[np.bool_], size_x: float, size_y: float) -> tuple[float, float]:
-    """(x, y) mm of the patch from the image centre."""
-    height, width = mask.shape
-    columns = np.count_nonzero(mask, axis=0)
-    rows = np.count_nonzero(mask, axis=1)
-    total = columns.sum()
-    x = float(columns @ np.arange(width) / total) - (width - 1) / 2
-    y = float(rows @ np.arange(height) / total) - (height - 1) / 2
-    return x * size_x, y * size_y
+def _mean_place(counts: NDArray[np.intp]) -> float:
+    """Mean place of what is counted along one axis, px from its middle."""
+    return float(counts @ np.arange(len(counts)) / counts.sum()) - (len(counts) - 1) / 2

@@ -69,7 +69,8 @@ class GradientNetwork:
         # Rounding to whole grey levels adds 1/12 to the variance of a camera that is otherwise quiet.
         self._noise = float(np.sqrt(noise_grey**2 + 1 / 12))
         self._rows = np.zeros((BLOCK_ROWS, 5), np.float32)
-        self._position = _positions(image_shape)
+        rows, columns = np.indices(image_shape, dtype=np.float32)
+        self._position = np.stack([columns.ravel(), rows.ravel()], axis=1)  # (H * W, 2) x, y in px
         self._zero = self._infer(np.zeros((len(self._position), 3), np.float32), self._position)
         self._coarse_position, *self._to_pixels = _coarse_grid(image_shape)
         self._coarse_zero = self._infer(np.zeros((len(self._coarse_position), 3), np.float32), self._coarse_position)
@@ -168,12 +169,6 @@ def _check_contract(session: onnxruntime.InferenceSession, source: str) -> None:
             raise BundleError(
                 f"{source}: the network has the {kind} {values}, expected {wanted!r} float32 (N, {columns}): {_REMEDY}"
             )
-
-
-def _positions(image_shape: tuple[int, int]) -> Floats:
-    """(H * W, 2) x, y in px."""
-    rows, columns = np.indices(image_shape, dtype=np.float32)
-    return np.stack([columns.ravel(), rows.ravel()], axis=1)
 
 
 def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:

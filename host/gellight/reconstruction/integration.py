@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.bundle.manifest import BULGE
+from gellight.reconstruction.pixel_grid import pixel_size_xy
 
 Floats = NDArray[np.floating]
 
@@ -59,7 +60,7 @@ def integrate(
     Raises ValueError for a wrong shape, for NaN or infinity and for a pixel size that is not above 0.
     """
     slopes = _checked(gradient_map)
-    size_x, size_y = _pixel_size(pixel_size_mm)
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
     depth = _poisson(_divergence(slopes, size_x, size_y))
     depth -= _rest_level(depth, at_rest, bulge)
     return depth
@@ -74,7 +75,7 @@ def surface_gradient(depth_mm: Floats, pixel_size_mm: float | tuple[float, float
     """
     if depth_mm.ndim != 2 or min(depth_mm.shape) < 3:
         raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W) with at least 3 x 3 pixels")
-    size_x, size_y = _pixel_size(pixel_size_mm)
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
     depth = depth_mm.astype(np.float32, copy=False)
     taps, one = np.array([-w for w in _DIFFERENCE[::-1]] + [0.0, *_DIFFERENCE]), np.ones(1)
     reach, (height, width) = len(_DIFFERENCE), depth.shape
@@ -122,43 +123,25 @@ def _checked(gradient_map: Floats) -> Floats:
     return planes
 
 
-def _pixel_size(pixel_size_mm: float | tuple[float, float]) -> tuple[float, float]:
-    """(x, y) in mm, checked."""
-    sizes = np.broadcast_to(np.asarray(pixel_size_mm, dtype=np.float64), 2)
-    if not (np.isfinite(sizes).all() and (sizes > 0).all()):
-        raise ValueError(f"pixel size {pixel_size_mm} mm: it must be above 0")
-    return float(sizes[0]), float(sizes[1])
-
-
 def _edge_integrals(slope: Floats) -> Floats:
     """Integrate along the last axis between neighbouring samples: (..., n) to (..., n - 1), in pixels."""
     if slope.shape[-1] < 4:
         return (slope[..., 1:] + slope[..., :-1]) / 2
     edges = np.empty_like(slope[..., 1:])
     if slope.shape[-1] > 5:
-        _fill_interior(slope, edges)
-    _close_borders(slope, edges)
-    return edges
-
-
-def _fill_interior(slope: Floats, edges: Floats) -> None:
-    """Fill all edges but the two at each end."""
-    inner = edges[..., 2:-2]
-    np.add(slope[..., 2:-3], slope[..., 3:-2], out=inner)
-    inner *= slope.dtype.type(_EDGE[0])
-    pair = slope[..., 1:-4] + slope[..., 4:-1]
-    pair *= slope.dtype.type(_EDGE[1])
-    inner += pair
-    np.add(slope[..., :-5], slope[..., 5:], out=pair)
-    pair *= slope.dtype.type(_EDGE[2])
-    inner += pair
-
-
-def _close_borders(slope: Floats, edges: Floats) -> None:
-    """Fill the two edges at each end."""
+        inner = edges[..., 2:-2]
+        np.add(slope[..., 2:-3], slope[..., 3:-2], out=inner)
+        inner *= slope.dtype.type(_EDGE[0])
+        pair = slope[..., 1:-4] + slope[..., 4:-1]
+        pair *= slope.dtype.type(_EDGE[1])
+        inner += pair
+        np.add(slope[..., :-5], slope[..., 5:], out=pair)
+        pair *= slope.dtype.type(_EDGE[2])
+        inner += pair
     for s, e in ((slope, edges), (slope[..., ::-1], edges[..., ::-1])):
         e[..., 0] = sum(w * s[..., i] for i, w in enumerate(_EDGE_FIRST))
         e[..., 1] = _EDGE_SECOND[0] * (s[..., 1] + s[..., 2]) + _EDGE_SECOND[1] * (s[..., 0] + s[..., 3])
+    return edges
 
 
 def _divergence(slopes: Floats, size_x: float, size_y: float) -> Floats:

@@ -11,6 +11,14 @@ STEP_PX = 4
 """every fourth pixel of every fourth row is enough for a median"""
 
 
+def difference_of(image: NDArray[np.uint8], reference: Floats, *, follow_light: bool) -> Floats:
+    """Return the (H, W, 3) difference image, grey levels; with `follow_light` the drift of the light is taken off."""
+    difference = np.subtract(image, reference, dtype=np.float32)
+    if follow_light:
+        difference -= light_drift(difference)
+    return difference
+
+
 def light_drift(difference: Floats) -> Floats:
     """Return the (3,) change of light in a (H, W, 3) difference image, grey levels: the median over the view.
 

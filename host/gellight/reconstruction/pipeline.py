@@ -14,7 +14,7 @@ from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.integration import integrate, normals
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
-from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
@@ -60,7 +60,6 @@ class Reconstructor:
         self.bundle = bundle
         self.masked = masked
         self._smoother = Smoother(smoothing_px)
-        self._reference = bundle.reference
         self._undistortion = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
         self._network = GradientNetwork(
             bundle.network,
@@ -78,7 +77,8 @@ class Reconstructor:
         """
         self._check(camera_frame)
         stages = Stages()
-        difference = self._difference(camera_frame.image)
+        follow = self.bundle.manifest.follow_light
+        difference = difference_of(camera_frame.image, self.bundle.reference, follow_light=follow)
         stages.end("difference")
         touched = self._network.touched(difference)
         stages.end("mask")
@@ -97,12 +97,6 @@ class Reconstructor:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
         return tactile_frame(camera_frame, difference, gradient_map, depth_mm, self.bundle.pixel_size_mm, stages)
 
-    def _difference(self, image: NDArray[np.uint8]) -> Floats:
-        difference = np.subtract(image, self._reference, dtype=np.float32)
-        if self.bundle.manifest.follow_light:
-            difference -= light_drift(difference)
-        return difference
-
     def _depth(self, slopes: Floats, touched: NDArray[np.bool_]) -> Floats:
         manifest = self.bundle.manifest
         depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=far_from_touch(touched), bulge=manifest.bulge)
@@ -117,8 +111,7 @@ class Reconstructor:
         return self._network.touched(difference)
 
     def _check(self, camera_frame: CameraFrame) -> None:
-        image: NDArray[np.uint8] = camera_frame.image
-        name = camera_frame.source or "the image"
+        image, name = camera_frame.image, camera_frame.source or "the image"
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")
         if image.shape[:2] != self.bundle.image_shape:

@@ -14,6 +14,14 @@ def gel_points_mm(image_shape: tuple[int, int], pixel_size_mm: tuple[float, floa
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
+def pixel_size_xy(pixel_size_mm: float | tuple[float, float]) -> tuple[float, float]:
+    """Return a pixel size, one number or (x, y), as (x, y) mm; ValueError unless it is above 0."""
+    x, y = np.broadcast_to(np.asarray(pixel_size_mm, np.float64), 2).tolist()
+    if not (np.isfinite([x, y]).all() and x > 0 and y > 0):
+        raise ValueError(f"pixel size {pixel_size_mm} mm: it must be above 0")
+    return x, y
+
+
 def block_means(image: NDArray[Any], side: int) -> NDArray[Any]:
     """Return the means over blocks of `side` x `side` pixels: (H, W, ...) -> (H // side, W // side, ...).
 

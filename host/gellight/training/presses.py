@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
 REFUSED = "refused"
@@ -235,17 +235,10 @@ def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
 
 
 def _press_rows(
-    press: Press,
-    reference: Floats,
-    ball: Ball,
-    options: TableOptions,
-    follow_light: bool,
-    random: np.random.Generator,
+    press: Press, reference: Floats, ball: Ball, options: TableOptions, follow_light: bool, random: np.random.Generator
 ) -> Floats:
     shape = (reference.shape[0], reference.shape[1])
-    difference = read_image(press.image).astype(np.float32) - reference
-    if follow_light:
-        difference -= light_drift(difference)
+    difference = difference_of(read_image(press.image), reference, follow_light=follow_light)
     distance = distance_px(press, shape)
     contact = np.flatnonzero(distance < press.contact_radius_px - options.inset_px)
     if not len(contact):

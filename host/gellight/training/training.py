@@ -75,33 +75,20 @@ def _noise_of_one(image: Floats) -> float:
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Trained:
-    """What comes back from the child."""
+def train(
+    table: PressTable, options: TrainingOptions, *, progress: Progress = silent
+) -> tuple[bytes, Mapping[str, object]]:
+    """Train GelNet in a child process; TrainingError and interrupts as `run_module`.
 
-    network: bytes
-    """the ONNX file"""
-    record: Mapping[str, object]
-    """training.json, as it goes into the metrics of a bundle: recipe, losses, errors on the presses held out"""
-
-
-def train(table: PressTable, options: TrainingOptions, *, progress: Progress = silent) -> Trained:
-    """Train GelNet in a child process; TrainingError and interrupts as `run_module`."""
+    Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, losses,
+    errors on the presses held out.
+    """
+    chosen = [f"--{name}={value}" for name, value in vars(options).items() if value is not None]
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
         np.savez(place / "table.npz", **table.arrays())  # type: ignore[arg-type]
-        run_module("gelnet.train", _arguments(place, options), progress)
-        record = json.loads((place / "training.json").read_text())
-        return Trained(network=(place / "network.onnx").read_bytes(), record=record)
-
-
-def _arguments(place: Path, options: TrainingOptions) -> list[str]:
-    arguments = ["--table", str(place / "table.npz"), "--out", str(place)]
-    for name in ("recipe", "width", "seed", "threads", "epochs"):
-        value = getattr(options, name)
-        if value is not None:
-            arguments += [f"--{name}", str(value)]
-    return arguments
+        run_module("gelnet.train", ["--table", str(place / "table.npz"), "--out", folder, *chosen], progress)
+        return (place / "network.onnx").read_bytes(), json.loads((place / "training.json").read_text())
 
 
 def fit(
@@ -132,7 +119,7 @@ def fit(
     drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
     table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
-    trained = train(table, options or TrainingOptions(), progress=progress)
+    network, record = train(table, options or TrainingOptions(), progress=progress)
     return write_bundle(
         out,
         sensor=sensor,
@@ -140,9 +127,9 @@ def fit(
         reference_frames=reference.frames,
         noise_grey=reference.noise_grey,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
-        network=trained.network,
+        network=network,
         follow_light=follow,
-        metrics={**metrics, "light_drift_grey": drift, "training": trained.record},
+        metrics={**metrics, "light_drift_grey": drift, "training": record},
         presses=table.arrays(),
         overwrite=overwrite,
     )

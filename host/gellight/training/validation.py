@@ -12,7 +12,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.integration import angle_deg, integrate, normals
-from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.pipeline import Reconstructor, Stages, tactile_frame
 from gellight.reconstruction.smoothing import Smoother
 from gellight.training.baselines import Baseline
@@ -111,9 +111,7 @@ def frames_by(
     frames, smoother, pixel_size_mm = [], Smoother(), (ball.pixel_size_mm, ball.pixel_size_mm)
     for press in presses:
         camera_frame = frame_of(press)
-        difference = camera_frame.image.astype(np.float32) - reference
-        if follow_light:
-            difference -= light_drift(difference)
+        difference = difference_of(camera_frame.image, reference, follow_light=follow_light)
         slopes, noise = smoother.narrow(baseline.gradient_map(difference))
         depth_mm = np.asarray(integrate(slopes, pixel_size_mm), np.float32)
         gradient_map = smoother.of_surface(depth_mm, pixel_size_mm, slopes, noise)

@@ -12,13 +12,8 @@ Cells = NDArray[np.float32]
 CELL_PX = 8
 
 
-def grid(image_shape: tuple[int, int]) -> tuple[int, int]:
-    """(h, w) cells of an image of (H, W) pixels; pixels beyond the last whole cell are left out."""
-    return image_shape[0] // CELL_PX, image_shape[1] // CELL_PX
-
-
 def cell_means(image: NDArray[np.uint8] | NDArray[np.float32]) -> Cells:
-    """Return the (h, w, 3) mean of each cell of an (H, W, 3) image, grey levels."""
+    """Return the (h, w, 3) mean of each cell of an (H, W, 3) image, grey levels; a cell that is cut is left out."""
     return block_means(image, CELL_PX)
 
 

@@ -7,7 +7,7 @@ flat plate on it. A shift, a plate, and each further LED, is believed when it ha
 """
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,21 +48,22 @@ def explain(model: UntouchedModel, change: Cells, kept: Mask, *, noise_grey: flo
     noise_grey: standard deviation of that mean of a cell.
     """
     fit = _Fit(model, change, kept, noise_grey)
-    gain_left = fit.left(fit.gains)[1]
+    gain_left = fit.by_gains.left_grey
     if gain_left <= SEEN * noise_grey:
-        return fit.explanation(gain_left)
+        return fit.by_gains
     weights, moved_left = fit.left(fit.gains + fit.shifts)
     leds, led_left = fit.leds(gain_left)
     plate, pressed_left = fit.left(fit.gains + fit.pressed)
     least = min(moved_left, led_left, pressed_left)
     if least > BELIEVED * gain_left:
-        return fit.explanation(gain_left)
+        return fit.by_gains
     if fit.pressed and pressed_left == least:
-        return fit.explanation(pressed_left, pressed_mm=float(plate[-3] + abs(plate[-2]) + abs(plate[-1])))
+        most_mm = float(plate[-3] + abs(plate[-2]) + abs(plate[-1]))
+        return replace(fit.by_gains, left_grey=pressed_left, pressed_mm=most_mm)
     if leds and led_left < moved_left:
         common, strengths = fit.strengths(leds)
-        return fit.explanation(led_left, gain=common, leds=strengths)
-    return fit.explanation(moved_left, shift_px=(float(weights[-2]), float(weights[-1])))
+        return replace(fit.by_gains, left_grey=led_left, gains=(common, common, common), leds=strengths)
+    return replace(fit.by_gains, left_grey=moved_left, shift_px=(float(weights[-2]), float(weights[-1])))
 
 
 class _Fit:
@@ -80,7 +81,9 @@ class _Fit:
         values = change[kept].astype(np.float64).ravel()
         self._products, self._moments = columns @ columns.T, columns @ values
         self._square, self._count = float(values @ values), len(values)
-        self._means = 1 + change[kept].mean(axis=0) / model.reference[kept].mean(axis=0)
+        red, green, blue = (1 + change[kept].mean(axis=0) / model.reference[kept].mean(axis=0)).tolist()
+        size_grey, left_grey = float(np.sqrt(self._square / self._count)), self.left(self.gains)[1]
+        self.by_gains = Explanation(size_grey=size_grey, left_grey=left_grey, gains=(red, green, blue))
 
     def left(self, chosen: list[int]) -> tuple[Array, float]:
         """Weights of the chosen columns, and the rms of what they leave beyond the noise."""
@@ -112,23 +115,3 @@ class _Fit:
         weights, _ = self.left(self._all + [self._leds[led] for led in leds])
         common = 1 + float(weights[0])
         return common, {led: max(0.0, 1 + float(w) / common) for led, w in zip(leds, weights[1:], strict=True)}
-
-    def explanation(
-        self,
-        left_grey: float,
-        *,
-        gain: float | None = None,
-        shift_px: tuple[float, float] = (0.0, 0.0),
-        leds: dict[int, float] | None = None,
-        pressed_mm: float = 0.0,
-    ) -> Explanation:
-        red, green, blue = (gain if gain is not None else float(mean) for mean in self._means)
-        size = float(np.sqrt(self._square / self._count))
-        return Explanation(
-            size_grey=size,
-            left_grey=left_grey,
-            gains=(red, green, blue),
-            shift_px=shift_px,
-            leds=leds or {},
-            pressed_mm=pressed_mm,
-        )

@@ -43,10 +43,6 @@ class WatchFinding:
         """What makes two findings the same one: the kind, and the LED."""
         return self.kind, self.figures.get("led")
 
-    def as_json(self) -> dict[str, object]:
-        """Return it ready for JSON."""
-        return {"kind": self.kind, "severity": str(self.severity), "text": self.text, "figures": self.figures}
-
 
 def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Iterator[WatchFinding]:
     """Yield the findings about LEDs, drift, a moved camera, or a change that none of them explains."""
@@ -70,8 +66,7 @@ def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float])
 
 
 def _led(led: int, light: float) -> WatchFinding:
-    place = f"LED {led} (azimuth {30 * led} degrees)"
-    dead = light < DEAD
+    place, dead = f"LED {led} (azimuth {30 * led} degrees)", light < DEAD
     return WatchFinding(
         kind="led_dead" if dead else "led_dimmed",
         severity=Severity.FAULT if dead else Severity.WARNING,
@@ -83,14 +78,13 @@ def _led(led: int, light: float) -> WatchFinding:
 
 
 def _drift(explanation: Explanation, worst: float) -> WatchFinding:
-    gains = [round(gain, 4) for gain in explanation.gains]
     strong = abs(worst - 1) >= STRONG_DRIFT
     cause = "an LED supply that sags, an exposure that is not locked, or aged LEDs" if strong else "LEDs that warm up"
     return WatchFinding(
         kind="drift",
         severity=Severity.WARNING if strong else Severity.NOTICE,
         text=f"the light is {worst:.1%} of what it was when the sensor was calibrated: {cause}",
-        figures={"red": gains[0], "green": gains[1], "blue": gains[2]},
+        figures={name: round(gain, 4) for name, gain in zip(("red", "green", "blue"), explanation.gains, strict=True)},
     )
 
 

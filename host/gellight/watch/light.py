@@ -41,8 +41,6 @@ class RingLight:
     """(12, h, w, 3) grey levels that each LED adds to each cell"""
     nearer: NDArray[np.float32]
     """(h, w, 3) grey levels that each cell gains per mm that the gel comes nearer to the ring"""
-    left_share: float
-    """rms of what the fit leaves, as a share of the rms of the picture"""
 
 
 def fit_ring_light(bundle: Bundle) -> RingLight | None:
@@ -63,10 +61,9 @@ def fit_ring_light(bundle: Bundle) -> RingLight | None:
     best = min(fits, key=lambda fit: fit.cost)
     fields = _fields(best.x, x_mm, y_mm, colours, reference)
     nearer = sum(_gain_per_mm(best.x, x_mm, y_mm, led)[..., None] * fields[led] for led in range(len(fields)))
-    share = float(np.sqrt(((fields.sum(axis=0) - reference) ** 2).mean() / (reference**2).mean()))
-    if share >= NAMEABLE_SHARE:
+    if np.sqrt(((fields.sum(axis=0) - reference) ** 2).mean() / (reference**2).mean()) >= NAMEABLE_SHARE:
         return None
-    return RingLight(fields=fields.astype(np.float32), nearer=np.asarray(nearer, np.float32), left_share=share)
+    return RingLight(fields=fields.astype(np.float32), nearer=np.asarray(nearer, np.float32))
 
 
 def _fields(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: Cells) -> Array:

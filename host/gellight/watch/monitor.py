@@ -229,7 +229,7 @@ class SensorWatch:
         return {
             "state": self._state,
             "looks": self._looks,
-            "findings": [finding.as_json() for finding in self._findings],
+            "findings": [vars(finding) for finding in self._findings],
             "expected": expected.as_json() if expected else None,
             "change_grey": round(judgement.explanation.size_grey, 3) if judgement else None,
             "gains": [round(gain, 4) for gain in judgement.explanation.gains] if judgement else None,

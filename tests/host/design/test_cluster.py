@@ -10,8 +10,7 @@ from distributed import LocalCluster
 
 from gellight.base.errors import InputError
 from gellight.design import studies
-from gellight.design.store import ResultStore
-from gellight.design.sweep import SweepOptions, run, run_study
+from gellight.design.sweep import ResultStore, SweepOptions, run, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.exposing import LightGroups
 

@@ -16,10 +16,19 @@ from typer.testing import CliRunner
 from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.cli.main import app
 from gellight.design import all_studies, benchmark_files, comparison, comparison_coarse, output, report, studies
+from gellight.design.all_studies import SweepTimes, time_sweep
 from gellight.design.geometry import read_geometry
-from gellight.design.store import ResultStore
-from gellight.design.sweep import Shard, Study, SweepIncomplete, SweepOptions, Task, parse_shard, run, run_study
-from gellight.design.sweep_times import SweepTimes, time_sweep
+from gellight.design.sweep import (
+    ResultStore,
+    Shard,
+    Study,
+    SweepIncomplete,
+    SweepOptions,
+    Task,
+    parse_shard,
+    run,
+    run_study,
+)
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import plain, sensitivity

@@ -33,11 +33,6 @@ class Lens:
     """xx, xy, yy of S"""
     origin_mm: tuple[float, float]
 
-    @property
-    def middle_px(self) -> Array:
-        """(x, y) of the middle of the picture."""
-        return middle_px(self.image_shape)
-
     @cached_property
     def scale(self) -> Array:
         """(2, 2) S, px per mm."""
@@ -68,7 +63,7 @@ class Lens:
     @property
     def mm_per_px(self) -> tuple[float, float]:
         """How far apart two neighbouring pixels are on the gel in the middle of the picture, along (x, y)."""
-        inverse = np.linalg.inv(self.jacobian(self.to_gel(self.middle_px)))
+        inverse = np.linalg.inv(self.jacobian(self.to_gel(middle_px(self.image_shape))))
         x, y = np.linalg.norm(inverse, axis=0)
         return float(x), float(y)
 
@@ -77,7 +72,8 @@ class Lens:
         """How far the distortion moves a corner of the picture against its undistorted place, px, at most."""
         height, width = self.image_shape
         corners = np.array([[x, y] for x in (0, width - 1) for y in (0, height - 1)], np.float64)
-        straight = self.middle_px + self.to_gel(corners) @ self.jacobian(self.to_gel(self.middle_px)).T
+        middle = middle_px(self.image_shape)
+        straight = middle + self.to_gel(corners) @ self.jacobian(self.to_gel(middle)).T
         return float(np.linalg.norm(straight - corners, axis=1).max())
 
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.lens.model import Lens
+from gellight.reconstruction.lens.model import Lens, middle_px
 from gellight.reconstruction.pixel_grid import gel_points_mm
 
 Floats = NDArray[np.float32]
@@ -32,7 +32,7 @@ def circle_on_gel(
     x, y, radius = circle
     turn = np.linspace(0, 2 * np.pi, _RIM_POINTS, endpoint=False)
     rim = np.array([x, y]) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points = lens.to_gel(rim) / np.array(pixel_size_mm) + lens.middle_px
+    points = lens.to_gel(rim) / np.array(pixel_size_mm) + middle_px(lens.image_shape)
     centre = points.mean(axis=0)
     return float(centre[0]), float(centre[1]), float(np.linalg.norm(points - centre, axis=1).mean())
 

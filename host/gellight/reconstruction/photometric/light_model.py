@@ -92,10 +92,6 @@ class LightModel:
         image = np.clip(np.rint(levels), 0, WHITE).astype(np.uint8)
         return np.ascontiguousarray(image.T.reshape(*self.image_shape, 3))
 
-    def unmixing(self, group: NDArray[np.uint8]) -> tuple[list[int], Array]:
-        """Return which LEDs a light group (K, 3) lights and the (LEDs, 3) matrix from light to their signals."""
-        return unmixing(group, self.ring, self.crosstalk)
-
 
 def unmixing(group: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> tuple[list[int], Array]:
     """Return which LEDs a light group (K, 3) lights, and the (LEDs, 3) matrix that takes their light apart."""
@@ -104,9 +100,8 @@ def unmixing(group: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> 
     if len(set(channels)) != len(channels):
         raise ValueError(f"LEDs {lit} of one light group have the same colour: a camera cannot tell them apart")
     # One LED alone is read in its own channel: the others are nearly dark, where cut-off noise looks like light.
-    matrix = np.linalg.inv(crosstalk[np.ix_(channels, channels)])
     result = np.zeros((len(lit), 3))
-    result[:, channels] = matrix
+    result[:, channels] = np.linalg.inv(crosstalk[np.ix_(channels, channels)])
     return lit, result
 
 
@@ -138,10 +133,7 @@ look bent."""
 
 
 def signals_of(
-    pictures: Sequence[Sequence[NDArray[np.uint8]]],
-    groups: NDArray[np.uint8],
-    model: LightModel,
-    noise_grey: float,
+    pictures: Sequence[Sequence[NDArray[np.uint8]]], groups: NDArray[np.uint8], model: LightModel, noise_grey: float
 ) -> Signals:
     """Take apart the pictures of each light group, each (H, W, 3) uint8; several of one group are averaged.
 
@@ -153,12 +145,10 @@ def signals_of(
     deviation = np.zeros(leds)
     total = np.zeros((3, pixels), np.float32)
     for group, taken in zip(groups, pictures, strict=True):
-        light = sum((model.linear(image) for image in taken), np.zeros((3, pixels), np.float32)) / np.float32(
-            len(taken)
-        )
+        light = sum((model.linear(image) for image in taken), np.zeros_like(total)) / np.float32(len(taken))
         unclipped = np.all([(image < CLIPPED)[..., c] for image in taken for c in range(3)], axis=0).ravel()
         total += light
-        lit, matrix = model.unmixing(group)
+        lit, matrix = unmixing(group, model.ring, model.crosstalk)
         noise = np.sqrt((noise_grey**2 + 1 / 12) / len(taken))
         deviation[lit] = noise * np.linalg.norm(matrix, axis=1)
         found[lit] = matrix.astype(np.float32) @ light

@@ -54,12 +54,7 @@ class PhotometricReconstructor:
     """Everything that stays the same between the series of one sensor. One reconstructor serves one thread."""
 
     def __init__(
-        self,
-        bundle: Bundle,
-        model: LightModel,
-        kind: LightGroups,
-        *,
-        smoothing_px: int = NARROWEST_PX,
+        self, bundle: Bundle, model: LightModel, kind: LightGroups, *, smoothing_px: int = NARROWEST_PX
     ) -> None:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
 
@@ -107,13 +102,14 @@ class PhotometricReconstructor:
 
     def _picture(self, series: ExposureSeries, signals: Signals) -> CameraFrame:
         """Return the sum of the exposures as one picture, under the whole ring at the level of the reference image."""
-        share = self._share_of_exposure(series)
+        ours = self.model.exposure_us
+        share = 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
         light = np.rint(self.model.colours * share).astype(np.uint8)
         return replace(series.opening, image=self.model.grey(signals.light * np.float32(share)), light=light)
 
     def _solved(self, signals: Signals, stages: Stages) -> tuple[Floats, Floats, Bools, Floats]:
         """Return gradient map, depth map, the lights used and what they should have shown, (K, P) each."""
-        scaled = self._flat(signals)
+        scaled: Floats = np.einsum("kip,kp->ip", self._projection, signals.grey)  # every light, on the flat gel
         gradient_map, noise = self._slopes(scaled)
         stages.end("slopes")
         depth = self._depth(gradient_map, scaled, signals)
@@ -126,10 +122,6 @@ class PhotometricReconstructor:
         gradient_map = self._smoother.of_surface(depth, self.bundle.pixel_size_mm, gradient_map, noise)
         stages.end("refined")
         return gradient_map, depth, used, predicted
-
-    def _flat(self, signals: Signals) -> Floats:
-        """Solve every pixel with all lights, on the flat gel: scaled normals (3, P)."""
-        return np.asarray(np.einsum("kip,kp->ip", self._projection, signals.grey))
 
     def _slopes(self, scaled: Floats) -> tuple[Floats, Floats]:
         """Return the gradient map, smoothed by the narrowest window, and its noise."""
@@ -170,10 +162,9 @@ class PhotometricReconstructor:
         return scaled, used, predicted
 
     def _report(self, series: ExposureSeries, signals: Signals, used: Bools, predicted: Floats) -> ExposureReport:
-        noise = self.bundle.manifest.noise_grey
         repetition = static_scene.change_of_repetition(series.opening.image, series.closing.image)
         misfit = static_scene.misfit(signals.grey, used, predicted, signals.deviation, self._shape)
-        limit = static_scene.repetition_limit(noise)
+        limit = static_scene.repetition_limit(self.bundle.manifest.noise_grey)
         return ExposureReport(
             exposures=len(series.groups),
             duration_s=series.closing.time_s - series.opening.time_s,
@@ -184,11 +175,6 @@ class PhotometricReconstructor:
             lights=used.sum(axis=0, dtype=np.uint8).reshape(self._shape),
             least_lights=LEAST_LIGHTS,
         )
-
-    def _share_of_exposure(self, series: ExposureSeries) -> float:
-        """How long the reference image was exposed, as a share of the exposure of the series."""
-        ours = self.model.exposure_us
-        return 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
 
 
 def flat_gel(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:

@@ -6,8 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.training.labelling.pattern import STEEPEST, PressShape, background
-from gellight.training.labelling.pattern_fit import Window, difference_image, fitted, left_over, starts, window, without
+from gellight.training.labelling.pattern import (
+    STEEPEST,
+    PressShape,
+    Window,
+    background,
+    difference_image,
+    fitted,
+    left_over,
+    starts,
+    window,
+    without,
+)
 from gellight.training.labelling.search import Candidate, best_candidate
 from gellight.training.presses import Ball
 
@@ -33,8 +43,6 @@ class PressCircle:
     """share of the difference image around the circle that the pattern of a ball explains, 0 to 1"""
     contrast_grey: float
     """root mean square of that pattern inside the circle, grey levels"""
-    residual_grey: float
-    """root mean square of what it leaves, grey levels"""
 
 
 def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball) -> PressCircle:
@@ -84,7 +92,6 @@ def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -
         contact_radius_px=shape.contact_radius,
         quality=float(1 - (left**2).sum() / max((changed**2).sum(), 1e-12)),
         contrast_grey=float(np.sqrt((pattern[inside] ** 2).mean())) if inside.any() else 0.0,
-        residual_grey=float(np.sqrt((left**2).mean())),
     )
 
 

@@ -75,9 +75,7 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     text = io.StringIO()
     writer = csv.DictWriter(text, [*COLUMNS, "quality", REFUSED], lineterminator="\n")
     writer.writeheader()
-    for detection in detections:
-        name = os.path.relpath(detection.image, path.parent)
-        writer.writerow({**detection.record(), "image": name})
+    writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_file(path, text.getvalue().encode())
@@ -87,27 +85,23 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
 
 def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
     """Write NAME.png of each image that was found, with its circle and centre drawn in; InputError where it cannot."""
+    stems = [detection.image.stem for detection in detections]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _write_overlays(folder, detections)
+        for detection in detections:
+            if detection.circle is None:
+                continue
+            image = detection.image
+            # Images of one name from two folders must not replace each other.
+            name = image.stem if stems.count(image.stem) == 1 else f"{image.parent.name}-{image.stem}"
+            target = folder / f"{name}.png"
+            if target.resolve() == image.resolve():
+                raise InputError(f"the overlay of {image} would replace it: give another folder to --overlay")
+            write_png(target, drawn(read_image(image), detection.circle))
     except OSError as error:
         raise InputError(
             f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"
         ) from error
-
-
-def _write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
-    stems = [detection.image.stem for detection in detections]
-    for detection in detections:
-        if detection.circle is None:
-            continue
-        stem = detection.image.stem
-        # Images of one name from two folders must not replace each other.
-        name = stem if stems.count(stem) == 1 else f"{detection.image.parent.name}-{stem}"
-        target = folder / f"{name}.png"
-        if target.resolve() == detection.image.resolve():
-            raise InputError(f"the overlay of {detection.image} would replace it: give another folder to --overlay")
-        write_png(target, drawn(read_image(detection.image), detection.circle))
 
 
 def drawn(image: NDArray[np.uint8], circle: PressCircle) -> NDArray[np.uint8]:

@@ -4,18 +4,37 @@ Inside the contact the gel has the shape of the ball, so at a distance r from th
 phi with sin(phi) = r / R (section 2.4 of the paper); R is known. Outside, the gel leaves the ball: the slope falls in
 a sharp step at the rim and a long skirt, here two exponentials. Which colour a normal has is not known before the
 first calibration; it is taken to be a low polynomial of the normal (Lambert's law is its linear part) and of the
-depth (a gel that is lit white darkens with it), with unknown coefficients for each channel.
+depth (a gel that is lit white darkens with it), with unknown coefficients for each channel. The fit is
+robust least squares, with these coefficients eliminated.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage, optimize
+from scipy.linalg import lapack
+
+from gellight.base.errors import InputError
+from gellight.reconstruction.light_drift import light_drift
 
 Array = NDArray[np.float64]
 STEEPEST = 0.985
 """largest contact radius over ball radius: 80 degrees, steeper than any gel stays in touch"""
+_BLUR_PX = 0.8
+_FITTED_PIXELS = 1200
+"""chosen at random from the window: a thousand pixels give the circle to a tenth of a pixel"""
+_WINDOW = 1.6
+"""in contact radii"""
+_ROBUST_GREY = 4.0
+"""residuals beyond it count by their size, not its square: scratches, shadows, dust"""
+_STARTS = (0.35, 0.65, 1.0)
+"""of the radius first guessed: a wide flat skirt looks like contact, so smaller circles are tried too"""
+DARK_GREY = 8.0
+_BLOCK = 64
+"""columns that LAPACK works on at a time"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,10 +74,7 @@ def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Arr
 
 def background(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
     """(N, 3) light that drifted since the reference: a constant and a slow change over the view."""
-    return np.stack(
-        [np.ones_like(x), (x - shape.center_x) / ball_radius, (y - shape.center_y) / ball_radius],
-        axis=1,
-    )
+    return np.stack([np.ones_like(x), (x - shape.center_x) / ball_radius, (y - shape.center_y) / ball_radius], axis=1)
 
 
 def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
@@ -71,3 +87,95 @@ def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array
     nx, ny, bent = lean * dx, lean * dy, 1 - cosine
     columns = [nx, ny, bent, bent * nx, bent * ny, bent**2, nx**2 - ny**2, nx * ny, depth / ball_radius]
     return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """Pixels around a press."""
+
+    x: Array
+    """(N,) px"""
+    y: Array
+    """(N,) px"""
+    colour: Array
+    """(N, 3) of the difference image, grey levels"""
+
+
+def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
+    """Return the (H, W, 3) difference image, slightly blurred, without the drift of the light; raises InputError."""
+    if image.shape != reference.shape or image.ndim != 3 or image.shape[2] != 3:
+        raise InputError(
+            f"the image is {image.shape}, the reference {reference.shape}: give (H, W, 3) images of one camera setting"
+        )
+    if image.mean() < DARK_GREY:
+        raise InputError(f"the image is dark (mean {image.mean():.1f} grey levels): light the gel, open the camera")
+    difference = image.astype(np.float32) - reference.astype(np.float32)
+    difference -= light_drift(difference)
+    blurred: Array = ndimage.gaussian_filter(difference.astype(np.float64), (_BLUR_PX, _BLUR_PX, 0))
+    return blurred
+
+
+def window(difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float) -> Window:
+    """Choose pixels of the (H, W, 3) difference image around a circle, px; the same ones each time."""
+    rows, columns = np.indices(difference.shape[:2])
+    distance = np.hypot(columns - center[0], rows - center[1])
+    near = np.flatnonzero(distance < _WINDOW * max(contact_radius, 0.6 * ball_radius))
+    chosen = np.random.default_rng(0).choice(near, min(len(near), _FITTED_PIXELS), replace=False)
+    x, y = chosen % difference.shape[1], chosen // difference.shape[1]
+    return Window(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
+
+
+def without(columns: Array, values: Array) -> Array:
+    """Return what is left of (N, K) values when their best combination of (N, M) columns, M < N, is taken off.
+
+    By Householder's reflections, which are applied and never multiplied out: half the time of a fit goes in here.
+    """
+    reflections, scales, *_ = lapack.dgeqrf(columns)
+    room = _BLOCK * values.shape[1]
+    turned, *_ = lapack.dormqr("L", "T", reflections, scales, values, room)
+    turned[: columns.shape[1]] = 0
+    rest, *_ = lapack.dormqr("L", "N", reflections, scales, turned, room, overwrite_c=True)
+    return np.asarray(rest)
+
+
+def left_over(pixels: Window, shape: PressShape, ball_radius: float) -> Array:
+    """(N, 3) grey levels that no response of the light to this shape explains."""
+    columns = [of(pixels.x, pixels.y, shape, ball_radius) for of in (background, response)]
+    return without(np.concatenate(columns, axis=1), pixels.colour)
+
+
+def starts(center: tuple[float, float], contact_radius: float, ball_radius: float) -> list[PressShape]:
+    """First guesses from a circle, px."""
+    return [
+        PressShape(
+            center_x=center[0],
+            center_y=center[1],
+            contact_radius=min(share * contact_radius, 0.85 * ball_radius),
+            step_length=0.15 * ball_radius,
+            skirt_length=1.2 * ball_radius,
+        )
+        for share in _STARTS
+    ]
+
+
+def fitted(left: Callable[[PressShape], Array], begin: Sequence[PressShape], ball_radius: float) -> PressShape:
+    """Return the shape for which `left`, grey levels, is least, from the best of several beginnings."""
+    solutions = [_solved(left, shape, ball_radius) for shape in begin]
+    return PressShape.of(min(solutions, key=lambda found: float(found.cost)).x)
+
+
+def _solved(left: Callable[[PressShape], Array], begin: PressShape, ball_radius: float) -> Any:
+    r = ball_radius
+    low = [begin.center_x - r, begin.center_y - r, 0.05 * r, 0.0, 0.02 * r, 0.3 * r]
+    high = [begin.center_x + r, begin.center_y + r, STEEPEST * r, 1.0, 0.5 * r, 5 * r]
+    return optimize.least_squares(
+        lambda vector: left(PressShape.of(vector)).ravel(),
+        np.clip(begin.vector(), low, high),
+        x_scale=[1, 1, 1, 0.1, 1, 5],
+        bounds=(low, high),
+        loss="soft_l1",
+        f_scale=_ROBUST_GREY,
+        diff_step=1e-3,
+        ftol=1e-6,
+        max_nfev=30,
+    )

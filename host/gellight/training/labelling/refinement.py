@@ -18,8 +18,17 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.training.labelling.circle import fit_circle
-from gellight.training.labelling.pattern import STEEPEST, PressShape, background, response
-from gellight.training.labelling.pattern_fit import Window, difference_image, fitted, window, without
+from gellight.training.labelling.pattern import (
+    STEEPEST,
+    PressShape,
+    Window,
+    background,
+    difference_image,
+    fitted,
+    response,
+    window,
+    without,
+)
 from gellight.training.presses import Ball, Press
 
 Array = NDArray[np.float64]
@@ -73,7 +82,11 @@ class FirstFits:
     def of(self, press: Press) -> _Fit:
         """Return the fit; InputError where the image is none of this sensor."""
         if press not in self._known:
-            self._known[press] = _begun(press, self._reference, self._ball)
+            difference, ball_radius = difference_image(read_image(press.image), self._reference), self._ball.radius_px
+            center, radius = (press.center_x_px, press.center_y_px), press.contact_radius_px
+            shape, _ = fit_circle(difference, center, radius, ball_radius)
+            pixels = window(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball_radius)
+            self._known[press] = _Fit(press=press, pixels=pixels, shape=shape)
         return self._known[press]
 
 
@@ -134,15 +147,6 @@ def refine_others(
 def _extent(reference: NDArray[np.number]) -> tuple[float, float]:
     """(W, H) px"""
     return float(reference.shape[1]), float(reference.shape[0])
-
-
-def _begun(press: Press, reference: NDArray[np.number], ball: Ball) -> _Fit:
-    """Fit one press by itself, from its label."""
-    difference = difference_image(read_image(press.image), reference)
-    center, radius = (press.center_x_px, press.center_y_px), press.contact_radius_px
-    shape, _ = fit_circle(difference, center, radius, ball.radius_px)
-    pixels = window(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball.radius_px)
-    return _Fit(press=press, pixels=pixels, shape=shape)
 
 
 def _columns(pixels: Window, shape: PressShape, ball: Ball, extent: tuple[float, float]) -> Array:

@@ -28,19 +28,14 @@ class Candidate:
     """what the pattern explains: sum of squares over the image and its channels, grey levels squared"""
 
 
-def shrunken(difference: Array, ball_radius: float) -> tuple[Array, int]:
-    """Return means of cells of the (H, W, 3) image, and the cells' side in px."""
-    side = max(1, round(ball_radius / _COARSE_BALL_PX))
-    return block_means(difference, side), side
-
-
 def best_candidate(difference: Array, ball_radius: float) -> Candidate:
     """Return where the pattern lowers the sum of squares of the (H, W, 3) difference image most.
 
     At each place and for each radius the best response of the light is solved for by least squares, so no light
     direction need be known (generalised likelihood ratio). ball_radius in px.
     """
-    image, side = shrunken(difference, ball_radius)
+    side = max(1, round(ball_radius / _COARSE_BALL_PX))
+    image: Array = block_means(difference, side)
     gains = np.stack([_gain(image, share * ball_radius / side, ball_radius / side) for share in _SHARES])
     number, row, column = np.unravel_index(int(gains.argmax()), gains.shape)
     return Candidate(
@@ -56,11 +51,7 @@ def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
     reach = min(int(np.ceil(_SUPPORT * contact_radius)), min(image.shape[:2]) // 2)
     y, x = (axis.ravel() for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64))
     shape = PressShape(
-        center_x=0,
-        center_y=0,
-        contact_radius=contact_radius,
-        step_share=0.0,
-        skirt_length=0.6 * contact_radius,
+        center_x=0, center_y=0, contact_radius=contact_radius, step_share=0.0, skirt_length=0.6 * contact_radius
     )
     # The linear part of the response and the depth are enough to find the place.
     pattern = response(x, y, shape, ball_radius)[:, [0, 1, 2, -1]]

@@ -7,7 +7,7 @@ import pytest
 
 from gellight.base.errors import BundleError, ConfigError
 from gellight.calibration.lights.reference_light import check_places, fit_pattern, light_model
-from gellight.reconstruction.photometric.light_model import LightGroups, signals_of
+from gellight.reconstruction.photometric.light_model import LightGroups, signals_of, unmixing
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import single_leds
 from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
@@ -98,7 +98,7 @@ def test_two_leds_of_one_colour_cannot_be_told_apart(gel: Gel) -> None:
     both = np.zeros((12, 3), np.uint8)
     both[:2, 0] = 255
     with pytest.raises(ValueError, match=r"LEDs \[0, 1\] .* same colour"):
-        gel.model().unmixing(both)
+        unmixing(both, RING, gel.model().crosstalk)
 
 
 def test_a_ring_that_is_turned_is_told(gel: Gel) -> None:
