@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.calibration.records import LiveCoverage, Record, ShownCircle, Verdict
+from gellight.calibration.state import Steps
 
 STEPS = ("prepare", "reference", "pixel_size", "lens", "presses", "fit", "verify")
 """in this order, "lens" only where the user has a pin grid; then "finished", and "aborted" or "failed" at any time"""
@@ -58,7 +59,7 @@ class Display:
     verdict: Verdict | None = None
     bundle: str = ""
     version: int = 0
-    _figures: dict[str, Record] = field(default_factory=dict)
+    figures: Steps = field(default_factory=Steps)
     _pictures: dict[str, Picture] = field(default_factory=dict)
     _reached: str = ""
     """the last of `steps`"""
@@ -79,7 +80,7 @@ class Display:
     def add_figures(self, name: str, figures: Record) -> None:
         """Add what was measured."""
         with self._lock:
-            self._figures[name] = figures
+            setattr(self.figures, name, figures)
             self.version += 1
 
     def show(self, **pictures: Picture) -> None:
@@ -99,13 +100,13 @@ class Display:
             return {
                 "version": self.version,
                 "step": self.step,
-                "steps": self._step_states(),
+                "steps": self.step_states(),
                 "instruction": self.instruction,
                 "actions": list(self.actions),
                 "progress": self.progress.as_json(),
                 "awaiting": self.awaiting,
                 "problem": self.problem,
-                "figures": {name: figures.as_json() for name, figures in self._figures.items()},
+                "figures": {name: step.as_json() for name, step in self.figures if isinstance(step, Record)},
                 "press": self.press and self.press.as_json(),
                 "coverage": self.coverage and self.coverage.as_json(),
                 "advice": self.advice,
@@ -114,7 +115,8 @@ class Display:
                 "pictures": sorted(self._pictures),
             }
 
-    def _step_states(self) -> list[dict[str, str]]:
+    def step_states(self) -> list[dict[str, str]]:
+        """Return name and state of each step: "done", "now" or "to do"."""
         done = self.steps.index(self._reached) if self._reached else 0
         done = len(self.steps) if self.step == "finished" else done
         return [

@@ -18,7 +18,7 @@ from typing import Any
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.display import Picture
+from gellight.calibration.display import Display, Picture
 from gellight.calibration.run import Aborted, CalibrationRun
 from gellight.calibration.steps import run_steps
 from gellight.frames.camera import Camera
@@ -64,6 +64,11 @@ class Routine:
     def error(self) -> GellightError | None:
         """What made it fail; None while it runs and after a good end."""
         return self._error
+
+    @property
+    def display(self) -> Display:
+        """What is to be shown; it changes while it is read, unlike a `snapshot`."""
+        return self._calibration.display
 
     def snapshot(self) -> dict[str, Any]:
         """Return what is to be shown, ready for JSON.
