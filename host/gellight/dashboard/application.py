@@ -32,6 +32,8 @@ PAGE = Path(__file__).parent / "page"
 FRAME_TIMEOUT_S = 0.25
 """how long one wait for a frame may take; also bounds the time to stop"""
 RETRY_S = 0.5
+CLOSE_S = 1.0
+"""how long a page may take to say goodbye; one that reads nothing never does"""
 STATUS_PERIOD_S = 0.25
 MAX_CREDITS = 8
 MAX_COMMAND_BYTES = 4096
@@ -85,7 +87,11 @@ class Dashboard:
         return app
 
     async def _close_clients(self, app: web.Application) -> None:
-        await asyncio.gather(*(client.socket.close() for client in list(self._clients)))
+        if closing := [asyncio.create_task(client.socket.close()) for client in self._clients]:
+            _, late = await asyncio.wait(closing, timeout=CLOSE_S)
+            for task in late:
+                task.cancel()
+            await asyncio.gather(*closing, return_exceptions=True)
 
     async def _run_pump(self, app: web.Application):  # type: ignore[no-untyped-def]  # aiohttp's own form of a fixture
         pump = asyncio.create_task(self._pump())
