@@ -46,11 +46,7 @@ class Running:
         A run of a number of frames is for programs, several of which may run at once: its port is a free one.
         """
         port = 0 if self.frames and self.port is None else self.port
-        return {
-            "sensor.calibration": self.calibration,
-            "dashboard.port": port,
-            "reconstruction.mode": self.mode,
-        }
+        return {"sensor.calibration": self.calibration, "dashboard.port": port, "reconstruction.mode": self.mode}
 
 
 @with_options

@@ -74,12 +74,7 @@ def install(
 
 
 def restore(
-    identity: str,
-    *,
-    sensor: str,
-    store: BundleStore,
-    running: Running | None = None,
-    camera: Camera | None = None,
+    identity: str, *, sensor: str, store: BundleStore, running: Running | None = None, camera: Camera | None = None
 ) -> Installed:
     """Put a bundle of the store into service again: by its identity or its beginning, or the one before if empty.
 

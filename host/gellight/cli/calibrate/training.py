@@ -27,8 +27,7 @@ from gellight.training.validation import AngleFigures, PressFigures
 Given = tuple[list[Press], Reference, Ball]
 """what a network is trained on"""
 Labels = Annotated[
-    Path,
-    typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it"),
+    Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
 ]
 
 
