@@ -24,11 +24,11 @@ VERBS = lazy_group(
         ),
         "install": (
             "calibrate.bundles:install_bundle",
-            "Put a bundle that passed its verification into service, and tell the board of the sensor.",
+            "Put a bundle that passed its verification into service; the board of the sensor remembers it.",
         ),
         "restore": (
             "calibrate.bundles:restore_bundle",
-            "Put an earlier bundle of the sensor into service again, and tell its board.",
+            "Put an earlier bundle of the sensor into service again; its board remembers it.",
         ),
     }
 )
