@@ -148,8 +148,8 @@ class CalibrationService:
             if request.anew:
                 discard(self._folder)
             self._routine = routine = self._make_routine(request, self._install)
-            self._daemon.lend()
             try:
+                self._daemon.lend()
                 routine.act("start")
             except BaseException:
                 self._routine = None
