@@ -52,9 +52,8 @@ class Daemon:
         """
         self._camera = camera
         self._rebuild = rebuild
-        self._in_use = _InUse(
-            bundle=reconstructor.bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck
-        )
+        bundle = reconstructor.bundle
+        self._in_use = _InUse(bundle=bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck)
         self._lent: Setting | None = None
         """how the sensor was set before a calibration; None while none goes on"""
         self._changing = threading.RLock()

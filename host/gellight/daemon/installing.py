@@ -96,18 +96,13 @@ def _serve(
             known = ring.configuration().bundle
             made.append((f"the board may remember bundle {bundle.identity}", partial(remember, ring, known)))
             remember(ring, bytes.fromhex(bundle.identity))
-        made.append(
-            (
-                f"bundle {bundle.identity} may be in service in {store.folder}",
-                partial(store.write_history, chosen.sensor, history),
-            )
-        )
+        kept = f"bundle {bundle.identity} may be in service in {store.folder}"
+        made.append((kept, partial(store.write_history, chosen.sensor, history)))
         store.put_in_service(chosen)
     except BaseException as error:
         _take_back(made, error, history)
         raise
-    served = ListedBundle.of(chosen, bundle, in_service=True)
-    return Installed(bundle=served, remembered=ring is not None)
+    return Installed(bundle=ListedBundle.of(chosen, bundle, in_service=True), remembered=ring is not None)
 
 
 def _take_back(made: list[tuple[str, Callable[[], object]]], cause: BaseException, history: Sequence[str]) -> None:
