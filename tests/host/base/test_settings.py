@@ -1,22 +1,20 @@
 """Settings: which source wins, and what is said about a mistake."""
 
-import contextlib
 import dataclasses
 import json
-import os
 from math import isclose, radians
 from pathlib import Path
-from unittest.mock import patch
 
 import pytest
 from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError
-from gellight.base.settings import GeometrySettings, Settings, load_settings, reference, reference_markdown
+from gellight.base.settings import GeometrySettings, Settings, reference, reference_markdown
 from gellight.cli.config import app
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.places import CHECKOUT
+from tests.helpers.settings import loaded
 
 ROOT = CHECKOUT
 
@@ -28,18 +26,6 @@ def folders(tmp_path: Path) -> dict[str, Path]:
     for folder in found.values():
         folder.mkdir()
     return found
-
-
-def loaded(
-    flags: dict[str, object] | None = None, *, environment: dict[str, str], folder: Path, user_folder: Path
-) -> Settings:
-    """The settings in this environment, current folder and user's configuration folder."""
-    with (
-        patch.dict(os.environ, environment, clear=True),
-        patch("platformdirs.user_config_path", return_value=user_folder),
-        contextlib.chdir(folder),
-    ):
-        return load_settings(flags)
 
 
 def write(folders: dict[str, Path], text: str) -> Path:
