@@ -40,12 +40,11 @@ class Mailbox(Generic[Item]):
         Raises TimeoutError after `timeout_s`, or the reason the mailbox was closed for.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._is_newer(after) or self._closed is not None, timeout_s)
+            self._changed.wait_for(
+                lambda: (self._number > after and self._item is not None) or self._closed is not None, timeout_s
+            )
             if self._number > after and self._item is not None:
                 return self._number, self._item
             if self._closed is not None:
                 raise self._closed
             raise TimeoutError(f"no frame within {timeout_s:g} s")
-
-    def _is_newer(self, after: int) -> bool:
-        return self._number > after and self._item is not None

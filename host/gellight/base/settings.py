@@ -15,24 +15,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 import platformdirs
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
-from gellight.base.allowed import allowed, nearest
+from gellight.base.allowed import StrictModel, allowed, nearest
 from gellight.base.errors import ConfigError
 
-FILE_NAME = "gellight.toml"
 PREFIX = "GELLIGHT_"
 Values = dict[str, dict[str, object]]
 """values by section and key"""
 
 
-class Section(BaseModel):
-    """Strict base: no unknown key, no text for a number, no number that is not finite."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class SensorSettings(Section):
+class SensorSettings(StrictModel):
     """Which sensor."""
 
     url: str = Field(
@@ -48,7 +41,7 @@ class SensorSettings(Section):
     )
 
 
-class GeometrySettings(Section):
+class GeometrySettings(StrictModel):
     """How the sensor is built; what is not given is as in the paper. Angles are in degrees.
 
     A simulated sensor is built by all of these. With a real sensor the calibration uses the colours of the LEDs, and
@@ -86,7 +79,7 @@ class GeometrySettings(Section):
         }
 
 
-class ReconstructionSettings(Section):
+class ReconstructionSettings(StrictModel):
     """How depth is computed."""
 
     mode: Literal["network", "photometric", "hybrid"] = Field(
@@ -110,7 +103,7 @@ class ReconstructionSettings(Section):
     )
 
 
-class WatchSettings(Section):
+class WatchSettings(StrictModel):
     """What is watched for changes since the calibration; see docs/watch.md."""
 
     enabled: bool = Field(default=True, description="watch for drift, LEDs, the camera's place, dirt and tears")
@@ -119,13 +112,13 @@ class WatchSettings(Section):
     )
 
 
-class DashboardSettings(Section):
+class DashboardSettings(StrictModel):
     """The page."""
 
     port: int = Field(default=8420, ge=0, le=65535, description="port on 127.0.0.1; 0: any free one")
 
 
-class Settings(Section):
+class Settings(StrictModel):
     """All settings."""
 
     sensor: SensorSettings = Field(default_factory=SensorSettings)
@@ -159,35 +152,18 @@ class Setting:
     description: str
 
 
-def load_settings(
-    flags: Mapping[str, object] | None = None,
-    *,
-    environment: Mapping[str, str] | None = None,
-    folder: Path | None = None,
-    user_folder: Path | None = None,
-) -> Settings:
+def load_settings(flags: Mapping[str, object] | None = None) -> Settings:
     """Read all sources and merge them; `flags` are by "section.key", None where a flag was not given.
 
-    The other arguments replace `os.environ`, the current folder and the user's configuration folder. Raises
-    ConfigError with the source, the key, the value and what is allowed.
+    Raises ConfigError with the source, the key, the value and what is allowed.
     """
-    return merge(read_layers(flags, environment=environment, folder=folder, user_folder=user_folder))
+    return merge(read_layers(flags))
 
 
-def read_layers(
-    flags: Mapping[str, object] | None = None,
-    *,
-    environment: Mapping[str, str] | None = None,
-    folder: Path | None = None,
-    user_folder: Path | None = None,
-) -> list[Layer]:
-    """Return every source that sets something, weakest first; arguments and errors as in `load_settings`."""
-    files = [path for path in file_paths(folder=folder, user_folder=user_folder) if path.exists()]
-    return [
-        *(_file_layer(path) for path in files),
-        *_environment_layers(os.environ if environment is None else environment),
-        *_flag_layers(flags or {}),
-    ]
+def read_layers(flags: Mapping[str, object] | None = None) -> list[Layer]:
+    """Return every source that sets something, weakest first; flags and errors as in `load_settings`."""
+    files = [_file_layer(path) for path in file_paths() if path.exists()]
+    return [*files, *_environment_layers(), *_flag_layers(flags or {})]
 
 
 def merge(layers: list[Layer]) -> Settings:
@@ -204,10 +180,9 @@ def read_settings(path: Path) -> Settings:
     return merge([_file_layer(path)])
 
 
-def file_paths(*, folder: Path | None = None, user_folder: Path | None = None) -> list[Path]:
+def file_paths() -> list[Path]:
     """Return where settings are read from, whether they exist or not, weakest first."""
-    user = platformdirs.user_config_path("gellight") if user_folder is None else user_folder
-    return [user / "config.toml", (folder or Path.cwd()) / FILE_NAME]
+    return [platformdirs.user_config_path("gellight") / "config.toml", Path.cwd() / "gellight.toml"]
 
 
 def reference() -> list[Setting]:
@@ -245,8 +220,8 @@ def _file_layer(path: Path) -> Layer:
     return _checked(str(path), values)
 
 
-def _environment_layers(environment: Mapping[str, str]) -> Iterator[Layer]:
-    for variable, text in sorted(environment.items()):
+def _environment_layers() -> Iterator[Layer]:
+    for variable, text in sorted(os.environ.items()):
         for section in SECTIONS:
             start = f"{PREFIX}{section}_".upper()
             if variable.upper().startswith(start):

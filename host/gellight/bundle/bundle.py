@@ -55,7 +55,6 @@ SUFFIX = ".gelcal"
 REPORT = "report.html"
 
 _PRESSES = "presses.npz"
-_LARGEST_BYTES = 512 * 1024 * 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -313,7 +312,7 @@ def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
         except ValueError as error:
             raise BundleError(f"{place}: {error}; do not use this file, get it again from its source") from error
     total = sum(entry.file_size for entry in archive.infolist())
-    if total > _LARGEST_BYTES:
+    if total > 512 * 1024 * 1024:
         raise BundleError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
 
 

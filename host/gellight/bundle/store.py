@@ -119,9 +119,7 @@ class BundleStore:
 
     def sensors(self) -> list[str]:
         """Names of the sensors that have bundles."""
-        if not self.folder.is_dir():
-            return []
-        return sorted(unquote(place.name) for place in self.folder.iterdir() if place.is_dir())
+        return sorted(unquote(place.name) for place in self.folder.glob("*/") if place.is_dir())
 
     def current(self, sensor: str) -> StoredBundle:
         """Return the bundle in service; BundleError where the sensor has none."""
@@ -157,9 +155,8 @@ class BundleStore:
         return [
             StoredBundle(sensor=name, identity=place.name, path=place)
             for name in ([sensor] if sensor is not None else self.sensors())
-            for folder in [self._folder(name)]
-            for place in (sorted(folder.iterdir()) if folder.is_dir() else [])
-            if place.is_dir() and place.name[0] != "."
+            for place in sorted(self._folder(name).glob("[!.]*"))
+            if place.is_dir()
         ]
 
     def _listed(self, stored: StoredBundle) -> ListedBundle:

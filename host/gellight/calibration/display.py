@@ -1,12 +1,14 @@
 """What a calibration shows of itself while it runs, safe to read from any thread."""
 
 import threading
+from dataclasses import dataclass, field
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.calibration.records import LiveCoverage, Record, ShownCircle, Verdict
+from gellight.calibration.state import Steps
 
 STEPS = ("prepare", "reference", "pixel_size", "lens", "presses", "fit", "verify")
 """in this order, "lens" only where the user has a pin grid; then "finished", and "aborted" or "failed" at any time"""
@@ -23,8 +25,8 @@ class Progress(Record):
     """of the training"""
 
 
-class Shown(TypedDict, total=False):
-    """What a step shows with `Display.update`; see `Routine.snapshot`."""
+class Changes(TypedDict, total=False):
+    """What `Display.update` may replace; see `Routine.snapshot`."""
 
     step: str
     instruction: str
@@ -39,38 +41,37 @@ class Shown(TypedDict, total=False):
     bundle: str
 
 
+@dataclass
 class Display:
     """Text, figures and pictures for the user; `snapshot` is a consistent copy."""
 
-    def __init__(self, steps: tuple[str, ...] = STEPS) -> None:
-        """Begin idle; steps: those of this routine."""
-        self.steps = steps
-        self.shown = Shown(
-            step="idle",
-            instruction="Start when the sensor is warm and the gel is clean.",
-            actions=("start",),
-            progress=Progress(),
-            awaiting="",
-            problem="",
-            press=None,
-            coverage=None,
-            advice="",
-            verdict=None,
-            bundle="",
-        )
-        self._version = 0
-        self._figures: dict[str, Record] = {}
-        self._pictures: dict[str, Picture] = {}
-        self._reached = ""
-        """the last of `steps`"""
-        self._lock = threading.Lock()
+    steps: tuple[str, ...] = STEPS
+    """those of this routine"""
+    step: str = "idle"
+    instruction: str = "Start when the sensor is warm and the gel is clean."
+    actions: tuple[str, ...] = ("start",)
+    progress: Progress = field(default_factory=Progress)
+    awaiting: str = ""
+    problem: str = ""
+    press: ShownCircle | None = None
+    coverage: LiveCoverage | None = None
+    advice: str = ""
+    verdict: Verdict | None = None
+    bundle: str = ""
+    version: int = 0
+    figures: Steps = field(default_factory=Steps)
+    _pictures: dict[str, Picture] = field(default_factory=dict)
+    _reached: str = ""
+    """the last of `steps`"""
+    _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def update(self, **changes: Unpack[Shown]) -> None:
+    def update(self, **changes: Unpack[Changes]) -> None:
         """Replace what is named and count the version up."""
         with self._lock:
-            self.shown.update(changes)
-            self._reached = self.shown["step"] if self.shown["step"] in self.steps else self._reached
-            self._version += 1
+            for name, value in changes.items():
+                setattr(self, name, value)
+            self._reached = self.step if self.step in self.steps else self._reached
+            self.version += 1
 
     def begin_step(self, step: str) -> None:
         """Name the step that begins, and clear what the last one showed."""
@@ -79,14 +80,14 @@ class Display:
     def add_figures(self, name: str, figures: Record) -> None:
         """Add what was measured."""
         with self._lock:
-            self._figures[name] = figures
-            self._version += 1
+            setattr(self.figures, name, figures)
+            self.version += 1
 
     def show(self, **pictures: Picture) -> None:
         """Replace pictures, (H, W, 3) uint8 RGB."""
         with self._lock:
             self._pictures = {**self._pictures, **pictures}
-            self._version += 1
+            self.version += 1
 
     def pictures(self) -> dict[str, Picture]:
         """Return the newest pictures by name; nobody changes them later."""
@@ -97,19 +98,28 @@ class Display:
         """Return everything but the pictures, ready for JSON; see `Routine.snapshot`."""
         with self._lock:
             return {
-                **{name: one.as_json() if isinstance(one, Record) else one for name, one in self.shown.items()},
-                "version": self._version,
-                "steps": self._step_states(),
-                "actions": list(self.shown["actions"]),
-                "figures": {name: figures.as_json() for name, figures in self._figures.items()},
+                "version": self.version,
+                "step": self.step,
+                "steps": self.step_states(),
+                "instruction": self.instruction,
+                "actions": list(self.actions),
+                "progress": self.progress.as_json(),
+                "awaiting": self.awaiting,
+                "problem": self.problem,
+                "figures": {name: step.as_json() for name, step in self.figures if isinstance(step, Record)},
+                "press": self.press and self.press.as_json(),
+                "coverage": self.coverage and self.coverage.as_json(),
+                "advice": self.advice,
+                "verdict": self.verdict and self.verdict.as_json(),
+                "bundle": self.bundle,
                 "pictures": sorted(self._pictures),
             }
 
-    def _step_states(self) -> list[dict[str, str]]:
-        step = self.shown["step"]
-        reached = self.steps.index(self._reached) if self._reached else 0
-        done = len(self.steps) if step == "finished" else reached
+    def step_states(self) -> list[dict[str, str]]:
+        """Return name and state of each step: "done", "now" or "to do"."""
+        done = self.steps.index(self._reached) if self._reached else 0
+        done = len(self.steps) if self.step == "finished" else done
         return [
-            {"name": name, "state": "done" if i < done else "now" if name == step else "to do"}
+            {"name": name, "state": "done" if i < done else "now" if name == self.step else "to do"}
             for i, name in enumerate(self.steps)
         ]

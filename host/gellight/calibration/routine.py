@@ -18,7 +18,7 @@ from typing import Any
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.display import Picture
+from gellight.calibration.display import Display, Picture
 from gellight.calibration.fitting import fit
 from gellight.calibration.pin_grid import collect_grid, straighten
 from gellight.calibration.preparing import prepare, prepare_again
@@ -65,7 +65,12 @@ class Routine:
     @property
     def ended(self) -> bool:
         """Whether it is finished, aborted or failed."""
-        return self._calibration.display.shown["step"] in ENDS and not (self._thread and self._thread.is_alive())
+        return self._calibration.display.step in ENDS and not (self._thread and self._thread.is_alive())
+
+    @property
+    def display(self) -> Display:
+        """What is to be shown; it changes while it is read, unlike a `snapshot`."""
+        return self._calibration.display
 
     def snapshot(self) -> dict[str, Any]:
         """Return what is to be shown, ready for JSON.
@@ -100,7 +105,7 @@ class Routine:
         """
         if action not in ACTIONS:
             raise InputError(f"no action {action!r}: choose one of {', '.join(ACTIONS)}")
-        offered = self._calibration.display.shown["actions"]
+        offered = self._calibration.display.actions
         if action not in offered:
             raise InputError(f"{action} is not possible now: choose {' or '.join(offered) or 'nothing, but wait'}")
         if action == "start":
@@ -128,7 +133,7 @@ class Routine:
             bundle = _run_steps(self._calibration)
             if self._install and bundle:
                 self._install(bundle)
-            self._end("finished", display.shown["instruction"])
+            self._end("finished", display.instruction)
         except Aborted:
             self._end("aborted", "Stopped. What was measured is kept: you can go on from here.")
         except GellightError as error:

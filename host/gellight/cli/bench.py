@@ -27,8 +27,7 @@ class Subject(StrEnum):
 
 def command(
     subject: Annotated[
-        Subject,
-        typer.Argument(help="frames: time; integrator: depth scale; presses, photometric: accuracy."),
+        Subject, typer.Argument(help="frames: time; integrator: depth scale; presses, photometric: accuracy.")
     ] = Subject.FRAMES,
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
     rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,

@@ -102,8 +102,7 @@ class Study(Answering):
                 raise InputError(f"this sensor cannot be simulated: {error}") from error
             except KeyboardInterrupt:
                 print(
-                    f"stopped; what is done is kept in {store.folder}, the same command goes on there",
-                    file=sys.stderr,
+                    f"stopped; what is done is kept in {store.folder}, the same command goes on there", file=sys.stderr
                 )
                 raise
 
@@ -127,8 +126,7 @@ def coarse(study: Study) -> None:
 @app.command()
 @with_options
 def fine(
-    study: Study,
-    step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0,
+    study: Study, step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0
 ) -> None:
     """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
     setup = study.setup()

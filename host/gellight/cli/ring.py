@@ -9,16 +9,13 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.options import LONGEST_S, AsJson, between
+from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
 from gellight.ring.enumerations import Dark, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
 from gellight.ring.wire import LED_COUNT
 
 app = typer.Typer(help="The light ring by hand.", no_args_is_help=True)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
-Seconds = Annotated[
-    float, typer.Option(help="how long it stays lit, s; 0: until Ctrl-C", callback=between(0, LONGEST_S, "s"))
-]
 
 
 def _wait(seconds: float) -> None:

@@ -46,11 +46,7 @@ class Running:
         A run of a number of frames is for programs, several of which may run at once: its port is a free one.
         """
         port = 0 if self.frames and self.port is None else self.port
-        return {
-            "sensor.calibration": self.calibration,
-            "dashboard.port": port,
-            "reconstruction.mode": self.mode,
-        }
+        return {"sensor.calibration": self.calibration, "dashboard.port": port, "reconstruction.mode": self.mode}
 
 
 @with_options
@@ -88,11 +84,11 @@ def settings_of(sensor: str | None, flags: Mapping[str, object]) -> Settings:
     return load_settings(given)
 
 
-def warn_of_foreign_bundle(settings: "Settings") -> None:
+def warn_of_foreign_bundle(settings: Settings) -> None:
     """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
-    changed = ", ".join(settings.geometry.overrides())
     if settings.sensor.calibration != SYNTHETIC:
         return
+    changed = ", ".join(settings.geometry.overrides())
     if settings.sensor.url.startswith(("auto", "sensor://", "v4l2://")):
         print("gellight: the bundle `synthetic` is of the simulated sensor: calibrate yours before you trust its depth",
               file=sys.stderr)  # fmt: skip

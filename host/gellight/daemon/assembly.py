@@ -5,7 +5,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import bundle_of
-from gellight.daemon.modes import Mode, frame_path, tactile_camera
+from gellight.daemon.modes import frame_path, tactile_camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import SensorWatch
@@ -26,7 +26,7 @@ def open_session(settings: Settings) -> Daemon:
         bundle.check_fits(camera.url, camera.image_shape)
         judge = camera.selfcheck(bundle.pixel_size_mm)
         camera = tactile_camera(camera, bundle, settings.reconstruction)
-        watched = settings.watch.enabled and Mode(settings.reconstruction.mode) is Mode.NETWORK
+        watched = settings.watch.enabled and settings.reconstruction.mode == "network"
         return Daemon(
             camera,
             path_for(bundle, settings),

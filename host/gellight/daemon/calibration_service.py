@@ -14,6 +14,7 @@ import platformdirs
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.base.allowed import StrictModel
 from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore, ListedBundle
@@ -34,10 +35,8 @@ SETTLE_S = 5.0
 """as long the next request waits until the sensor is set after a calibration"""
 
 
-class CalibrationRequest(BaseModel):
+class CalibrationRequest(StrictModel):
     """What a user chooses before a calibration begins."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     ball_radius_mm: float = Field(default=4.0, gt=0, le=50)
     cylinder_diameter_mm: float = Field(default=8.0, gt=0, le=50)
@@ -116,31 +115,26 @@ class CalibrationService:
 
     def state(self) -> CalibrationState:
         """Return all that the wizard shows."""
+        interrupted, defaults = self._interrupted()
         return CalibrationState(
             sensor=self.sensor,
             simulated=self._daemon.stage is not None,
-            defaults=self._defaults(),
-            interrupted=self._interrupted(),
+            defaults=defaults,
+            interrupted=interrupted,
             in_service=self._daemon.bundle.identity,
             bundles=tuple(self._store.bundles(self.sensor)),
             routine=self._routine.snapshot() if self._routine else None,
         )
 
-    def _defaults(self) -> CalibrationRequest:
-        """The tools of an interrupted calibration, which goes on with no others."""
-        hand = self._daemon.stage is not None
+    def _interrupted(self) -> tuple[bool, CalibrationRequest]:
+        """Return whether there is a calibration to go on with, and its tools: it goes on with no others."""
+        hand = CalibrationRequest(hand=self._daemon.stage is not None)
         try:
             begun = unfinished(self._folder)
             tools = {name: getattr(begun, name) for name in TOOLS} if begun else {}
-            return CalibrationRequest(hand=hand, **tools)
+            return begun is not None, CalibrationRequest(hand=hand.hand, **tools)
         except (GellightError, ValidationError):  # `begin` says what is wrong with the folder
-            return CalibrationRequest(hand=hand)
-
-    def _interrupted(self) -> bool:
-        try:
-            return unfinished(self._folder) is not None
-        except GellightError:
-            return True  # `begin` says what is wrong with the folder
+            return True, hand
 
     def begin(self, request: CalibrationRequest) -> None:
         """Begin a calibration; InputError while another one runs or for a request that cannot be met."""
@@ -154,8 +148,8 @@ class CalibrationService:
             if request.anew:
                 discard(self._folder)
             self._routine = routine = self._make_routine(request, self._install)
-            self._daemon.lend()
             try:
+                self._daemon.lend()
                 routine.act("start")
             except BaseException:
                 self._routine = None

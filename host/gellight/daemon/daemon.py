@@ -4,14 +4,12 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Self
 
 from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.setting import Setting
-from gellight.daemon.shared_camera import SharedCamera
-from gellight.daemon.stream import Stream
+from gellight.daemon.stream import SharedCamera, Stream
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import TactileFrame
 from gellight.frames.judging import FrameJudge, SelfCheckResult
@@ -54,9 +52,8 @@ class Daemon:
         """
         self._camera = camera
         self._rebuild = rebuild
-        self._in_use = _InUse(
-            bundle=reconstructor.bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck
-        )
+        bundle = reconstructor.bundle
+        self._in_use = _InUse(bundle=bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck)
         self._lent: Setting | None = None
         """how the sensor was set before a calibration; None while none goes on"""
         self._changing = threading.RLock()
@@ -73,9 +70,7 @@ class Daemon:
         self._stream.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *problem: object) -> None:
         """Stop the threads and close the camera, which makes the LEDs dark."""
         self._stream.stop()
         with self._changing:  # nobody lights the LEDs after that

@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
+from gellight.daemon.daemon import Daemon
 from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera
 from gellight.ring.enumerations import Status
@@ -26,13 +26,6 @@ DARK_WITHIN_S = 5.0
 """a board darkens its LEDs in a millisecond; an emulated one on a busy machine takes longer"""
 SIMULATED = "simulated"
 """Sensor of the bundle that comes with GelLight."""
-
-
-class Running(Protocol):
-    """A stream whose bundle can be replaced; the daemon is one."""
-
-    def replace_bundle(self, bundle: Bundle) -> Callable[[], object]:
-        """Use the bundle from the next frame on, and return what takes that back; what it raises changes nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +49,7 @@ def install(
     *,
     sensor: str,
     store: BundleStore,
-    running: Running | None = None,
+    running: Daemon | None = None,
     camera: Camera | None = None,
     limits: Limits | None = None,
 ) -> Installed:
@@ -74,12 +67,7 @@ def install(
 
 
 def restore(
-    identity: str,
-    *,
-    sensor: str,
-    store: BundleStore,
-    running: Running | None = None,
-    camera: Camera | None = None,
+    identity: str, *, sensor: str, store: BundleStore, running: Daemon | None = None, camera: Camera | None = None
 ) -> Installed:
     """Put a bundle of the store into service again: by its identity or its beginning, or the one before if empty.
 
@@ -92,7 +80,7 @@ def restore(
 
 
 def _serve(
-    chosen: StoredBundle, bundle: Bundle, store: BundleStore, running: Running | None, camera: Camera | None
+    chosen: StoredBundle, bundle: Bundle, store: BundleStore, running: Daemon | None, camera: Camera | None
 ) -> Installed:
     ring = camera.ring if camera else None
     history = store.history(chosen.sensor)
@@ -108,18 +96,13 @@ def _serve(
             known = ring.configuration().bundle
             made.append((f"the board may remember bundle {bundle.identity}", partial(remember, ring, known)))
             remember(ring, bytes.fromhex(bundle.identity))
-        made.append(
-            (
-                f"bundle {bundle.identity} may be in service in {store.folder}",
-                partial(store.write_history, chosen.sensor, history),
-            )
-        )
+        kept = f"bundle {bundle.identity} may be in service in {store.folder}"
+        made.append((kept, partial(store.write_history, chosen.sensor, history)))
         store.put_in_service(chosen)
     except BaseException as error:
         _take_back(made, error, history)
         raise
-    served = ListedBundle.of(chosen, bundle, in_service=True)
-    return Installed(bundle=served, remembered=ring is not None)
+    return Installed(bundle=ListedBundle.of(chosen, bundle, in_service=True), remembered=ring is not None)
 
 
 def _take_back(made: list[tuple[str, Callable[[], object]]], cause: BaseException, history: Sequence[str]) -> None:

@@ -1,6 +1,5 @@
 """The three ways a sensor feels: which camera and which frame path each of them needs."""
 
-from enum import StrEnum
 from math import floor
 
 from gellight.base.errors import BundleError
@@ -23,31 +22,22 @@ UNRAISED_FRAMES = 8
 """frames of each light group in hybrid mode where the exposure cannot be raised: single LEDs are dim"""
 
 
-class Mode(StrEnum):
-    """How slopes are found."""
-
-    NETWORK = "network"
-    PHOTOMETRIC = "photometric"
-    HYBRID = "hybrid"
-
-
 def frame_path(bundle: Bundle, settings: ReconstructionSettings, network: Reconstructor) -> FramePath:
     """Return the frame path of the mode that is set; `network` is that of GelNet mode.
 
     Raises BundleError where the bundle does not know its lights, or has a lens, which only GelNet's maps are
     freed of.
     """
-    mode = Mode(settings.mode)
-    if mode is Mode.NETWORK:
+    if settings.mode == "network":
         return network
     if has_lens(bundle):
         raise BundleError(
-            f"{bundle.source} has {FILE_NAME}, and {mode} mode measures in the distorted picture: use network "
+            f"{bundle.source} has {FILE_NAME}, and {settings.mode} mode measures in the distorted picture: use network "
             "mode, or the bundle without its lens"
         )
     model, kind = read_lights(bundle), LightGroups(settings.light_groups)
     stereo = PhotometricReconstructor(bundle, model, kind, smoothing_px=settings.smoothing_px)
-    return stereo if mode is Mode.PHOTOMETRIC else HybridReconstructor(network, stereo)
+    return stereo if settings.mode == "photometric" else HybridReconstructor(network, stereo)
 
 
 def tactile_camera(camera: Camera, bundle: Bundle, settings: ReconstructionSettings) -> Camera:
@@ -55,13 +45,12 @@ def tactile_camera(camera: Camera, bundle: Bundle, settings: ReconstructionSetti
 
     Raises BundleError where the bundle does not know its lights, CameraError without a light ring.
     """
-    mode = Mode(settings.mode)
-    if mode is Mode.NETWORK:
+    if settings.mode == "network":
         return camera
     model = read_lights(bundle)
     groups, exposure = model.groups(LightGroups(settings.light_groups)), bright_exposure_us(camera, model)
     frames = settings.frames_per_light
-    if mode is Mode.PHOTOMETRIC:
+    if settings.mode == "photometric":
         return SeriesCamera(camera, groups, exposure_us=exposure, frames=frames)
     return RestingCamera(
         camera,
@@ -76,8 +65,7 @@ def tactile_camera(camera: Camera, bundle: Bundle, settings: ReconstructionSetti
 def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:
     """Return the exposure under which one LED of a colour is as bright as the camera can show it, at most `LONGEST_US`.
 
-    None where it cannot be set, or the
-    model does not know at which exposure it was made.
+    None where it cannot be set, or the model does not know at which exposure it was made.
     """
     controls = camera.controls
     if controls is None or EXPOSURE not in controls.names() or model.exposure_us is None:

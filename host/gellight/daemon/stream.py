@@ -15,12 +15,15 @@ from gellight.base.errors import CameraError
 from gellight.base.mailbox import Mailbox
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
+from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, TactileFrame
 
 logger = logging.getLogger(__name__)
 
 POLL_S = 0.5
 """how often a waiting thread looks whether it should stop"""
+TIMEOUT_S = 20.0
+"""as long as a scene of the simulated sensor may take, and longer than any camera"""
 
 
 class Stream:
@@ -42,11 +45,10 @@ class Stream:
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
         self._handing_on = threading.Lock()
         """held while a frame is delivered or the old ones are thrown away"""
-        self._threads = [self._thread(self._capture), self._thread(self._reconstruct)]
-
-    @staticmethod
-    def _thread(job: Callable[..., None], *arguments: object) -> threading.Thread:
-        return threading.Thread(target=job, args=arguments, name=job.__name__.strip("_"), daemon=True)
+        self._threads = [
+            threading.Thread(target=self._capture, name="capture", daemon=True),
+            threading.Thread(target=self._reconstruct, name="reconstruct", daemon=True),
+        ]
 
     def start(self) -> None:
         """Start the threads."""
@@ -69,16 +71,15 @@ class Stream:
     @property
     def problem(self) -> str | None:
         """What is wrong now, or what ended the stream; None while all is well."""
-        return next(iter([*self._problems.values()]), None) or self._away
+        return next(iter([*self._problems.values(), self._away]), None)
 
     def also(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
         """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
 
         What `look` raises is a problem until a later look succeeds.
         """
-        thread = self._thread(self._look_now_and_then, look, period_s)
-        thread.name = look.__name__.strip("_")
-        self._threads.append(thread)
+        name, job = look.__name__.strip("_"), self._look_now_and_then
+        self._threads.append(threading.Thread(target=job, args=(look, period_s), name=name, daemon=True))
 
     def throw_away(self) -> None:
         """Deliver none of the frames that came until now: they show what is not true any more."""
@@ -126,7 +127,7 @@ class Stream:
                     continue
                 self._deliver(self._reconstruct_frame(frame))
         except Exception as error:
-            self._end(error, self.delivered)
+            self._end(error, self.captured, self.delivered)
             self._ended.set()
 
     def _deliver(self, frame: TactileFrame) -> None:
@@ -135,11 +136,12 @@ class Stream:
                 self.statistics.note_delivered(frame, time.monotonic())
                 self.delivered.put(frame)
 
-    def _end(self, error: Exception, mailbox: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
-        """Raise `error` where frames of `mailbox` are waited for, and note it unless it is the proper end."""
+    def _end(self, error: Exception, *mailboxes: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
+        """Raise `error` where frames of `mailboxes` are waited for, and note it unless it is the proper end."""
         if not (isinstance(error, EndOfStream) or self.ended):
             self.note(threading.current_thread().name, str(error))
-        mailbox.close(error)
+        for mailbox in mailboxes:
+            mailbox.close(error)
 
     def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
         name, number = threading.current_thread().name, 0
@@ -156,3 +158,31 @@ class Stream:
                 self.note(name, str(error))
             else:
                 self.note(name, None)
+
+
+class SharedCamera(CameraWrapper):
+    """Gives frames whose exposure began after they were asked for, so under the light that was set before.
+
+    Any thread but the daemon's may read it. The frames in between are not seen by this reader.
+    """
+
+    def __init__(self, camera: Camera, captured: Mailbox[CameraFrame]) -> None:
+        """Wrap the camera of a daemon, which puts its frames into `captured`."""
+        super().__init__(camera)
+        self._captured = captured
+        self._number = 0
+
+    def read(self) -> CameraFrame:
+        """Wait for a frame whose exposure began after this call; raises what ended the camera."""
+        asked_s = time.monotonic()
+        while (left_s := asked_s + TIMEOUT_S - time.monotonic()) > 0:
+            try:
+                self._number, frame = self._captured.take(self._number, left_s)
+            except TimeoutError:
+                break
+            if frame.time_s >= asked_s:
+                return frame
+        raise CameraError(f"no frame of {self.url} for {TIMEOUT_S:g} s: check the camera and start again")
+
+    def close(self) -> None:
+        """Do nothing: the daemon closes its camera."""

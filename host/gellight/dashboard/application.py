@@ -3,8 +3,8 @@
 Flow control is by credits: the page grants as many frames as it is ready to draw, one frame is sent for each credit,
 and it is always the newest. Nothing is queued, so a slow page sees fewer frames, never old ones, and slows nobody else.
 
-A request whose Host is not this machine, or which comes from the page of another
-site (Origin), is refused; so a foreign web page in the same browser cannot reach the sensor.
+A request whose Host is not this machine, or which comes from the page of another site (Origin), is refused; so a
+foreign web page in the same browser cannot reach the sensor.
 """
 
 import asyncio
@@ -13,6 +13,7 @@ import logging
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -32,25 +33,23 @@ PAGE = Path(__file__).parent / "page"
 FRAME_TIMEOUT_S = 0.25
 """how long one wait for a frame may take; also bounds the time to stop"""
 RETRY_S = 0.5
+CLOSE_S = 1.0
+"""how long a page may take to say goodbye; one that reads nothing never does"""
 STATUS_PERIOD_S = 0.25
 MAX_CREDITS = 8
+"""a greedy page is not flooded"""
 MAX_COMMAND_BYTES = 4096
 LOOPBACK_NAMES = {"127.0.0.1", "localhost", "::1"}
 
 
+@dataclass(eq=False)
 class Client:
     """One open page: its credits, and whether the newest message has been sent to it."""
 
-    def __init__(self, socket: web.WebSocketResponse) -> None:
-        """Start without credits."""
-        self.socket = socket
-        self.credits = 0
-        self.sent = -1
-        """number of the message sent last"""
-
-    def grant(self, count: int) -> None:
-        """Add credits, up to a bound that keeps a greedy page from being flooded."""
-        self.credits = min(self.credits + count, MAX_CREDITS)
+    socket: web.WebSocketResponse
+    credits: int = 0
+    sent: int = -1
+    """number of the message sent last"""
 
 
 class Dashboard:
@@ -85,7 +84,11 @@ class Dashboard:
         return app
 
     async def _close_clients(self, app: web.Application) -> None:
-        await asyncio.gather(*(client.socket.close() for client in list(self._clients)))
+        if closing := [asyncio.create_task(client.socket.close()) for client in self._clients]:
+            _, late = await asyncio.wait(closing, timeout=CLOSE_S)
+            for task in late:
+                task.cancel()
+            await asyncio.gather(*closing, return_exceptions=True)
 
     async def _run_pump(self, app: web.Application):  # type: ignore[no-untyped-def]  # aiohttp's own form of a fixture
         pump = asyncio.create_task(self._pump())
@@ -181,7 +184,7 @@ class Dashboard:
 
     async def _status_text(self) -> str:
         loop = asyncio.get_running_loop()
-        return json.dumps(await loop.run_in_executor(self._worker, self._status), allow_nan=False)
+        return json.dumps(without_nan(await loop.run_in_executor(self._worker, self._status)), allow_nan=False)
 
     def _status(self) -> dict[str, object]:
         """Return the source's status, the stage and the server's clock, by which the page computes a frame's age."""
@@ -189,14 +192,8 @@ class Dashboard:
         status["error"] = status.get("error") or self._error
         status |= {"type": "status", "now_s": time.monotonic(), "clients": len(self._clients)}
         stage = self._source.stage
-        status["stage"] = stage and {
-            "objects": list(stage.objects),
-            "max_depth_mm": stage.max_depth_mm,
-            **stage.status(),
-        }
-        finite = without_nan(status)
-        assert isinstance(finite, dict)
-        return finite
+        pressed = stage and {"objects": list(stage.objects), "max_depth_mm": stage.max_depth_mm, **stage.status()}
+        return {**status, "stage": pressed}
 
     async def _show_status(self, request: web.Request) -> web.Response:
         return web.Response(text=await self._status_text(), content_type="application/json")
@@ -209,7 +206,7 @@ class Dashboard:
             return
         if isinstance(command, Credit):
             async with self._changed:
-                client.grant(command.count)
+                client.credits = min(client.credits + command.count, MAX_CREDITS)
                 self._changed.notify_all()
             return
         try:

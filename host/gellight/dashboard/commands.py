@@ -2,25 +2,20 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
+from gellight.base.allowed import StrictModel
 from gellight.frames.camera import PressStage
 
 
-class Command(BaseModel):
-    """Strict base: no unknown field, no number that is not finite, no text for a number."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class Credit(Command):
+class Credit(StrictModel):
     """The page is ready to draw `count` more frames."""
 
     type: Literal["credit"]
     count: int = Field(ge=1, le=8)
 
 
-class Press(Command):
+class Press(StrictModel):
     """Press an object, or move and deepen the press that is there."""
 
     type: Literal["press"]
@@ -40,7 +35,7 @@ class Press(Command):
                 raise ValueError(f"{axis}_mm = {value:g} is outside the view: choose -{size / 2:g} to {size / 2:g}")
 
 
-class Release(Command):
+class Release(StrictModel):
     """Lift the object off the gel."""
 
     type: Literal["release"]

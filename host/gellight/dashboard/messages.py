@@ -28,7 +28,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import Contact, TactileFrame
+from gellight.frames.frames import TactileFrame
 
 MAGIC = b"GELF"
 VERSION = 1
@@ -55,18 +55,18 @@ def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float]) -> bytes:
     """Encode `frame`; `pixel_size_mm` is the (x, y) size of a camera pixel on the gel."""
     shape = view_shape(frame.depth_mm.shape)
     planes = {
-        "image": _encode_image(frame.camera_frame.image, shape),
+        "image": jpeg(_reduce(frame.camera_frame.image, shape)),
         "difference": _encode_difference(frame.difference, shape),
         "normal": _encode_normals(frame.normal_map, shape),
         "depth": _encode_depth(frame.depth_mm, shape),
         "contact": np.packbits(_reduce(frame.contact.mask.astype(np.float32), shape) >= 0.5).tobytes(),
     }
     header = _header(frame, pixel_size_mm) | {"view_px": [shape[1], shape[0]], "planes": _places(planes)}
-    text = _padded(json.dumps(header, separators=(",", ":"), allow_nan=False).encode(), PREFIX.size, b" ")
+    text = _padded(json.dumps(without_nan(header), separators=(",", ":"), allow_nan=False).encode(), PREFIX.size, b" ")
     return b"".join([PREFIX.pack(MAGIC, VERSION, len(text)), text, *(_padded(plane) for plane in planes.values())])
 
 
-def without_nan(value: object) -> object:
+def without_nan(value: object) -> Any:
     """Return `value` with every number that JSON cannot carry replaced by None, all the way down."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
@@ -78,29 +78,23 @@ def without_nan(value: object) -> object:
 
 
 def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str, object]:
-    camera_frame = frame.camera_frame
+    camera_frame, contact = frame.camera_frame, frame.contact
     height, width = frame.depth_mm.shape
-    header = {
+    header: dict[str, object] = {
         "sequence": camera_frame.sequence,
         "time_s": camera_frame.time_s,
         "source": camera_frame.source,
         "image_px": [width, height],
         "pixel_size_mm": list(pixel_size_mm),
-        "contact": _contact_figures(frame.contact),
+        "contact": {
+            "area_mm2": float(contact.area_mm2),
+            "indentation_mm": float(contact.indentation_mm),
+            "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
+        },
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
     }
-    finite = without_nan(header)
-    assert isinstance(finite, dict)
-    return finite
-
-
-def _contact_figures(contact: Contact) -> dict[str, object]:
-    return {
-        "area_mm2": float(contact.area_mm2),
-        "indentation_mm": float(contact.indentation_mm),
-        "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
-    }
+    return header
 
 
 def _places(planes: dict[str, bytes]) -> list[dict[str, object]]:
@@ -117,10 +111,6 @@ def _padded(block: bytes, start: int = 0, filler: bytes = b"\0") -> bytes:
 
 def _reduce(plane: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
     return np.asarray(cv2.resize(plane, (shape[1], shape[0]), interpolation=cv2.INTER_AREA))
-
-
-def _encode_image(image: NDArray[np.uint8], shape: tuple[int, int]) -> bytes:
-    return jpeg(_reduce(image, shape))
 
 
 def jpeg(image: NDArray[np.uint8]) -> bytes:

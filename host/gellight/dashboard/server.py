@@ -4,7 +4,6 @@ import asyncio
 import errno
 import logging
 import threading
-from types import TracebackType
 from typing import Self
 
 from aiohttp import web
@@ -60,9 +59,7 @@ class DashboardServer:
         """Start."""
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *problem: object) -> None:
         """Stop."""
         self.stop()
 

@@ -16,9 +16,10 @@ from typing import Annotated, Literal
 from aiohttp import web
 from pydantic import Field, TypeAdapter, ValidationError
 
+from gellight.base.allowed import StrictModel
 from gellight.base.errors import GellightError
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
-from gellight.dashboard.commands import Command, explain
+from gellight.dashboard.commands import explain
 from gellight.dashboard.messages import jpeg, without_nan
 
 logger = logging.getLogger(__name__)
@@ -28,14 +29,14 @@ REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; s
 NO_CALIBRATION = "this dashboard has no calibration: start it with `gellight run` or `gellight demo`"
 
 
-class Begin(Command):
+class Begin(StrictModel):
     """Begin a calibration."""
 
     type: Literal["begin"]
     request: CalibrationRequest
 
 
-class Act(Command):
+class Act(StrictModel):
     """Do what the routine offers; the circle is in pixels of the camera image."""
 
     type: Literal["act"]
@@ -49,14 +50,14 @@ class Act(Command):
         return self.model_dump(exclude={"type", "action"}, exclude_none=True)
 
 
-class Restore(Command):
+class Restore(StrictModel):
     """Put a stored bundle into service again."""
 
     type: Literal["restore"]
     identity: str = Field(pattern="^[0-9a-f]{1,16}$")
 
 
-class SetZero(Command):
+class SetZero(StrictModel):
     """Set the zero of the depth: nothing touches the gel."""
 
     type: Literal["zero"]
@@ -86,10 +87,15 @@ class Wizard:
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     async def _show(self, request: web.Request) -> web.Response:
-        return await self._answer(_state, 500)
+        return await self._answer(
+            lambda calibration: web.json_response(without_nan(calibration.state().model_dump(mode="json"))), 500
+        )
 
     async def _picture(self, request: web.Request) -> web.Response:
-        return await self._answer(partial(_picture, request.match_info["name"]), 404)
+        name = request.match_info["name"]
+        return await self._answer(
+            lambda calibration: web.Response(body=jpeg(calibration.picture(name)), content_type="image/jpeg"), 404
+        )
 
     async def _report(self, request: web.Request) -> web.Response:
         return await self._answer(partial(_report, request.match_info["identity"]), 404)
@@ -119,14 +125,6 @@ class Wizard:
 
 def _refused(message: str, status: int) -> web.Response:
     return web.json_response({"message": message}, status=status)
-
-
-def _state(calibration: CalibrationService) -> web.Response:
-    return web.json_response(without_nan(calibration.state().model_dump(mode="json")))
-
-
-def _picture(name: str, calibration: CalibrationService) -> web.Response:
-    return web.Response(body=jpeg(calibration.picture(name)), content_type="image/jpeg")
 
 
 def _report(identity: str, calibration: CalibrationService) -> web.Response:

@@ -10,10 +10,11 @@ from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError
-from gellight.base.settings import GeometrySettings, Settings, load_settings, reference, reference_markdown
+from gellight.base.settings import GeometrySettings, Settings, reference, reference_markdown
 from gellight.cli.config import app
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.places import CHECKOUT
+from tests.helpers.settings import loaded
 
 ROOT = CHECKOUT
 
@@ -36,24 +37,24 @@ def write(folders: dict[str, Path], text: str) -> Path:
 def complaint(folders: dict[str, Path], text: str = "", environment: dict[str, str] | None = None) -> str:
     write(folders, text)
     with pytest.raises(ConfigError) as raised:
-        load_settings(environment=environment or {}, **folders)
+        loaded(environment=environment or {}, **folders)
     return str(raised.value)
 
 
 def test_without_any_source_the_defaults_hold(folders: dict[str, Path]) -> None:
-    settings = load_settings(environment={}, **folders)
+    settings = loaded(environment={}, **folders)
     assert settings == Settings()
     assert (settings.sensor.url, settings.dashboard.port, settings.geometry.overrides()) == ("sim://", 8420, {})
 
 
 def test_each_source_wins_over_the_weaker_ones(folders: dict[str, Path]) -> None:
     (folders["user_folder"] / "config.toml").write_text('[dashboard]\nport = 1\n[sensor]\nurl = "user"\n')
-    assert load_settings(environment={}, **folders).dashboard.port == 1
+    assert loaded(environment={}, **folders).dashboard.port == 1
     write(folders, "[dashboard]\nport = 2\n")
-    assert load_settings(environment={}, **folders).dashboard.port == 2
+    assert loaded(environment={}, **folders).dashboard.port == 2
     environment = {"GELLIGHT_DASHBOARD_PORT": "3"}
-    assert load_settings(environment=environment, **folders).dashboard.port == 3
-    settings = load_settings({"dashboard.port": 4, "sensor.url": None}, environment=environment, **folders)
+    assert loaded(environment=environment, **folders).dashboard.port == 3
+    settings = loaded({"dashboard.port": 4, "sensor.url": None}, environment=environment, **folders)
     assert settings.dashboard.port == 4
     assert settings.sensor.url == "user", "a flag that was not given must not hide the file"
 
@@ -66,7 +67,7 @@ def test_environment_variables_are_read_as_what_the_key_wants(folders: dict[str,
         "GELLIGHT_NO_SKIPS": "1",
         "HOME": "/",
     }
-    settings = load_settings(environment=environment, **folders)
+    settings = loaded(environment=environment, **folders)
     assert settings.reconstruction.masked is False
     assert settings.geometry.pixel_size_mm == 0.05
     assert settings.sensor.calibration == "2024"
@@ -131,13 +132,13 @@ def test_a_wrong_environment_variable_is_named(folders: dict[str, Path]) -> None
 
 def test_a_wrong_flag_is_named(folders: dict[str, Path]) -> None:
     with pytest.raises(ConfigError, match=r"^--smoothing-px: reconstruction\.smoothing_px = -1 is not allowed"):
-        load_settings({"reconstruction.smoothing_px": -1}, environment={}, **folders)
+        loaded({"reconstruction.smoothing_px": -1}, environment={}, **folders)
 
 
 def test_a_file_that_is_not_utf8_is_refused(folders: dict[str, Path]) -> None:
     (folders["folder"] / "gellight.toml").write_bytes(b"# \xff\n")
     with pytest.raises(ConfigError, match="not TOML in UTF-8"):
-        load_settings(environment={}, **folders)
+        loaded(environment={}, **folders)
 
 
 def test_settings_cannot_be_changed() -> None:
@@ -170,7 +171,7 @@ def test_the_documentation_holds_the_reference() -> None:
 def test_the_example_of_the_documentation_is_accepted(folders: dict[str, Path]) -> None:
     document = (ROOT / "docs/configuration.md").read_text()
     write(folders, document.split("```toml\n")[1].split("```")[0])
-    assert load_settings(environment={}, **folders).dashboard.port == 8500
+    assert loaded(environment={}, **folders).dashboard.port == 8500
 
 
 @pytest.mark.parametrize("setting", reference(), ids=lambda setting: f"{setting.section}.{setting.key}")
@@ -200,7 +201,7 @@ class TestCommand:
 
     def test_what_show_prints_can_be_read_back(self, folders: dict[str, Path]) -> None:
         write(folders, self.run("show"))
-        assert load_settings(environment={}, **folders).reconstruction.threads == 2
+        assert loaded(environment={}, **folders).reconstruction.threads == 2
 
     def test_show_json(self) -> None:
         shown = json.loads(self.run("show", "--json"))

@@ -25,6 +25,7 @@ from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.opencv_camera import OpenCvCamera
 from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.sensor_bench import Bench
+from tests.helpers.settings import loaded
 
 
 class OtherFirmware:
@@ -211,7 +212,6 @@ def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(
 
 def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     """The whole way from the buffers of a driver to depth, on a kernel made of nothing."""
-    from gellight.base.settings import load_settings
     from tests.helpers.linear_sensor import linear_bundle
 
     bundle = linear_bundle(tmp_path / "bundle", (24, 32))
@@ -225,8 +225,7 @@ def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.Mo
 
     bench.kernel.poll = paced  # type: ignore[method-assign]
     monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, bundle: bench.open(f"{url}?format=YUYV", bundle))
-    settings = load_settings({"sensor.url": "auto", "sensor.calibration": str(bundle.source)}, environment={},
-                             folder=tmp_path, user_folder=tmp_path)  # fmt: skip
+    settings = loaded({"sensor.url": "auto", "sensor.calibration": str(bundle.source)})
     with assembly.open_session(settings) as daemon:
         first = run_verb.follow(daemon, 5)
         assert first["frames"] == 5

@@ -9,6 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import CameraError, InputError
+from gellight.calibration.display import Display, Progress
+from gellight.calibration.records import LiveCoverage, ShownCircle
 from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
@@ -117,19 +119,17 @@ def test_a_keyboard_that_is_closed_stops_the_calibration(monkeypatch: pytest.Mon
 def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
     from rich.console import Console
 
-    snapshot = {
-        "steps": [{"name": "prepare", "state": "done"}, {"name": "presses", "state": "now"}],
-        "step": "presses",
-        "instruction": "Press the ball.",
-        "progress": {"done": 3, "wanted": 40, "unit": "presses"},
-        "awaiting": "lift",
-        "press": {"center_x_px": 10.0, "center_y_px": 20.0, "contact_radius_px": 7.5, "state": "taken"},
-        "coverage": {"places": [[0, 1], [12, 0]]},
-        "advice": "12 more presses on the left edge",
-        "problem": "it moved",
-    }
+    shown = Display(
+        steps=("prepare", "presses"),
+        instruction="Press the ball.",
+        coverage=LiveCoverage.model_construct(places=[[0, 1], [12, 0]]),
+    )
+    circle = ShownCircle(center_x_px=10.0, center_y_px=20.0, contact_radius_px=7.5, state="taken")
+    shown.begin_step("presses")
+    shown.update(progress=Progress(done=3, wanted=40, unit="presses"), awaiting="lift", press=circle)
+    shown.update(advice="12 more presses on the left edge", problem="it moved")
     console = Console(record=True, width=100)
-    console.print(screen(snapshot, "", keys=True))
+    console.print(screen(shown, "", keys=True))
     text = console.export_text()
     for words in ("● prepare", "◐ presses", "3 of 40 presses", "10.0, 20.0, 7.5 px (taken)", "· 1", "9 ·", "lift"):
         assert words in text

@@ -11,7 +11,7 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.daemon.daemon import Daemon
-from gellight.frames.camera import EndOfStream
+from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import Zero
@@ -28,6 +28,12 @@ def follow(daemon: Daemon, seen: list[int]) -> None:
     """Note the sequence number of every frame, until the end is raised."""
     while True:
         seen.append(daemon.wait_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
+
+
+def read_on(camera: Camera) -> None:
+    """Read until the end is raised."""
+    while True:
+        camera.read()
 
 
 def test_frames_come_in_order_and_the_end_is_told_after_the_last() -> None:
@@ -71,6 +77,16 @@ def test_a_reconstruction_that_fails_ends_the_run_too() -> None:
         with pytest.raises(ValueError, match="broken network"):
             daemon.wait_frame(0, 10)
         assert daemon.status()["error"] == "broken network"
+
+
+def test_a_reconstruction_that_fails_is_told_to_a_second_reader_of_the_camera_at_once() -> None:
+    reconstructor = CountingReconstructor()
+    reconstructor.failure = ValueError("broken network")
+    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001), reconstructor) as daemon:
+        with pytest.raises(ValueError, match="broken network"):
+            daemon.wait_frame(0, 10)
+        with pytest.raises(ValueError, match="broken network"):
+            read_on(daemon.camera)
 
 
 def test_waiting_has_an_end() -> None:

@@ -12,7 +12,7 @@ from gellight.base.errors import BundleError, GellightError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon
-from gellight.daemon.installing import Running, install, restore
+from gellight.daemon.installing import install, restore
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
@@ -30,7 +30,7 @@ class Service:
         self.new = verified_bundle(folder / "new", sensor=SENSOR, rgb=(80, 81, 82), exposure_us=12000)
         self.camera.adopt(self.old.controls, self.old.colours)
         self.daemon = Daemon(self.camera, Reconstructor(self.old), watch=SensorWatch(self.old)) if streams else None
-        self.running: Running | None = None
+        self.running: Daemon | None = None
         install(self.old, sensor=SENSOR, store=self.store, camera=self.camera)
         self.running = self.daemon
         self.camera.failures.reset()

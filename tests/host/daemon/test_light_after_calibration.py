@@ -194,3 +194,18 @@ def test_lighting_that_fails_is_shown_and_tried_again(
         service._end.join(10)
         assert camera.setting() == before
         assert daemon.status()["error"] is None
+
+
+def test_a_sensor_that_does_not_say_how_it_is_set_can_be_calibrated_later(
+    daemon: Daemon, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(name: str) -> float:
+        raise CameraError(f"{name} cannot be read")
+
+    with served(daemon, tmp_path, fail) as service:
+        with monkeypatch.context() as broken:
+            broken.setattr(camera.controls, "read", read)
+            with pytest.raises(CameraError, match="cannot be read"):
+                service.begin(CalibrationRequest())
+        service.begin(CalibrationRequest())
+        finish(service)

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from gellight.base.errors import BundleError
-from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.daemon import assembly
 from gellight.daemon.daemon import Daemon
@@ -16,6 +15,7 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, TactileFrame
 from tests.helpers.scripted_camera import CountingReconstructor
 from tests.helpers.sensor_bench import Bench, lit_bundle
+from tests.helpers.settings import loaded
 
 
 @pytest.fixture
@@ -91,8 +91,7 @@ def test_the_session_refuses_a_camera_of_another_size_and_leaves_the_leds_dark(
     bench.plug("1-2", "GL0001")
     monkeypatch.setattr(assembly, "load_bundle", lambda name: bundle)
     monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, bundle: bench.open(url, bundle))
-    settings = load_settings({"sensor.url": "auto?width=640&height=480"}, environment={}, folder=Path("/nowhere"),
-                             user_folder=Path("/nowhere"))  # fmt: skip
+    settings = loaded({"sensor.url": "auto?width=640&height=480"})
     with pytest.raises(BundleError, match=r"delivers 640x480 pixels, the calibration .* is for 32x24"):
         assembly.open_session(settings)
     assert bench.all_dark()

@@ -5,10 +5,10 @@ import json
 import pytest
 from playwright.sync_api import Browser, expect
 
-from gellight.base.settings import load_settings
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import PATIENCE_MS, opening
+from tests.helpers.settings import loaded
 
 pytestmark = pytest.mark.browser
 
@@ -16,7 +16,7 @@ WIDTH_PX, HEIGHT_PX, PIXEL_MM = 640, 480, 0.0588
 
 
 def test_a_visitor_presses_the_ball_and_sees_its_true_depth(browser: Browser) -> None:
-    settings = load_settings({"sensor.url": "sim://?programme=0"}, environment={})
+    settings = loaded({"sensor.url": "sim://?programme=0"})
     with (
         open_session(settings) as daemon,
         DashboardServer(daemon, port=0) as server,

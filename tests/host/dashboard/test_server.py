@@ -19,6 +19,15 @@ from tests.helpers.view_messages import decode
 FRAME_S = 5.0
 """more than any frame needs, even on a loaded machine"""
 SILENCE_S = 0.6
+UPGRADE = (
+    "GET /ws HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+
+def masked(text: bytes) -> bytes:
+    """Return a short text message as a browser sends it, masked by zeros."""
+    return bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text
 
 
 @pytest.fixture
@@ -382,3 +391,32 @@ def test_stopping_closes_the_pages_and_frees_the_port(source: FormulaSource) -> 
     with DashboardServer(source, port=port) as again:
         assert get(again, "status")[0] == 200
     assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("dashboard")]
+
+
+def test_a_page_that_reads_nothing_does_not_hold_up_the_end(source: FormulaSource) -> None:
+    server = DashboardServer(source, port=0).start()
+    source.put(bump(1.0, 0, 0))
+
+    async def run() -> None:
+        """Ask for frames and read none, until what waits for the page stays where it is."""
+        deaf = socket.socket()
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        deaf.setblocking(False)
+        loop = asyncio.get_running_loop()
+        await loop.sock_connect(deaf, ("127.0.0.1", int(server.url.rsplit(":", 1)[1].strip("/"))))
+        host = server.url.split("/")[2]
+        await loop.sock_sendall(deaf, UPGRADE.format(host=host).encode())
+        await loop.sock_recv(deaf, 100)
+        for _ in range(12):
+            await loop.sock_sendall(deaf, masked(b'{"type": "credit", "count": 8}'))
+            source.put(bump(1.0, 0, 0))
+            await asyncio.sleep(0.05)
+        stopping = threading.Thread(target=server.stop)
+        stopping.start()
+        await asyncio.to_thread(stopping.join, 2 * FRAME_S)
+        ended = not stopping.is_alive()
+        deaf.close()
+        await asyncio.to_thread(stopping.join)
+        assert ended, "the server waits for a page that reads nothing"
+
+    asyncio.run(run())

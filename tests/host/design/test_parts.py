@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
-from gellight.base.settings import load_settings
 from gellight.design import parts
 from gellight.design.designs import parts_of
 from gellight.design.geometry import design_file, read_geometry
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
+from tests.helpers.settings import loaded
 
 GEOMETRY = SensorGeometry()
 
@@ -129,7 +129,7 @@ def test_the_design_is_the_sensor_that_is_simulated(tmp_path: Path) -> None:
     assert replace(read, incident_angle_rad=0.5, beam_angle_rad=2.0) == replace(
         wanted, incident_angle_rad=0.5, beam_angle_rad=2.0
     )
-    settings = load_settings(environment={}, folder=tmp_path, user_folder=tmp_path / "none")
+    settings = loaded(folder=tmp_path, user_folder=tmp_path / "none")
     with open_camera("sim://?programme=0&board=0", geometry=settings.geometry.overrides()) as camera:
         assert camera.image_shape == (48, 64)
         assert camera.read().light[1].tolist() == [0, 255, 0]

@@ -2,12 +2,13 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from gellight.bundle.bundle import load_bundle
 from gellight.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
+from gellight.calibration.records import LensFigures
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.frames.image_files import image_files
 
@@ -38,21 +39,22 @@ def command(
     if overlay is not None:
         write_overlay(overlay, paths[0], fit)
     written = add_lens(bundle, fit, paths, new.out, overwrite=new.overwrite)
-    result = {"calibration": str(new.out), "identity": written.identity, **figures(fit, bundle).as_json()}
-    typer.echo(json.dumps(result, indent=2) if as_json else _text(result))
+    found = figures(fit, bundle)
+    result = {"calibration": str(new.out), "identity": written.identity, **found.as_json()}
+    typer.echo(json.dumps(result, indent=2) if as_json else _text(found, new.out))
 
 
-def _text(result: dict[str, Any]) -> str:
-    x, y = result["middle_mm_per_px"]
-    bundle_x, bundle_y = result["bundle_mm_per_px"]
+def _text(lens: LensFigures, out: Path) -> str:
+    x, y = lens.middle_mm_per_px
+    bundle_x, bundle_y = lens.bundle_mm_per_px
     return "\n".join(
         [
-            f"{result['pins']} pins in {result['pictures']} picture(s)",
-            f"off a straight grid   {result['rms_before_px']:.3f} px, {1000 * result['rms_before_mm']:.1f} um rms",
-            f"off this lens         {result['rms_after_px']:.3f} px, {1000 * result['rms_after_mm']:.1f} um rms",
-            f"the lens moves a corner of the picture by {result['corner_moves_px']:.1f} px",
+            f"{lens.pins} pins in {lens.pictures} picture(s)",
+            f"off a straight grid   {lens.rms_before_px:.3f} px, {1000 * lens.rms_before_mm:.1f} um rms",
+            f"off this lens         {lens.rms_after_px:.3f} px, {1000 * lens.rms_after_mm:.1f} um rms",
+            f"the lens moves a corner of the picture by {lens.corner_moves_px:.1f} px",
             f"pixels in the middle  {x:.5f} x {y:.5f} mm; undistorted ones, by the bundle, {bundle_x:g} x {bundle_y:g}",
-            f"not seen by the camera: {100 * result['not_seen_share']:.1f} % of the undistorted view",
-            f"wrote {result['calibration']}",
+            f"not seen by the camera: {100 * lens.not_seen_share:.1f} % of the undistorted view",
+            f"wrote {out}",
         ]
     )

@@ -2,10 +2,10 @@
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, TypedDict, cast
 
 import typer
 
@@ -15,8 +15,9 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.records import MeasuredLens, PinGrid
 from gellight.calibration.routine import Routine
-from gellight.calibration.state import Identity, discard, unfinished
+from gellight.calibration.state import Identity, Steps, discard, unfinished
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
 from gellight.cli.options import AsJson, Sensor, with_options
@@ -72,6 +73,14 @@ class Target:
         return serve
 
 
+class Sizes(TypedDict, total=False):
+    """Sizes of tools, mm."""
+
+    ball_radius_mm: float
+    cylinder_diameter_mm: float
+    pin_pitch_mm: float
+
+
 @dataclass(frozen=True)
 class Tools:
     """The tools at hand, mm."""
@@ -90,10 +99,10 @@ class Tools:
         ),
     ] = None
 
-    def chosen(self, begun: Identity | None) -> dict[str, Any]:
+    def chosen(self, begun: Identity | None) -> Sizes:
         """Return what was given, else what the calibration was begun with; nothing where a default holds."""
         sizes = {name: getattr(begun, name, None) if size is None else size for name, size in vars(self).items()}
-        return {name: size for name, size in sizes.items() if size is not None}
+        return cast(Sizes, {name: size for name, size in sizes.items() if size is not None})
 
 
 @dataclass(frozen=True)
@@ -141,13 +150,14 @@ def command(
     )
     if target.restart:
         discard(target.state)
-    _report(_calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json), as_json)
-
-
-def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> dict[str, Any]:
-    """Run the routine to its end; hand_seed: of the virtual hand, None where a user presses."""
-    settings = load_settings({"sensor.url": target.sensor})
     begun_s = time.monotonic()
+    ended = _calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json)
+    _report(ended, time.monotonic() - begun_s, as_json)
+
+
+def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> Routine:
+    """Run the routine to its end and return it; hand_seed: of the virtual hand, None where a user presses."""
+    settings = load_settings({"sensor.url": target.sensor})
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         colours = settings.geometry.led_colours or options.led_colours
         options = replace(options, sensor=target.name or sensor_name(camera), led_colours=colours)
@@ -161,43 +171,46 @@ def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None
         routine.join()
     if routine.error:
         raise routine.error
-    snapshot = routine.snapshot()
-    if snapshot["step"] == "aborted":
+    if routine.display.step == "aborted":
         raise InputError(f"stopped; what was measured is kept in {target.state}: go on with --resume")
-    kept = {name: snapshot[name] for name in ("figures", "verdict", "bundle")}
-    return {**kept, "seconds": round(time.monotonic() - begun_s, 1)}
+    return routine
 
 
-def _report(result: dict[str, Any], as_json: bool) -> None:
-    typer.echo(json.dumps(result, indent=2) if as_json else _result_text(result))
-    if not result["verdict"]["passed"]:
+def _report(routine: Routine, seconds: float, as_json: bool) -> None:
+    verdict, snapshot = routine.display.verdict, routine.snapshot()
+    assert verdict is not None  # it has ended well
+    if as_json:
+        kept = {name: snapshot[name] for name in ("figures", "verdict", "bundle")}
+        typer.echo(json.dumps({**kept, "seconds": round(seconds, 1)}, indent=2))
+    else:
+        figures = _figures_text(routine.display.figures)
+        wrote = [f"wrote {out}; its report: {Path(out) / 'report.html'}"] if (out := routine.display.bundle) else []
+        typer.echo("\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"]))
+    if not verdict.passed:
         raise BundleError("the calibration did not pass: go on with --resume to press more")
 
 
-def _lens_text(lens: dict[str, Any]) -> str:
-    if not lens.get("pictures"):
+def _figures_text(steps: Steps) -> Iterator[str]:
+    size, gel, truth = steps.pixel_size, steps.reference, steps.verify
+    assert size is not None
+    assert gel is not None
+    assert truth is not None
+    yield (
+        f"pixel {size.x_mm:.5f} x {size.y_mm:.5f} mm (cylinder {size.diameter_px:.2f} px, spread "
+        f"{size.spread_px:.2f} px); noise {gel.noise_grey:.2f} grey levels"
+    )
+    yield _lens_text(steps.lens)
+    if truth.true_depth_mm is not None:
+        yield (
+            f"against the simulator's truth: depth {1000 * truth.true_depth_mm:.1f} µm in contact, normals "
+            f"{truth.true_normal_deg:.3f} degrees over the whole map"
+        )
+
+
+def _lens_text(lens: PinGrid | None) -> str:
+    if not isinstance(lens, MeasuredLens):
         return "the lens was taken to be straight; a pin grid measures it (--pin-pitch-mm)"
     return (
-        f"the lens moves a corner of the picture by {lens['corner_moves_px']:.1f} px; {lens['pins']} pins are "
-        f"{lens['rms_after_px']:.2f} px off it, {lens['rms_before_px']:.2f} px off a straight one"
+        f"the lens moves a corner of the picture by {lens.corner_moves_px:.1f} px; {lens.pins} pins are "
+        f"{lens.rms_after_px:.2f} px off it, {lens.rms_before_px:.2f} px off a straight one"
     )
-
-
-def _result_text(result: dict[str, Any]) -> str:
-    figures = result["figures"]
-    size = figures["pixel_size"]
-    lines = [result["verdict"]["text"]]
-    if result["bundle"]:
-        lines.append(f"wrote {result['bundle']}; its report: {Path(result['bundle']) / 'report.html'}")
-    lines.append(
-        f"pixel {size['x_mm']:.5f} x {size['y_mm']:.5f} mm (cylinder {size['diameter_px']:.2f} px, spread "
-        f"{size['spread_px']:.2f} px); noise {figures['reference']['noise_grey']:.2f} grey levels"
-    )
-    lines.append(_lens_text(figures.get("lens", {})))
-    truth = figures["verify"]
-    if "true_depth_mm" in truth:
-        lines.append(
-            f"against the simulator's truth: depth {1000 * truth['true_depth_mm']:.1f} µm in contact, normals "
-            f"{truth['true_normal_deg']:.3f} degrees over the whole map"
-        )
-    return "\n".join([*lines, f"{result['seconds']:.0f} s from start to end"])

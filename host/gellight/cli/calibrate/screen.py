@@ -5,13 +5,13 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
 from gellight.base.errors import InputError
+from gellight.calibration.display import Display
 from gellight.calibration.routine import Routine
 from gellight.report.pictures import write_png
 
@@ -30,17 +30,16 @@ def follow(routine: Routine, place: Path, *, interactive: bool, quiet: bool) -> 
     shown: dict[str, object] = {}
     with Live(console=console, auto_refresh=False, transient=False) as live:
         while not routine.ended:
-            snapshot = routine.snapshot()
-            if snapshot["version"] != version:
-                version = snapshot["version"]
-                live.update(screen(snapshot, refusal, keys=interactive), refresh=console.is_terminal)
+            if routine.display.version != version:
+                version = routine.display.version
+                live.update(screen(routine.display, refusal, keys=interactive), refresh=console.is_terminal)
                 if interactive:
                     _show_pictures(routine, place, shown)
             try:
                 refusal = obey(routine, typed.get(timeout=POLL_S))
             except Empty:
                 continue
-        live.update(screen(routine.snapshot(), "", keys=False), refresh=True)
+        live.update(screen(routine.display, "", keys=False), refresh=True)
     if not console.is_terminal:
         console.print()  # only a terminal is left on a new line
 
@@ -66,7 +65,6 @@ def obey(routine: Routine, line: str) -> str:
 
 def _show_pictures(routine: Routine, place: Path, shown: dict[str, object]) -> None:
     """Write the pictures that are new into the folder of the state, because a terminal shows none."""
-
     pictures = routine.pictures()
     for name in ("press", "cylinder", "pins"):
         if pictures.get(name) is not shown.get(name):
@@ -75,28 +73,23 @@ def _show_pictures(routine: Routine, place: Path, shown: dict[str, object]) -> N
                 write_png(place / f"{name}.png", pictures[name])
 
 
-def screen(snapshot: dict[str, Any], refusal: str, *, keys: bool) -> RenderableType:
-    """Return what is shown of a snapshot of the routine, with what was refused last; keys: explain the keys."""
-
+def screen(shown: Display, refusal: str, *, keys: bool) -> RenderableType:
+    """Return what the routine shows, with what was refused last; keys: explain the keys."""
     marks = {"done": "●", "now": "◐", "to do": "○"}
-    head = "  ".join(f"{marks[step['state']]} {step['name'].replace('_', ' ')}" for step in snapshot["steps"])
-    lines: list[RenderableType] = [Text(head, style="bold"), Text(snapshot["instruction"])]
-    progress = snapshot["progress"]
-    if progress.get("done") is not None:
-        lines.append(Text(f"{progress['done']} of {progress['wanted']} {progress['unit']}", style="cyan"))
-    if snapshot["awaiting"]:
-        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[snapshot["awaiting"]], style="bold green"))
-    press = snapshot["press"]
+    head = "  ".join(f"{marks[step['state']]} {step['name'].replace('_', ' ')}" for step in shown.step_states())
+    lines: list[RenderableType] = [Text(head, style="bold"), Text(shown.instruction)]
+    progress, press, coverage = shown.progress, shown.press, shown.coverage
+    if progress.done is not None:
+        lines.append(Text(f"{progress.done} of {progress.wanted} {progress.unit}", style="cyan"))
+    if shown.awaiting:
+        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[shown.awaiting], style="bold green"))
     if press:
-        circle = ", ".join(f"{press[k]:.1f}" for k in ("center_x_px", "center_y_px", "contact_radius_px"))
-        lines.append(Text(f"last press: centre and radius {circle} px ({press['state']})"))
-    if snapshot["coverage"] and snapshot["step"] == "presses":
-        lines.append(Text(_map(snapshot["coverage"]["places"]), style="green"))
-    if snapshot["advice"]:
-        lines.append(Text(snapshot["advice"], style="yellow"))
-    lines += [Text(words, style="bold red") for words in (snapshot["problem"], refusal) if words]
+        circle = f"{press.center_x_px:.1f}, {press.center_y_px:.1f}, {press.contact_radius_px:.1f}"
+        lines.append(Text(f"last press: centre and radius {circle} px ({press.state})"))
+    if coverage and shown.step == "presses":
+        rows = (" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in coverage.places)
+        lines.append(Text("\n".join(rows), style="green"))
+    if shown.advice:
+        lines.append(Text(shown.advice, style="yellow"))
+    lines += [Text(words, style="bold red") for words in (shown.problem, refusal) if words]
     return Group(*lines, *([Text(KEYS, style="dim")] if keys else []))
-
-
-def _map(places: list[list[int]]) -> str:
-    return "\n".join(" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in places)

@@ -27,8 +27,7 @@ from gellight.training.validation import AngleFigures, PressFigures
 Given = tuple[list[Press], Reference, Ball]
 """what a network is trained on"""
 Labels = Annotated[
-    Path,
-    typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it"),
+    Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
 ]
 
 
@@ -130,12 +129,11 @@ def evaluate(
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
     if as_json:
-        typer.echo(
-            json.dumps({**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}, indent=2)
-        )
+        result = {**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
+        typer.echo(json.dumps(result, indent=2))
     else:
-        typer.echo("\n".join(_error_lines(errors)))
-        typer.echo(f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.2f} mm")
+        felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.2f} mm"
+        typer.echo("\n".join([*_error_lines(errors), felt]))
 
 
 @with_options
@@ -194,9 +192,8 @@ def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
         raise typer.BadParameter("the bundle does not know its ball: give it", param_hint="--ball-radius-mm")
     x_mm, y_mm = bundle.pixel_size_mm
     if x_mm != y_mm:
-        raise typer.BadParameter(
-            f"the pixels of the bundle are {x_mm} x {y_mm} mm, a circle needs square ones", param_hint="--calibration"
-        )
+        wrong = f"the pixels of the bundle are {x_mm} x {y_mm} mm, a circle needs square ones"
+        raise typer.BadParameter(wrong, param_hint="--calibration")
     return Ball(radius_mm=float(radius), pixel_size_mm=x_mm)
 
 

@@ -19,16 +19,16 @@ VERBS = lazy_group(
         "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
         "objects": ("calibrate.objects:command", "Measure the error of a bundle on the ten benchmark objects."),
         "list": (
-            "calibrate_bundles:list_bundles",
+            "calibrate.bundles:list_bundles",
             "Show the bundles kept on this computer; an asterisk marks those in service.",
         ),
         "install": (
-            "calibrate_bundles:install_bundle",
-            "Put a bundle that passed its verification into service, and tell the board of the sensor.",
+            "calibrate.bundles:install_bundle",
+            "Put a bundle that passed its verification into service; the board of the sensor remembers it.",
         ),
         "restore": (
-            "calibrate_bundles:restore_bundle",
-            "Put an earlier bundle of the sensor into service again, and tell its board.",
+            "calibrate.bundles:restore_bundle",
+            "Put an earlier bundle of the sensor into service again; its board remembers it.",
         ),
     }
 )

@@ -1,16 +1,17 @@
 """`gellight calibrate list`, `install` and `restore`: which bundle a sensor uses."""
 
 import json
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from gellight.daemon.installing import Installed
-    from gellight.frames.camera import Camera
-
-Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object instead of text")]
+from gellight.base.settings import load_settings
+from gellight.bundle.bundle import load_bundle
+from gellight.bundle.store import BundleStore
+from gellight.cli.options import AsJson, Sensor
+from gellight.daemon.installing import Installed, install, restore, sensor_name
+from gellight.frames.camera import Camera
+from gellight.opening import open_camera
 
 
 def list_bundles(
@@ -18,16 +19,11 @@ def list_bundles(
     as_json: AsJson = False,
 ) -> None:
     """Show the bundles kept on this computer; an asterisk marks those in service."""
-    from gellight.bundle.store import BundleStore
-
     store = BundleStore()
     entries = store.bundles(name)
     if as_json:
-        typer.echo(
-            json.dumps(
-                {"folder": str(store.folder), "bundles": [entry.model_dump(mode="json") for entry in entries]}, indent=2
-            )
-        )
+        listed = [entry.model_dump(mode="json") for entry in entries]
+        typer.echo(json.dumps({"folder": str(store.folder), "bundles": listed}, indent=2))
         return
     for entry in entries:
         made = entry.created.astimezone().strftime("%Y-%m-%d %H:%M") if entry.created else entry.problem
@@ -42,10 +38,6 @@ def install_bundle(
     as_json: AsJson = False,
 ) -> None:
     """Put a bundle that passed its verification into service; the board of the sensor remembers it."""
-    from gellight.bundle.bundle import load_bundle
-    from gellight.bundle.store import BundleStore
-    from gellight.daemon.installing import install, sensor_name
-
     loaded = load_bundle(bundle)
     with _opened(sensor) as camera:
         installed = install(loaded, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
@@ -58,23 +50,17 @@ def restore_bundle(
     as_json: AsJson = False,
 ) -> None:
     """Put an earlier bundle of the sensor into service again; its board remembers it."""
-    from gellight.bundle.store import BundleStore
-    from gellight.daemon.installing import restore, sensor_name
-
     with _opened(sensor) as camera:
         installed = restore(identity, sensor=sensor_name(camera), store=BundleStore(), camera=camera)
     _report(installed, as_json)
 
 
-def _opened(sensor: str | None) -> "Camera":
-    from gellight.base.settings import load_settings
-    from gellight.opening import open_camera
-
+def _opened(sensor: str | None) -> Camera:
     settings = load_settings({"sensor.url": sensor})
     return open_camera(settings.sensor.url, geometry=settings.geometry.overrides())
 
 
-def _report(installed: "Installed", as_json: bool) -> None:
+def _report(installed: Installed, as_json: bool) -> None:
     entry = installed.bundle
     if as_json:
         typer.echo(json.dumps({**entry.model_dump(mode="json"), "remembered": installed.remembered}, indent=2))
