@@ -13,8 +13,7 @@ from gellight.daemon.setting import Setting
 from gellight.daemon.shared_camera import SharedCamera
 from gellight.daemon.stream import Stream
 from gellight.frames.camera import Camera, PressStage
-from gellight.frames.frames import TactileFrame
-from gellight.frames.judging import FrameJudge, SelfCheckResult
+from gellight.frames.frames import FrameJudge, SelfCheckResult, TactileFrame
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 

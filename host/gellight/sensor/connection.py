@@ -71,12 +71,7 @@ class Connection:
         self.ring = self._open_ring(around)
         try:
             self.camera = V4l2Camera(
-                sensor.camera.path,
-                setup.options,
-                shape=setup.shape,
-                url=url,
-                kernel=around.kernel,
-                sysfs=around.sysfs,
+                sensor.camera.path, setup.options, shape=setup.shape, url=url, kernel=around.kernel, sysfs=around.sysfs
             )
         except BaseException:
             _darken(self.ring)

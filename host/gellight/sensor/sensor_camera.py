@@ -61,7 +61,6 @@ class SensorCamera(Camera):
         `by_serial`: its serial number is its own, so it is found again at any port.
         """
         self.url = url
-        self.stage = None
         self._sensor, self._by_serial = sensor, by_serial
         self._given = options or CaptureOptions()
         self._setup = Setup(self._given, None)
@@ -120,9 +119,6 @@ class SensorCamera(Camera):
         """When its rows are exposed; None while the sensor is away."""
         connection = self._connection
         return connection.camera.timing if connection else None
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Return None: nobody knows what was really pressed."""
 
     def read(self) -> CameraFrame:
         """Wait for the newest frame that was exposed after the LEDs were lit.

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, CameraError
 from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.frames import CameraFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.reconstruction.photometric.static_scene import BLOCK_PX, repetition_limit
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.sensor.lighting.hold import Hold

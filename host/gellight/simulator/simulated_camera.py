@@ -167,7 +167,7 @@ class SimulatedCamera(Camera):
         steady.
         """
         self.url = url
-        self.stage = stage
+        self.stage: Stage = stage
         self.image_shape = scene.geometry.image_shape
         self._scene = scene
         self.ring = ring

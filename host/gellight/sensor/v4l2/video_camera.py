@@ -42,8 +42,6 @@ class V4l2Camera(Camera):
         children of `v4l2.errors`, and InputError for a control out of range.
         """
         self.url = url or f"v4l2://{path}"
-        self.stage = None
-        self.ring = None
         self._options = options or CaptureOptions()
         self._device = Device(path, kernel=kernel)
         try:
@@ -86,9 +84,6 @@ class V4l2Camera(Camera):
     def offers(self) -> tuple[Offer, ...]:
         """What the camera offers."""
         return self._device.offers()
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Return None: nobody knows what was really pressed."""
 
     def picture(self) -> Picture:
         """Wait for the newest picture and return it undecoded; raises as `read` does."""
