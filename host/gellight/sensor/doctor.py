@@ -14,7 +14,8 @@ from gellight.base.holders import holders
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
-from gellight.sensor.findings import Finding, Level, failure, ok, problem, warning
+from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
+from gellight.sensor.sensor_checks import check_sensor
 
 HIGH_SPEED_MBPS = 480.0
 LEAST_DISK_BYTES = 1_000_000_000
@@ -29,8 +30,6 @@ def examine(
 
     `folder` is where recordings go.
     """
-    from gellight.sensor.sensor_checks import check_sensor
-
     yield check_rule(rules)
     yield check_disk(folder)
     yield from check_clock(surroundings.sysfs)
@@ -61,10 +60,8 @@ def check_rule(folder: Path) -> Finding:
 def check_disk(folder: Path) -> Finding:
     """Look whether recordings and bundles find room."""
     free = shutil.disk_usage(folder).free
-    text = f"{free / 1e9:.1f} GB free in {folder}"
-    if free < LEAST_DISK_BYTES:
-        return warning("disk", text, "make room: a bundle with its presses takes up to 500 MB")
-    return ok("disk", text)
+    remedy = "make room: a bundle with its presses takes up to 500 MB"
+    return judged("disk", f"{free / 1e9:.1f} GB free in {folder}", bad=free < LEAST_DISK_BYTES, remedy=remedy)
 
 
 def check_clock(sysfs: Path) -> Iterator[Finding]:

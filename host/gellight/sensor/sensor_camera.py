@@ -9,7 +9,7 @@ import logging
 import os
 import threading
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -178,14 +178,14 @@ class SensorCamera(Camera):
         connection, self._connection = self._connection, None
         self.ring = self.controls = None
         if connection is not None:
-            self._past = _sum(self._past, connection.camera.counts)
+            self._past += connection.camera.counts
             connection.close()
 
     def status(self) -> dict[str, object]:
         """Return name, connection and counts over all connections, ready for JSON."""
         connection, absence = self._connection, self._absence
         camera = connection.camera if connection else None
-        counts = _sum(self._past, camera.counts) if camera else self._past
+        counts = self._past + camera.counts if camera else self._past
         return {
             "name": self._sensor.name,
             "node": self._sensor.camera.path,
@@ -217,10 +217,8 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
     found = around.look()
     if url.startswith("v4l2://"):
         sensor = _camera_alone(found, place)
-    elif url.startswith("sensor://"):
-        sensor = found.called(place)
     else:
-        sensor = found.only()
+        sensor = found.called(place) if url.startswith("sensor://") else found.only()
     _check_ring(found, sensor, options)
     return SensorCamera(
         sensor, options, bundle=bundle, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
@@ -247,19 +245,14 @@ def _check_ring(found: Discovery, sensor: Sensor, options: CaptureOptions) -> No
     """Refuse a ring that is named in the URL and belongs to another camera."""
     named = options.ring
     for other in found.sensors:
-        if named and other.ring and other.camera.path != sensor.camera.path and _names(named, other):
+        if named and other.ring and other.camera.path != sensor.camera.path and _names(named, other.ring):
             raise CameraError(
                 f"ring and camera are of different sensors: {named} belongs to the camera {other.camera.stable}, not "
                 f"to {sensor.camera.stable}; use sensor://{other.name}, or the ring of this camera"
             )
 
 
-def _names(ring_url: str, sensor: Sensor) -> bool:
-    assert sensor.ring is not None
-    serial = sensor.ring.usb.serial if sensor.ring.usb else ""
+def _names(ring_url: str, ring: Node) -> bool:
+    serial = ring.usb.serial if ring.usb else ""
     by_number = bool(serial) and ring_url in (f"serial://{serial}", f"usb://{serial}")
-    return by_number or str(Path(ring_url).resolve()) == str(Path(sensor.ring.path).resolve())
-
-
-def _sum(one: Counts, other: Counts) -> Counts:
-    return Counts(**{field.name: asdict(one)[field.name] + asdict(other)[field.name] for field in fields(Counts)})
+    return by_number or Path(ring_url).resolve() == Path(ring.path).resolve()
