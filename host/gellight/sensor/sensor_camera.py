@@ -47,28 +47,21 @@ class SensorCamera(Camera):
     """The camera of a real sensor, with its ring where it has one; closing it makes the LEDs dark."""
 
     def __init__(
-        self,
-        sensor: Sensor,
-        options: CaptureOptions | None = None,
-        *,
-        bundle: Bundle | None = None,
-        url: str,
-        by_serial: bool,
-        surroundings: Surroundings | None = None,
-    ) -> None:
+        self, sensor: Sensor, options: CaptureOptions, *, bundle: Bundle | None = None, url: str, by_serial: bool,
+        surroundings: Surroundings,
+    ) -> None:  # fmt: skip
         """Open `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark.
 
         `by_serial`: its serial number is its own, so it is found again at any port.
         """
         self.url = url
         self._sensor, self._by_serial = sensor, by_serial
-        self._given = options or CaptureOptions()
+        self._given = options
         self._setup = Setup(self._given, None)
         if bundle is not None:
             _warn_of_dark(url, bundle.colours)
             self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
-        self._surroundings = surroundings or Surroundings(kernel=LINUX)
-        self._clock = self._surroundings.kernel.clock
+        self._surroundings, self._clock = surroundings, surroundings.kernel.clock
         self._closing = threading.Event()
         self._past = Counts()
         self._last, self._reconnections = -1, 0

@@ -10,7 +10,6 @@ then on only the pings right before and after a moment are believed about it, ea
 """
 
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +51,7 @@ class Interval(NamedTuple):
         return (self.high - self.low) / 2
 
 
-@dataclass(frozen=True)
-class _Bounds:
+class _Bounds(NamedTuple):
     """What one ping tells of the offset."""
 
     time_us: float
@@ -65,12 +63,9 @@ class _Bounds:
 
 def _bounds(ping: Ping) -> _Bounds:
     sent_us, received_us = ping.host_sent_s * 1e6, ping.host_received_s * 1e6
-    slip_us = MOST_DRIFT * (received_us - sent_us)
-    low_us, high_us = ping.board_sent_us - received_us, ping.board_received_us - sent_us
-    middle_us = (sent_us + received_us) / 2
-    return _Bounds(
-        middle_us, low_us - slip_us - TICK_US, high_us + slip_us + TICK_US, ping.host_sent_s, ping.host_received_s
-    )
+    slip_us = MOST_DRIFT * (received_us - sent_us) + TICK_US
+    low_us, high_us = ping.board_sent_us - received_us - slip_us, ping.board_received_us - sent_us + slip_us
+    return _Bounds((sent_us + received_us) / 2, low_us, high_us, ping.host_sent_s, ping.host_received_s)
 
 
 class ClockMap:
@@ -87,6 +82,8 @@ class ClockMap:
     def _clear(self) -> None:
         self._pings: deque[_Bounds] = deque()
         self._newest: _Bounds | None = None
+        self.drift = Interval(-MOST_DRIFT, MOST_DRIFT)
+        """how much faster the board's clock runs than the host's, as a fraction"""
         self._sure: deque[_Bounds] = deque(maxlen=KEPT_SURE)
         self.noise_us = 0.0
         """by how much the pings contradict each other: 0 for real clocks; an emulated one runs by fits and starts"""
@@ -95,11 +92,6 @@ class ClockMap:
     def known(self) -> bool:
         """Whether there has been a ping."""
         return self._newest is not None
-
-    @property
-    def drift(self) -> Interval:
-        """How much faster the board's clock runs than the host's, as a fraction."""
-        return Interval(*self._drift) if self.known else Interval(-MOST_DRIFT, MOST_DRIFT)
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """Whether sure pings on both sides of a stretch of host time fit together: the clock did not jump in it."""
@@ -143,12 +135,12 @@ class ClockMap:
         if slowest > fastest:  # the drift has changed more than pings of this quality allow for
             slowest, fastest = -MOST_DRIFT, MOST_DRIFT
         self._times, self._low, self._high = times, low, high
-        self._drift = float(slowest) - WANDER, float(fastest) + WANDER
+        self.drift = Interval(float(slowest) - WANDER, float(fastest) + WANDER)
 
     def _offset(self, time_us: float) -> tuple[float, float]:
         """Bounds of board minus host at a time of the host, us."""
         reach = time_us - self._times
-        slow, fast = reach * self._drift[0], reach * self._drift[1]
+        slow, fast = reach * self.drift.low, reach * self.drift.high
         low = float((self._low + np.minimum(slow, fast)).max())
         high = float((self._high + np.maximum(slow, fast)).min())
         return min(low, high), max(low, high)

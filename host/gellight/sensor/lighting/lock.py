@@ -6,7 +6,7 @@ the slack that k leaves is the same before and after each frame.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ FINEST_S = 100e-6
 """so are errors below this: the scatter of stamps"""
 
 
-@dataclass(frozen=True)
-class Trim:
+class Trim(NamedTuple):
     """What to tell the board."""
 
     phase_us: int
@@ -43,9 +42,6 @@ class PhaseLock:
         """how long the sequence shows each light, by the board's clock"""
         self._stamps: deque[tuple[int, float]] = deque(maxlen=MOST_FRAMES)
         self._trimmed_at = -FEWEST_FRAMES
-        self.phase_error_s = float("nan")
-        """of the last look; 0: the changes are where they should be"""
-        self.trims = 0
 
     def note_frame(self, sequence: int, time_s: float) -> None:
         """Take in the stamp of a frame."""
@@ -74,21 +70,16 @@ class PhaseLock:
         if not self.ready or newest - self._trimmed_at < 2 * self._frames + 2:
             return None
         begin_s, period_s = self.line()
-        slack_s = max(self.slack_s(period_s, latched_s.error), 0.0)
+        taken_s = settle_s(self._timing, latched_s.error) + self._timing.duration_s
+        slack_s = max(self._frames * period_s - taken_s, 0.0)  # how much longer a light stays than one frame takes
         shows_s = latched_s.middle + latched_s.error + self._timing.pulse_period_s + self._timing.stamp_error_s
         wanted_s = begin_s + self._timing.stamp_delay_s - slack_s / 2
-        self.phase_error_s = (wanted_s - shows_s + period_s / 2) % period_s - period_s / 2
-        if abs(self.phase_error_s) < max(TOLERANCE * slack_s, FINEST_S):
+        phase_error_s = (wanted_s - shows_s + period_s / 2) % period_s - period_s / 2
+        if abs(phase_error_s) < max(TOLERANCE * slack_s, FINEST_S):
             return None
         self._trimmed_at = newest
-        self.trims += 1
         # Earlier than planned is not possible for a light that is already on its way.
-        forward_s = self.phase_error_s if self.phase_error_s > -0.001 else self.phase_error_s + period_s
+        forward_s = phase_error_s if phase_error_s > -0.001 else phase_error_s + period_s
         stretched = self._frames * period_s * 1e6 * (1 + drift.middle) / self.dwell_us - 1
         most = protocol.TRIM_MAX / 2**32
         return Trim(round(forward_s * 1e6), float(np.clip(stretched, -most, most)))
-
-    def slack_s(self, period_s: float, clock_error_s: float) -> float:
-        """Return how much longer a light stays than settling and one frame take; negative: too short."""
-        timing = self._timing
-        return self._frames * period_s - settle_s(timing, clock_error_s) - timing.readout_s - timing.exposure_s

@@ -6,12 +6,13 @@ the next picture. So even a slow reader never gets an old one.
 """
 
 import errno
+from ctypes import Structure
 from dataclasses import asdict, dataclass
 from mmap import mmap
 
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining
+from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining, explanation
 from gellight.sensor.v4l2.formats import Ask
 from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel
 
@@ -168,8 +169,7 @@ class Stream:
             if error.errno == errno.EIO and self.plugged():
                 self.counts.damaged += 1
                 return None
-            with explaining(self._path, "to deliver a picture"):
-                raise
+            raise explanation(self._path, "to deliver a picture", error) from error
         return buffer
 
     def _judge(self, buffer: v.Buffer) -> Picture | None:
@@ -208,15 +208,13 @@ class Stream:
 
     def close(self) -> None:
         """Stop; the buffers go back to the driver. A camera that was unplugged is no error."""
-        for request, argument in (
-            (v.STREAMOFF, v.Int(v.CAPTURE)),
-            (v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP)),
-        ):
-            if request == v.REQBUFS:
-                self._unmap()  # the driver does not free what is mapped
-            try:
-                self._ask(request, argument)
-            except OSError as error:
-                if error.errno not in GONE:
-                    with explaining(self._path, "to stop its stream"):
-                        raise
+        self._ask_to_stop(v.STREAMOFF, v.Int(v.CAPTURE))
+        self._unmap()  # the driver does not free what is mapped
+        self._ask_to_stop(v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP))
+
+    def _ask_to_stop(self, request: int, argument: Structure) -> None:
+        try:
+            self._ask(request, argument)
+        except OSError as error:
+            if error.errno not in GONE:
+                raise explanation(self._path, "to stop its stream", error) from error

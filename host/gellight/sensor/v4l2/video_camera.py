@@ -27,15 +27,9 @@ class V4l2Camera(Camera):
     controls: V4l2Controls
 
     def __init__(
-        self,
-        path: str,
-        options: CaptureOptions | None = None,
-        *,
-        shape: tuple[int, int] | None = None,
-        url: str | None = None,
-        kernel: Kernel = LINUX,
-        sysfs: Path = Path("/sys"),
-    ) -> None:
+        self, path: str, options: CaptureOptions | None = None, *, shape: tuple[int, int] | None = None,
+        url: str | None = None, kernel: Kernel = LINUX, sysfs: Path = Path("/sys"),
+    ) -> None:  # fmt: skip
         """Open, set and start the camera at `path`.
 
         `shape` (H, W) is what a calibration bundle was made with; `options` are stronger. Raises CameraError and its
@@ -104,18 +98,14 @@ class V4l2Camera(Camera):
             except CorruptPictureError:
                 self.counts.corrupt += 1
                 continue
-            self._prove()
+            if not self._proven:  # some cameras reset their controls as they start
+                self.controls.verify()
+                self._proven = True
             time_s = self.stamp_meaning.start_s(picture)
             return CameraFrame(image=image, time_s=time_s, sequence=picture.sequence, source=self.url)
         raise StalledError(
             f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
         )
-
-    def _prove(self) -> None:
-        """Look once, when pictures come, whether the controls hold: some cameras reset them as they start."""
-        if not self._proven:
-            self.controls.verify()
-            self._proven = True
 
     def status(self) -> dict[str, object]:
         """Return mode, card and counts, ready for JSON."""
