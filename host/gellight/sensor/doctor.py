@@ -13,7 +13,7 @@ from gellight.base.errors import GellightError
 from gellight.base.holders import holders
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
-from gellight.sensor.discovery import Discovery, Node, Sensor
+from gellight.sensor.discovery import Discovery, Node, Sensor, attribute
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
 from gellight.sensor.sensor_checks import check_sensor
 
@@ -71,13 +71,10 @@ def check_clock(sysfs: Path) -> Iterator[Finding]:
         yield problem("clock", f"the computer believes it is {year}", "set the date, for example with NTP")
     else:
         yield ok("clock", f"the date is plausible ({time.strftime('%Y-%m-%d')})")
-    try:
-        source = (sysfs / "devices/system/clocksource/clocksource0/current_clocksource").read_text().strip()
-    except OSError:
-        return
+    source = attribute(sysfs / "devices/system/clocksource/clocksource0/current_clocksource")
     if source in SLOW_CLOCKS:
         yield warning("clock", f"the kernel counts time by {source}, which is slow", "boot with tsc as clock source")
-    else:
+    elif source:
         yield ok("clock", f"the kernel counts time by {source}")
 
 

@@ -127,7 +127,10 @@ class SensorCamera(Camera):
         try:
             return self._numbered(self._connection.newest())
         except (UnpluggedError, StalledError, BoardError) as error:
-            raise self._left(error) from error
+            logger.warning("%s", error)
+            self._absence = absence = Absence(self._clock(), str(error))
+            self._release()
+            raise self._reconnecting(absence) from error
 
     def _numbered(self, frame: CameraFrame) -> CameraFrame:
         """Continue the numbers of the frames before a reconnection."""
@@ -137,13 +140,6 @@ class SensorCamera(Camera):
         return replace(frame, sequence=self._last)
 
     # ---- away and back ----
-
-    def _left(self, error: GellightError) -> ReconnectingError:
-        """Let go of the sensor and remember since when and why."""
-        logger.warning("%s", error)
-        self._absence = absence = Absence(self._clock(), str(error))
-        self._release()
-        return self._reconnecting(absence)
 
     def _reconnecting(self, absence: Absence) -> ReconnectingError:
         away_s = self._clock() - absence.since_s
