@@ -142,8 +142,7 @@ class Connection:
         node = self.sensor.ring
         if node is not None and self._named_ring is None and not Path(node.path).exists():
             raise UnpluggedError(f"the light ring at {node.path} was unplugged: plug it in again")
-        wrong = self.camera.controls.deviations()
-        if wrong:
+        if wrong := self.camera.controls.deviations():
             raise StalledError(
                 f"somebody changed the camera: {', '.join(map(str, wrong))}; it is set anew, end other programmes"
             )

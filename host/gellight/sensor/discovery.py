@@ -94,8 +94,7 @@ class Discovery:
     def called(self, name: str) -> Sensor:
         """Return the sensor with a serial number or at a USB port; UnpluggedError or CameraError with what is there."""
         by_port = [sensor for sensor in self.sensors if sensor.port == name]
-        by_serial = [sensor for sensor in self.sensors if name in sensor.serials]
-        found = by_port or by_serial
+        found = by_port or [sensor for sensor in self.sensors if name in sensor.serials]
         if len(found) == 1:
             return found[0]
         if found:
@@ -206,8 +205,7 @@ def _hub(node: Node) -> str:
 
 
 def _shared_serials(sensors: tuple[Sensor, ...]) -> Iterator[str]:
-    counted = Counter(sensor.serial for sensor in sensors if sensor.serial)
-    for serial, count in counted.items():
+    for serial, count in Counter(sensor.serial for sensor in sensors if sensor.serial).items():
         if count > 1:
             alike = [sensor for sensor in sensors if sensor.serial == serial]
             yield f"{count} sensors have the serial number {serial}: tell them apart as {_either(alike, by_port=True)}"

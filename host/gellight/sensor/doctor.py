@@ -102,8 +102,7 @@ def check_permission(node: Node) -> Finding:
             "run `sudo gellight install-udev`, then unplug the sensor and plug it in; over ssh also `sudo usermod -aG "
             "video $USER`, then log in again",
         )  # fmt: skip
-    others = holders(node.path)
-    if others:
+    if others := holders(node.path):
         names = ", ".join(f"{command} (process {number})" for number, command in others)
         return warning("permission", f"{node.path} is also open in {names}", "end that programme if frames do not come")
     return ok("permission", f"{node.path} may be used and is free")

@@ -87,8 +87,7 @@ class SensorCamera(Camera):
         before = self._setup
         connection = self._connection  # the thread that reads may let go of it at any time
         _warn_of_dark(self.url, colours)
-        unknown = sorted(set(controls) - set(KNOBS))
-        if unknown:
+        if unknown := sorted(set(controls) - set(KNOBS)):
             raise CameraError(f"{self.url} has no control {unknown[0]!r} (known are: {', '.join(KNOBS)}): leave it out")
         recorded = {**before.options.model_dump(include=before.options.model_fields_set), **controls}
         self._setup = replace(before, options=self._given.over(recorded), colours=colours)

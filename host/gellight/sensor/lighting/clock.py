@@ -69,7 +69,7 @@ def _bounds(ping: Ping) -> _Bounds:
 
 
 class ClockMap:
-    """Converts times between host (s, `time.monotonic`) and board (us), each with its uncertainty."""
+    """Converts times of the board (us) to those of the host (s, `time.monotonic`), each with its uncertainty."""
 
     def __init__(self) -> None:
         """Know nothing yet."""
@@ -88,11 +88,6 @@ class ClockMap:
         self.noise_us = 0.0
         """by how much the pings contradict each other: 0 for real clocks; an emulated one runs by fits and starts"""
 
-    @property
-    def known(self) -> bool:
-        """Whether there has been a ping."""
-        return self._newest is not None
-
     def covers(self, from_s: float, to_s: float) -> bool:
         """Whether sure pings on both sides of a stretch of host time fit together: the clock did not jump in it."""
         return bool(self._sure) and self._sure[0].received_s <= from_s and to_s <= self._sure[-1].sent_s
@@ -100,7 +95,7 @@ class ClockMap:
     def add(self, ping: Ping) -> None:
         """Take in a ping, in the order of time."""
         new = _bounds(ping)
-        if self.known:
+        if self._newest is not None:
             low_us, high_us = self._offset(new.time_us)
             if max(new.low_us - high_us, low_us - new.high_us) > JUMP_US:
                 self.jumps += 1
@@ -145,16 +140,11 @@ class ClockMap:
         high = float((self._high + np.maximum(slow, fast)).min())
         return min(low, high), max(low, high)
 
-    def board_us(self, host_s: float) -> Interval:
-        """Return the board's time at a time of the host; ValueError before the first ping."""
-        self._checked()
-        low, high = self._offset(host_s * 1e6)
-        return Interval(host_s * 1e6 + low, host_s * 1e6 + high)
-
     def host_s(self, board_us: float) -> Interval:
         """Return the host's time at a time of the board; ValueError before the first ping."""
-        newest = self._checked()
-        low, high = self._offset(board_us - (newest.low_us + newest.high_us) / 2)
+        if self._newest is None:
+            raise ValueError("the clock of the board is unknown before the first ping: call ring.clock()")
+        low, high = self._offset(board_us - (self._newest.low_us + self._newest.high_us) / 2)
         return Interval((board_us - high) * 1e-6, (board_us - low) * 1e-6)
 
     def offset_us(self, from_s: float, to_s: float) -> Interval:
@@ -168,8 +158,3 @@ class ClockMap:
         end = min(number for number, ping in enumerate(self._sure) if ping.sent_s >= to_s)
         around = list(self._sure)[begin : end + 1]
         return Interval(min(ping.low_us for ping in around), max(ping.high_us for ping in around))
-
-    def _checked(self) -> _Bounds:
-        if self._newest is None:
-            raise ValueError("the clock of the board is unknown before the first ping: call ring.clock()")
-        return self._newest

@@ -93,11 +93,11 @@ class ContentCheck:
         return Content(found, np.asarray((misfit < 1.5).mean(axis=1)))
 
     def label(self, image: Image) -> LightLabel:
-        """Return what the picture shows: clean where every band that can be read saw the same one group."""
-        return self.judge(self.read(image))
+        """Return what the picture shows: clean where every band that can be read saw the same one group.
 
-    def judge(self, content: Content) -> LightLabel:
-        """Label what was read. Bands that fit badly have no say; where too few have, it is unknown."""
+        Bands that fit badly have no say; where too few have, it is unknown.
+        """
+        content = self.read(image)
         total = content.coefficients.sum(axis=1)
         readable = content.fitting >= FITTING
         dim = readable & (total < DARKEST)

@@ -3,9 +3,17 @@
 The camera's frames are a line through stamps over sequence numbers; the light's changes are told by the board. Both
 are in the host's time. The period of the light is k frame periods by the board's clock, and its changes are put where
 the slack that k leaves is the same before and after each frame.
+
+A light has to stay for k frames, so that at least one of them is clean. With the settle time s, the readout R, the
+exposure E and the frame period P, a frame that begins when the light has settled needs R + E. Frames begin every P, so
+at an unknown phase the first one may begin as late as P after that:
+
+    k = 1 + ceil((s + R + E) / P)      unknown phase
+    k = ceil((s + R + E) / P)          the light changes just before a frame begins (phase lock)
 """
 
 from collections import deque
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +21,6 @@ import numpy as np
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.sensor.lighting.clock import Interval
-from gellight.sensor.lighting.hold_time import settle_s
 
 FEWEST_FRAMES = 12
 MOST_FRAMES = 600
@@ -21,6 +28,26 @@ TOLERANCE = 0.1
 """of the slack; smaller phase errors are left alone"""
 FINEST_S = 100e-6
 """so are errors below this: the scatter of stamps"""
+WIRE_S = 0.36e-3
+"""12 LEDs of 24 bits of 1.25 us"""
+LATCH_S = 0.30e-3
+"""low time after which the LEDs take their data, as the board waits for it"""
+EXACT = 1e-9
+"""so much of a frame is rounding: an exact multiple is not one frame more"""
+
+
+def settle_s(timing: CameraTiming, clock_error_s: float = 0.0) -> float:
+    """Return how long it is uncertain which light a row sees: wire, latch, one pulse, and the clocks on either side.
+
+    `clock_error_s` is how far the host may be off about the board's clock, `timing.stamp_error_s` about the camera's.
+    """
+    return WIRE_S + LATCH_S + timing.pulse_period_s + 2 * (clock_error_s + timing.stamp_error_s)
+
+
+def hold_frames(timing: CameraTiming, *, locked: bool, clock_error_s: float = 0.0) -> int:
+    """Return how many frame periods each light has to stay, by the equations above; at least 1."""
+    frames = (settle_s(timing, clock_error_s) + timing.readout_s + timing.exposure_s) / timing.period_s
+    return max(1, ceil(frames - EXACT)) + (0 if locked else 1)
 
 
 class Trim(NamedTuple):

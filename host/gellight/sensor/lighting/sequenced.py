@@ -23,10 +23,9 @@ from gellight.ring.enumerations import Edge, State, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.hold import Hold
-from gellight.sensor.lighting.hold_time import hold_frames
 from gellight.sensor.lighting.label import UNKNOWN_LABEL
 from gellight.sensor.lighting.light_watch import LightWatch
-from gellight.sensor.lighting.lock import PhaseLock, Trim
+from gellight.sensor.lighting.lock import PhaseLock, Trim, hold_frames
 from gellight.sensor.lighting.timeline import REPEAT_US
 
 logger = logging.getLogger(__name__)
