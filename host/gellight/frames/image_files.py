@@ -35,10 +35,6 @@ class ImageCamera(Camera):
         self._next = 0
         self._closed = False
 
-    def __len__(self) -> int:
-        """Count the images, read or not."""
-        return len(self._paths)
-
     def read(self) -> CameraFrame:
         """Read the next image; raises EndOfStream after the last one."""
         if self._closed:

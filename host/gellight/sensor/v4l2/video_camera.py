@@ -35,7 +35,7 @@ class V4l2Camera(Camera):
         `shape` (H, W) is what a calibration bundle was made with; `options` are stronger. Raises CameraError and its
         children of `v4l2.errors`, and InputError for a control out of range.
         """
-        self.url = url or f"v4l2://{path}"
+        self.path, self.url = path, url or f"v4l2://{path}"
         self._options = options or CaptureOptions()
         self._device = Device(path, kernel=kernel)
         try:
@@ -50,11 +50,6 @@ class V4l2Camera(Camera):
         self.counts = self._stream.counts
         self._hardware_stamps = hardware_stamps(self._device.identity.driver, sysfs=sysfs)
         self._proven = self._closed = False
-
-    @property
-    def path(self) -> str:
-        """The device node."""
-        return self._device.path
 
     @property
     def stamp_meaning(self) -> StampMeaning:
