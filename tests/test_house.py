@@ -34,7 +34,7 @@ DOORS = {
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/messages.py",
         "frames/image_files.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/smoothing.py", "report/pictures.py", "sensor/opencv_camera.py", "sensor/v4l2/decoding.py",
-        "sensor/v4l2/jpeg.py", "simulator/usb/encoding.py",
+        "simulator/usb/encoding.py",
     ),
     "onnxruntime": ("reconstruction/gelnet.py", "evaluation/bench.py"),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),

@@ -15,10 +15,7 @@ from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
 
 
 def open_camera(
-    url: str | Path,
-    *,
-    geometry: Mapping[str, float | int | str] | None = None,
-    bundle: Bundle | None = None,
+    url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None, bundle: Bundle | None = None
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 

@@ -17,7 +17,7 @@ from gellight.frames.timing import CameraTiming
 from gellight.ring.emulator.waveform import Light
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.lighting.content import ContentCheck
-from gellight.sensor.lighting.hold_time import hold_frames
+from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.lighting.shutter_meter import measure_shutter
 from gellight.simulator.scene import Press, Scene, under_light

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gellight.calibration.lights.reference_light import ReferencePictures, light_model
-from gellight.frames.frames import CameraFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds

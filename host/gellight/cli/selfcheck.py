@@ -8,7 +8,7 @@ import typer
 from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson
 from gellight.evaluation.checked_presses import check_presses
-from gellight.frames.judging import SelfCheckResult
+from gellight.frames.frames import SelfCheckResult
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),

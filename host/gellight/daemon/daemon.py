@@ -11,8 +11,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.daemon.setting import Setting
 from gellight.daemon.stream import SharedCamera, Stream
 from gellight.frames.camera import Camera, PressStage
-from gellight.frames.frames import TactileFrame
-from gellight.frames.judging import FrameJudge, SelfCheckResult
+from gellight.frames.frames import FrameJudge, SelfCheckResult, TactileFrame
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 

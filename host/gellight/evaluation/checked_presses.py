@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from gellight.base.errors import InputError
 from gellight.base.settings import Settings
 from gellight.daemon.assembly import chosen_bundle, reconstructor_for
-from gellight.frames.judging import SelfCheckResult
+from gellight.frames.frames import SelfCheckResult
 from gellight.opening import open_camera
 
 CHECKED_PRESSES = (

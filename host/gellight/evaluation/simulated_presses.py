@@ -14,8 +14,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.modes import bright_exposure_of
 from gellight.evaluation.synthetic import NOISE_GREY, ball_presses
-from gellight.frames.frames import CameraFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.reconstruction.photometric.lights_file import read_lights

@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError
-from gellight.frames.frames import CameraFrame
-from gellight.frames.judging import FrameJudge
+from gellight.frames.frames import CameraFrame, FrameJudge
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
 
@@ -74,7 +72,7 @@ class Camera(Protocol):
     """what it was opened with"""
     image_shape: tuple[int, int]
     """(H, W) of every frame"""
-    stage: PressStage | None
+    stage: PressStage | None = None
     """the stage of a simulated sensor; None where objects are pressed by hand"""
     ring: LightRing | None = None
     """the light ring of the same sensor, closed with the camera; None where the light cannot be driven"""
@@ -88,6 +86,7 @@ class Camera(Protocol):
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
+        return None
 
     def read(self) -> CameraFrame:
         """Wait for the next frame; raises EndOfStream after the last one and CameraError on a fault."""
@@ -115,9 +114,7 @@ class Camera(Protocol):
         """Give the camera itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the camera."""
         self.close()
 

@@ -3,15 +3,21 @@
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
-from gellight.frames.judging import FrameJudge
+from gellight.frames.frames import FrameJudge
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
+
+
+def _passed_on(name: str) -> Any:
+    """Return a property that reads an attribute of the camera inside, and cannot be set."""
+    return property(lambda wrapper: getattr(wrapper._camera, name))
 
 
 class CameraWrapper(Camera):
@@ -19,6 +25,12 @@ class CameraWrapper(Camera):
 
     Nothing is copied: a sensor that was unplugged has another ring and other controls when it is back.
     """
+
+    url: str = _passed_on("url")
+    image_shape: tuple[int, int] = _passed_on("image_shape")
+    stage: PressStage | None = _passed_on("stage")
+    ring: LightRing | None = _passed_on("ring")
+    controls: CameraControls | None = _passed_on("controls")
 
     def __init__(self, camera: Camera) -> None:
         """Take over `camera`."""
@@ -34,31 +46,6 @@ class CameraWrapper(Camera):
             yield
         finally:
             self._using.release()
-
-    @property
-    def url(self) -> str:  # type: ignore[override]  # here and below: the promise allows to set it, a wrapper does not
-        """What the camera inside was opened with."""
-        return self._camera.url
-
-    @property
-    def image_shape(self) -> tuple[int, int]:  # type: ignore[override]
-        """(H, W) of every frame."""
-        return self._camera.image_shape
-
-    @property
-    def stage(self) -> PressStage | None:  # type: ignore[override]
-        """The stage of the sensor inside."""
-        return self._camera.stage
-
-    @property
-    def ring(self) -> LightRing | None:  # type: ignore[override]
-        """The ring of the camera inside; None while it is unplugged."""
-        return self._camera.ring
-
-    @property
-    def controls(self) -> CameraControls | None:  # type: ignore[override]
-        """The controls of the camera inside; None while it is unplugged."""
-        return self._camera.controls
 
     @property
     def timing(self) -> CameraTiming | None:

@@ -5,8 +5,10 @@ Depth is indentation in mm, positive into the sensor, 0 where the gel is at rest
 from the centre of the image.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +64,30 @@ class CameraFrame:
     """the light group of a sequence that lit it; None where no sequence runs"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExposureSeries(CameraFrame):
+    """The exposures of all light groups; as a camera frame it is the first of them.
+
+    The first light is shown again at the end, by which a scene that moved is found out.
+    """
+
+    groups: NDArray[np.uint8]
+    """(G, 12, 3) RGB of the LEDs in each light group"""
+    frames: tuple[tuple[CameraFrame, ...], ...]
+    """for each group, the frames that were taken under it"""
+    opening: CameraFrame
+    """the first frame"""
+    closing: CameraFrame
+    """the last frame, under the light of the first"""
+    exposure_us: float | None = None
+    """of the frames under light groups; None where the camera does not tell"""
+
+    @property
+    def pictures(self) -> list[list[NDArray[np.uint8]]]:
+        """The images of each group."""
+        return [[frame.image for frame in frames] for frames in self.frames]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,3 +156,43 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfCheckResult:
+    """How far the host's answer is from the reference's, in one frame."""
+
+    sequence: int
+    depth_error_mm: float
+    """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
+    shape_error_mm: float
+    """the same after the best constant is taken off"""
+    normal_error_deg: float
+    """mean angle between the normals over the whole map"""
+    contact_normal_error_deg: float
+    """the same over the contact"""
+    integral_error_mm: float
+    """mean absolute difference of the two integrals, constants removed"""
+    picture_error_grey: float
+    """mean absolute difference of the picture and its re-rendering, grey levels"""
+    indentation_mm: float
+    true_indentation_mm: float
+    bounds: Mapping[str, float]
+    """by the names of the errors they bound"""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every error is within its bound."""
+        return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    def as_json(self) -> dict[str, object]:
+        """Return the numbers, rounded for people."""
+        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed}
+        return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
+
+
+class FrameJudge(Protocol):
+    """Compares what was reconstructed from a camera's frames with the truth."""
+
+    def compare(self, frame: TactileFrame) -> SelfCheckResult:
+        """Compare one frame that carries its truth; raises InputError for one that does not."""

@@ -32,16 +32,8 @@ class ImageCamera(Camera):
         self.url = url if url is not None else str(paths[0])
         height, width, _ = read_image(self._paths[0]).shape
         self.image_shape = (height, width)
-        self.stage = None
         self._next = 0
         self._closed = False
-
-    def __len__(self) -> int:
-        """Count the images, read or not."""
-        return len(self._paths)
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Return None: nobody knows what was really pressed."""
 
     def read(self) -> CameraFrame:
         """Read the next image; raises EndOfStream after the last one."""

@@ -5,6 +5,7 @@ that were exposed after camera and ring were set, and while the ring was lit: `L
 """
 
 import logging
+import re
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -71,12 +72,7 @@ class Connection:
         self.ring = self._open_ring(around)
         try:
             self.camera = V4l2Camera(
-                sensor.camera.path,
-                setup.options,
-                shape=setup.shape,
-                url=url,
-                kernel=around.kernel,
-                sysfs=around.sysfs,
+                sensor.camera.path, setup.options, shape=setup.shape, url=url, kernel=around.kernel, sysfs=around.sysfs
             )
         except BaseException:
             _darken(self.ring)
@@ -97,7 +93,7 @@ class Connection:
             return None
         ring = around.open_ring(node.path)
         found, expected = ring.hello.unique_id.hex().upper(), node.usb.serial if node.usb else ""
-        if _is_board_number(expected) and expected.upper() != found:
+        if re.fullmatch(r"[0-9a-fA-F]{16}", expected) and expected.upper() != found:
             ring.close()
             raise BoardError(
                 f"the ring at {ring.transport.url} is {found}, the one beside the camera is {expected}: ring and "
@@ -143,11 +139,10 @@ class Connection:
         if now_s - self._watched_s < WATCH_S:
             return
         self._watched_s = now_s
-        node = self.sensor.ring.path if self.sensor.ring else None
-        if node is not None and self._named_ring is None and not Path(node).exists():
-            raise UnpluggedError(f"the light ring at {node} was unplugged: plug it in again")
-        wrong = self.camera.controls.deviations()
-        if wrong:
+        node = self.sensor.ring
+        if node is not None and self._named_ring is None and not Path(node.path).exists():
+            raise UnpluggedError(f"the light ring at {node.path} was unplugged: plug it in again")
+        if wrong := self.camera.controls.deviations():
             raise StalledError(
                 f"somebody changed the camera: {', '.join(map(str, wrong))}; it is set anew, end other programmes"
             )
@@ -168,7 +163,3 @@ def _darken(ring: LightRing | None) -> None:
             ring.close()
         except GellightError as error:
             logger.warning("%s", error)
-
-
-def _is_board_number(serial: str) -> bool:
-    return len(serial) == 16 and all(digit in "0123456789abcdefABCDEF" for digit in serial)

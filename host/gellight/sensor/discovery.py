@@ -94,8 +94,7 @@ class Discovery:
     def called(self, name: str) -> Sensor:
         """Return the sensor with a serial number or at a USB port; UnpluggedError or CameraError with what is there."""
         by_port = [sensor for sensor in self.sensors if sensor.port == name]
-        by_serial = [sensor for sensor in self.sensors if name in sensor.serials]
-        found = by_port or by_serial
+        found = by_port or [sensor for sensor in self.sensors if name in sensor.serials]
         if len(found) == 1:
             return found[0]
         if found:
@@ -206,8 +205,7 @@ def _hub(node: Node) -> str:
 
 
 def _shared_serials(sensors: tuple[Sensor, ...]) -> Iterator[str]:
-    counted = Counter(sensor.serial for sensor in sensors if sensor.serial)
-    for serial, count in counted.items():
+    for serial, count in Counter(sensor.serial for sensor in sensors if sensor.serial).items():
         if count > 1:
             alike = [sensor for sensor in sensors if sensor.serial == serial]
             yield f"{count} sensors have the serial number {serial}: tell them apart as {_either(alike, by_port=True)}"
@@ -231,8 +229,8 @@ def _either(sensors: tuple[Sensor, ...] | list[Sensor], *, by_port: bool = False
 def _cameras(sysfs: Path, dev: Path) -> Iterator[Node]:
     """Yield the nodes that deliver pictures: a UVC camera's node with index 1 delivers only data about them."""
     for entry in _class(sysfs, "video4linux", "video"):
-        if _text(entry / "index") in ("0", ""):
-            yield _node(entry, dev, dev / "v4l", name=_text(entry / "name"))
+        if attribute(entry / "index") in ("0", ""):
+            yield _node(entry, dev, dev / "v4l", name=attribute(entry / "name"))
 
 
 def _rings(sysfs: Path, dev: Path) -> Iterator[Node]:
@@ -248,17 +246,10 @@ def _class(sysfs: Path, name: str, prefix: str) -> list[Path]:
 
 
 def _node(entry: Path, dev: Path, links: Path, *, name: str) -> Node:
-    usb = _usb_device(entry.resolve())
-    path = dev / entry.name
-    return Node(path=str(path), stable=_stable(path, links), name=name or (usb.name if usb else ""), usb=usb)
-
-
-def _stable(path: Path, links: Path) -> str:
-    for kind in ("by-id", "by-path"):
-        for link in sorted((links / kind).glob("*")):
-            if link.resolve() == path.resolve():
-                return str(link)
-    return str(path)
+    usb, path = _usb_device(entry.resolve()), dev / entry.name
+    found = (link for kind in ("by-id", "by-path") for link in sorted((links / kind).glob("*")))
+    stable = next((link for link in found if link.resolve() == path.resolve()), path)
+    return Node(path=str(path), stable=str(stable), name=name or (usb.name if usb else ""), usb=usb)
 
 
 def _usb_device(place: Path) -> UsbDevice | None:
@@ -267,18 +258,18 @@ def _usb_device(place: Path) -> UsbDevice | None:
         if (folder / "idVendor").is_file() and (folder / "idProduct").is_file():
             return UsbDevice(
                 port=folder.name,
-                vendor=int(_text(folder / "idVendor") or "0", 16),
-                product=int(_text(folder / "idProduct") or "0", 16),
-                serial=_text(folder / "serial"),
-                name=" ".join(filter(None, (_text(folder / "manufacturer"), _text(folder / "product")))),
-                speed_mbps=float(_text(folder / "speed") or 0),
+                vendor=int(attribute(folder / "idVendor") or "0", 16),
+                product=int(attribute(folder / "idProduct") or "0", 16),
+                serial=attribute(folder / "serial"),
+                name=" ".join(filter(None, (attribute(folder / "manufacturer"), attribute(folder / "product")))),
+                speed_mbps=float(attribute(folder / "speed") or 0),
                 parent=folder.parent.name,
             )
     return None
 
 
-def _text(path: Path) -> str:
-    """Return the content of an attribute; empty where there is none, or where its device goes in this moment."""
+def attribute(path: Path) -> str:
+    """Return the content of a file in sysfs; empty where there is none, or where its device goes in this moment."""
     try:
         return path.read_text(errors="replace").strip()
     except OSError:

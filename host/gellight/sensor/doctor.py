@@ -13,8 +13,9 @@ from gellight.base.errors import GellightError
 from gellight.base.holders import holders
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
-from gellight.sensor.discovery import Discovery, Node, Sensor
-from gellight.sensor.findings import Finding, Level, failure, ok, problem, warning
+from gellight.sensor.discovery import Discovery, Node, Sensor, attribute
+from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
+from gellight.sensor.sensor_checks import check_sensor
 
 HIGH_SPEED_MBPS = 480.0
 LEAST_DISK_BYTES = 1_000_000_000
@@ -29,8 +30,6 @@ def examine(
 
     `folder` is where recordings go.
     """
-    from gellight.sensor.sensor_checks import check_sensor
-
     yield check_rule(rules)
     yield check_disk(folder)
     yield from check_clock(surroundings.sysfs)
@@ -61,10 +60,8 @@ def check_rule(folder: Path) -> Finding:
 def check_disk(folder: Path) -> Finding:
     """Look whether recordings and bundles find room."""
     free = shutil.disk_usage(folder).free
-    text = f"{free / 1e9:.1f} GB free in {folder}"
-    if free < LEAST_DISK_BYTES:
-        return warning("disk", text, "make room: a bundle with its presses takes up to 500 MB")
-    return ok("disk", text)
+    remedy = "make room: a bundle with its presses takes up to 500 MB"
+    return judged("disk", f"{free / 1e9:.1f} GB free in {folder}", bad=free < LEAST_DISK_BYTES, remedy=remedy)
 
 
 def check_clock(sysfs: Path) -> Iterator[Finding]:
@@ -74,13 +71,10 @@ def check_clock(sysfs: Path) -> Iterator[Finding]:
         yield problem("clock", f"the computer believes it is {year}", "set the date, for example with NTP")
     else:
         yield ok("clock", f"the date is plausible ({time.strftime('%Y-%m-%d')})")
-    try:
-        source = (sysfs / "devices/system/clocksource/clocksource0/current_clocksource").read_text().strip()
-    except OSError:
-        return
+    source = attribute(sysfs / "devices/system/clocksource/clocksource0/current_clocksource")
     if source in SLOW_CLOCKS:
         yield warning("clock", f"the kernel counts time by {source}, which is slow", "boot with tsc as clock source")
-    else:
+    elif source:
         yield ok("clock", f"the kernel counts time by {source}")
 
 
@@ -108,8 +102,7 @@ def check_permission(node: Node) -> Finding:
             "run `sudo gellight install-udev`, then unplug the sensor and plug it in; over ssh also `sudo usermod -aG "
             "video $USER`, then log in again",
         )  # fmt: skip
-    others = holders(node.path)
-    if others:
+    if others := holders(node.path):
         names = ", ".join(f"{command} (process {number})" for number, command in others)
         return warning("permission", f"{node.path} is also open in {names}", "end that programme if frames do not come")
     return ok("permission", f"{node.path} may be used and is free")

@@ -14,7 +14,7 @@ class Level(StrEnum):
     PROBLEM = "problem"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
     """What one check found."""
 
@@ -29,19 +29,24 @@ class Finding:
         return {name: str(value) for name, value in asdict(self).items()}
 
 
+def judged(check: str, text: str, *, bad: bool, remedy: str) -> Finding:
+    """Return a warning with its remedy where something is `bad`, else that all is well."""
+    return warning(check, text, remedy) if bad else ok(check, text)
+
+
 def ok(check: str, text: str) -> Finding:
     """Return a finding that all is well."""
-    return Finding(level=Level.OK, check=check, text=text)
+    return Finding(Level.OK, check, text)
 
 
 def warning(check: str, text: str, remedy: str) -> Finding:
     """Return a finding that costs quality."""
-    return Finding(level=Level.WARNING, check=check, text=text, remedy=remedy)
+    return Finding(Level.WARNING, check, text, remedy)
 
 
 def problem(check: str, text: str, remedy: str) -> Finding:
     """Return a finding that prevents use."""
-    return Finding(level=Level.PROBLEM, check=check, text=text, remedy=remedy)
+    return Finding(Level.PROBLEM, check, text, remedy)
 
 
 def failure(check: str, error: GellightError) -> Finding:

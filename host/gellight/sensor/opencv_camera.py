@@ -23,14 +23,10 @@ class OpenCvCamera(Camera):
     def __init__(self, index: int, *, url: str, capture: Callable[[int], Any] = cv2.VideoCapture) -> None:
         """Open the camera with this index; `capture` makes what reads it. Raises CameraError."""
         self.url = url
-        self.stage = None
         self._capture = capture(index)
         self._sequence = 0
         image = self._grab()
         self.image_shape = (image.shape[0], image.shape[1])
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Return None: nobody knows what was really pressed."""
 
     def read(self) -> CameraFrame:
         """Wait for the next frame; `time_s` is its arrival, the best that is known."""

@@ -9,7 +9,7 @@ import logging
 import os
 import threading
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,29 +47,21 @@ class SensorCamera(Camera):
     """The camera of a real sensor, with its ring where it has one; closing it makes the LEDs dark."""
 
     def __init__(
-        self,
-        sensor: Sensor,
-        options: CaptureOptions | None = None,
-        *,
-        bundle: Bundle | None = None,
-        url: str,
-        by_serial: bool,
-        surroundings: Surroundings | None = None,
-    ) -> None:
+        self, sensor: Sensor, options: CaptureOptions, *, bundle: Bundle | None = None, url: str, by_serial: bool,
+        surroundings: Surroundings,
+    ) -> None:  # fmt: skip
         """Open `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark.
 
         `by_serial`: its serial number is its own, so it is found again at any port.
         """
         self.url = url
-        self.stage = None
         self._sensor, self._by_serial = sensor, by_serial
-        self._given = options or CaptureOptions()
+        self._given = options
         self._setup = Setup(self._given, None)
         if bundle is not None:
             _warn_of_dark(url, bundle.colours)
             self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
-        self._surroundings = surroundings or Surroundings(kernel=LINUX)
-        self._clock = self._surroundings.kernel.clock
+        self._surroundings, self._clock = surroundings, surroundings.kernel.clock
         self._closing = threading.Event()
         self._past = Counts()
         self._last, self._reconnections = -1, 0
@@ -95,8 +87,7 @@ class SensorCamera(Camera):
         before = self._setup
         connection = self._connection  # the thread that reads may let go of it at any time
         _warn_of_dark(self.url, colours)
-        unknown = sorted(set(controls) - set(KNOBS))
-        if unknown:
+        if unknown := sorted(set(controls) - set(KNOBS)):
             raise CameraError(f"{self.url} has no control {unknown[0]!r} (known are: {', '.join(KNOBS)}): leave it out")
         recorded = {**before.options.model_dump(include=before.options.model_fields_set), **controls}
         self._setup = replace(before, options=self._given.over(recorded), colours=colours)
@@ -121,9 +112,6 @@ class SensorCamera(Camera):
         connection = self._connection
         return connection.camera.timing if connection else None
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Return None: nobody knows what was really pressed."""
-
     def read(self) -> CameraFrame:
         """Wait for the newest frame that was exposed after the LEDs were lit.
 
@@ -138,7 +126,10 @@ class SensorCamera(Camera):
         try:
             return self._numbered(self._connection.newest())
         except (UnpluggedError, StalledError, BoardError) as error:
-            raise self._left(error) from error
+            logger.warning("%s", error)
+            self._absence = absence = Absence(self._clock(), str(error))
+            self._release()
+            raise self._reconnecting(absence) from error
 
     def _numbered(self, frame: CameraFrame) -> CameraFrame:
         """Continue the numbers of the frames before a reconnection."""
@@ -148,13 +139,6 @@ class SensorCamera(Camera):
         return replace(frame, sequence=self._last)
 
     # ---- away and back ----
-
-    def _left(self, error: GellightError) -> ReconnectingError:
-        """Let go of the sensor and remember since when and why."""
-        logger.warning("%s", error)
-        self._absence = absence = Absence(self._clock(), str(error))
-        self._release()
-        return self._reconnecting(absence)
 
     def _reconnecting(self, absence: Absence) -> ReconnectingError:
         away_s = self._clock() - absence.since_s
@@ -182,14 +166,14 @@ class SensorCamera(Camera):
         connection, self._connection = self._connection, None
         self.ring = self.controls = None
         if connection is not None:
-            self._past = _sum(self._past, connection.camera.counts)
+            self._past += connection.camera.counts
             connection.close()
 
     def status(self) -> dict[str, object]:
         """Return name, connection and counts over all connections, ready for JSON."""
         connection, absence = self._connection, self._absence
         camera = connection.camera if connection else None
-        counts = _sum(self._past, camera.counts) if camera else self._past
+        counts = self._past + camera.counts if camera else self._past
         return {
             "name": self._sensor.name,
             "node": self._sensor.camera.path,
@@ -221,10 +205,8 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
     found = around.look()
     if url.startswith("v4l2://"):
         sensor = _camera_alone(found, place)
-    elif url.startswith("sensor://"):
-        sensor = found.called(place)
     else:
-        sensor = found.only()
+        sensor = found.called(place) if url.startswith("sensor://") else found.only()
     _check_ring(found, sensor, options)
     return SensorCamera(
         sensor, options, bundle=bundle, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
@@ -251,19 +233,14 @@ def _check_ring(found: Discovery, sensor: Sensor, options: CaptureOptions) -> No
     """Refuse a ring that is named in the URL and belongs to another camera."""
     named = options.ring
     for other in found.sensors:
-        if named and other.ring and other.camera.path != sensor.camera.path and _names(named, other):
+        if named and other.ring and other.camera.path != sensor.camera.path and _names(named, other.ring):
             raise CameraError(
                 f"ring and camera are of different sensors: {named} belongs to the camera {other.camera.stable}, not "
                 f"to {sensor.camera.stable}; use sensor://{other.name}, or the ring of this camera"
             )
 
 
-def _names(ring_url: str, sensor: Sensor) -> bool:
-    assert sensor.ring is not None
-    serial = sensor.ring.usb.serial if sensor.ring.usb else ""
+def _names(ring_url: str, ring: Node) -> bool:
+    serial = ring.usb.serial if ring.usb else ""
     by_number = bool(serial) and ring_url in (f"serial://{serial}", f"usb://{serial}")
-    return by_number or str(Path(ring_url).resolve()) == str(Path(sensor.ring.path).resolve())
-
-
-def _sum(one: Counts, other: Counts) -> Counts:
-    return Counts(**{field.name: asdict(one)[field.name] + asdict(other)[field.name] for field in fields(Counts)})
+    return by_number or Path(ring_url).resolve() == Path(ring.path).resolve()

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from contextlib import closing
 
 import numpy as np
 
@@ -10,10 +9,9 @@ from gellight.base.errors import GellightError
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
-from gellight.sensor.findings import Finding, failure, ok, problem, warning
+from gellight.sensor.findings import Finding, failure, judged, ok, problem, warning
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.errors import CorruptPictureError
-from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.stamps import cadence
 from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera
@@ -33,7 +31,7 @@ SLOW_ROUND_TRIP_S = 0.02
 def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding]:
     """Open ring and camera and check both; the LEDs are dark in the end."""
     try:
-        with closing(_camera(sensor, surroundings)) as camera:
+        with V4l2Camera(sensor.camera.path, kernel=surroundings.kernel, sysfs=surroundings.sysfs) as camera:
             yield from check_formats(camera)
             pictures = [camera.picture() for _ in range(SETTLE_FRAMES + FRAMES)][SETTLE_FRAMES:]
             yield from check_settings(camera)
@@ -50,18 +48,12 @@ def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding
         yield failure("sensor", error)
 
 
-def _camera(sensor: Sensor, surroundings: Surroundings) -> V4l2Camera:
-    return V4l2Camera(sensor.camera.path, CaptureOptions(), kernel=surroundings.kernel, sysfs=surroundings.sysfs)
-
-
 def check_formats(camera: V4l2Camera) -> Iterator[Finding]:
     """List what the camera offers; raw pictures at the same rate would be free of JPEG's artefacts."""
     offered = camera.offers
     yield ok("formats", "; ".join(str(offer) for offer in offered))
     mode = camera.mode
-    fitting = [
-        offer for offer in offered if offer.has(mode.width, mode.height) and max(offer.rates, default=0) >= mode.fps
-    ]
+    fitting = [each for each in offered if each.has(mode.width, mode.height) and max(each.rates, default=0) >= mode.fps]
     raw = [offer.letters for offer in fitting if offer.letters in ("YUYV", "RGB3")]
     if raw and mode.letters == "MJPG":
         text = f"{raw[0]} comes at {mode.fps:g} fps too, without JPEG's artefacts"
@@ -75,9 +67,8 @@ def check_settings(camera: V4l2Camera) -> Iterator[Finding]:
     if "exposure_us" in missing:
         yield problem("settings", "the exposure of this camera cannot be fixed", "use another camera")
     elif missing:
-        yield warning(
-            "settings", f"this camera has no {' and no '.join(missing)}", "use another camera if colours drift"
-        )
+        text = f"this camera has no {' and no '.join(missing)}"
+        yield warning("settings", text, "use another camera if colours drift")
     free = [name for name, locked in controls.locked().items() if not locked]
     wrong = [str(deviation) for deviation in controls.deviations()]
     if free or wrong:
@@ -91,9 +82,8 @@ def check_rate(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
     """Compare the rate that the kernel's time stamps show with the one the camera promised."""
     fps = 1 / cadence(pictures).period_s
     text = f"{fps:.2f} frames/s by the kernel's stamps, {camera.mode.fps:g} promised"
-    if abs(fps / camera.mode.fps - 1) > RATE_TOLERANCE:
-        return warning("rate", text, "shorten the exposure, or ask for a rate that the camera keeps with ?fps=")
-    return ok("rate", text)
+    remedy = "shorten the exposure, or ask for a rate that the camera keeps with ?fps="
+    return judged("rate", text, bad=abs(fps / camera.mode.fps - 1) > RATE_TOLERANCE, remedy=remedy)
 
 
 def check_stamps(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
@@ -113,9 +103,8 @@ def check_bandwidth(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
     """Compare what the pictures take with what USB 2 reserves for one camera at most."""
     rate = float(np.mean([len(picture.data) for picture in pictures])) * camera.mode.fps
     text = f"{camera.mode} takes {rate / 1e6:.1f} MB/s, {rate / ISOCHRONOUS_BYTES_S:.0%} of what USB 2 reserves at most"
-    if rate > 0.8 * ISOCHRONOUS_BYTES_S:
-        return warning("bandwidth", text, "no second camera fits on this bus: use format=MJPG for that")
-    return ok("bandwidth", text)
+    remedy = "no second camera fits on this bus: use format=MJPG for that"
+    return judged("bandwidth", text, bad=rate > 0.8 * ISOCHRONOUS_BYTES_S, remedy=remedy)
 
 
 def check_losses(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
@@ -135,9 +124,7 @@ def check_losses(camera: V4l2Camera, pictures: list[Picture]) -> Finding:
     bad = counts.lost + counts.damaged + corrupt + counts.duplicated
     text = (f"{counts.lost} lost, {counts.damaged} damaged, {corrupt} not whole, {counts.duplicated} duplicated of "
             f"{counts.delivered + bad - corrupt}")  # fmt: skip
-    if bad > few:
-        return warning("frames", text, "use another cable, another port or no hub")
-    return ok("frames", text)
+    return judged("frames", text, bad=bad > few, remedy="use another cable, another port or no hub")
 
 
 def _whole(picture: Picture, camera: V4l2Camera) -> bool:
@@ -164,9 +151,8 @@ def check_ring_clock(ring: LightRing, surroundings: Surroundings) -> Finding:
         times.append(surroundings.kernel.clock() - begun_s)
     median_s = float(np.median(times))
     text = f"the board answers within {median_s * 1e3:.2f} ms (median)"
-    if median_s > SLOW_ROUND_TRIP_S:
-        return warning("clock", text, "use a port of its own: the light of a frame is known less surely")
-    return ok("clock", text)
+    remedy = "use a port of its own: the light of a frame is known less surely"
+    return judged("clock", text, bad=median_s > SLOW_ROUND_TRIP_S, remedy=remedy)
 
 
 def check_leds(ring: LightRing, camera: V4l2Camera) -> Finding:
@@ -175,9 +161,7 @@ def check_leds(ring: LightRing, camera: V4l2Camera) -> Finding:
     ring.light(np.full((12, 3), TEST_BRIGHTNESS, np.uint8))
     lit = _mean_grey(camera)
     ring.blank()
-    text = (
-        f"the picture is {dark:.1f} grey levels with dark LEDs and {lit:.1f} with all lit at {TEST_BRIGHTNESS} of 255"
-    )
+    text = f"the picture is {dark:.1f} grey levels with dark LEDs, {lit:.1f} with all lit at {TEST_BRIGHTNESS} of 255"
     if lit - dark < SEEN_GREY:
         return problem("leds", text, "check the ring's 5 V and data wire, and that this camera looks at this ring")
     return ok("leds", text)

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, CameraError
 from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.frames import CameraFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.reconstruction.photometric.static_scene import BLOCK_PX, repetition_limit
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.sensor.lighting.hold import Hold
@@ -103,7 +102,10 @@ class SeriesCamera(RingCamera):
         self._hold = self._next = None
 
     def _take(self) -> ExposureSeries:
-        hold = self._begun()
+        if self._hold is None:
+            self._exposure_us = self._set_exposure(self._bright_us)
+            self._hold = Hold(self._camera).__enter__()
+        hold = self._hold
         first = (self._next,) if self._next and self._frames == 1 else self._expose(hold, 0)
         opening = first[0]
         frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
@@ -118,12 +120,6 @@ class SeriesCamera(RingCamera):
             hold.__exit__()
         super().close()
 
-    def _begun(self) -> Hold:
-        if self._hold is None:
-            self._exposure_us = self._set_exposure(self._bright_us)
-            self._hold = Hold(self._camera).__enter__()
-        return self._hold
-
 
 class RestingCamera(RingCamera):
     """Delivers the frames of its camera, and a series when the scene rests and something touches the gel.
@@ -133,15 +129,9 @@ class RestingCamera(RingCamera):
     """
 
     def __init__(
-        self,
-        camera: Camera,
-        groups: NDArray[np.uint8],
-        *,
-        exposure_us: float | None,
-        frames: int,
-        untouched: NDArray[np.float32],
-        noise_grey: float,
-    ) -> None:
+        self, camera: Camera, groups: NDArray[np.uint8], *, exposure_us: float | None, frames: int,
+        untouched: NDArray[np.float32], noise_grey: float,
+    ) -> None:  # fmt: skip
         """As the base; `untouched` (H, W, 3) is the reference image, `noise_grey` that of a pixel of one frame."""
         super().__init__(camera, groups, exposure_us=exposure_us, frames=frames)
         self._untouched = _small(untouched)
@@ -160,17 +150,14 @@ class RestingCamera(RingCamera):
             self._look(frame)
         if self._looks_at_rest < LOOKS_AT_REST or time.monotonic() < self._due_s:
             return replace(frame, sequence=self._numbered(frame))
-        series = self._try_series(frame)
-        self._due_s = time.monotonic() + MEASURE_EVERY_S
-        return series
-
-    def _try_series(self, frame: CameraFrame) -> ExposureSeries:
         with self._alone():
             ring = self.ring
             try:
-                return self._series(frame)
+                series = self._series(frame)
             except BoardError as error:
                 raise self._why_failed(error, ring) from error
+        self._due_s = time.monotonic() + MEASURE_EVERY_S
+        return series
 
     def _look(self, frame: CameraFrame) -> None:
         small = _small(frame.image)
@@ -198,28 +185,13 @@ class RestingCamera(RingCamera):
 
 
 def as_series(
-    opening: CameraFrame,
-    closing: CameraFrame,
-    frames: tuple[tuple[CameraFrame, ...], ...],
-    groups: NDArray[np.uint8],
-    *,
-    number: int,
-    exposure_us: float | None,
-) -> ExposureSeries:
+    opening: CameraFrame, closing: CameraFrame, frames: tuple[tuple[CameraFrame, ...], ...],
+    groups: NDArray[np.uint8], *, number: int, exposure_us: float | None,
+) -> ExposureSeries:  # fmt: skip
     """Put frames together; what the series shows as a camera frame is `opening`, with the sequence number `number`."""
+    opening = replace(opening, sequence=number)
     return ExposureSeries(
-        image=opening.image,
-        time_s=opening.time_s,
-        sequence=number,
-        source=opening.source,
-        light=opening.light,
-        label=opening.label,
-        truth=opening.truth,
-        groups=groups,
-        frames=frames,
-        opening=replace(opening, sequence=number),
-        closing=closing,
-        exposure_us=exposure_us,
+        **vars(opening), groups=groups, frames=frames, opening=opening, closing=closing, exposure_us=exposure_us
     )
 
 

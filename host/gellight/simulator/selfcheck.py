@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.frames.frames import TactileFrame
-from gellight.frames.judging import SelfCheckResult
+from gellight.frames.frames import SelfCheckResult, TactileFrame
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.simulator.scene import Scene
 from sim_reference.camera import linear_grey

@@ -149,7 +149,8 @@ class SimulatedCamera(Camera):
         `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
         steady.
         """
-        self.url, self.stage, self.ring = url, stage, ring
+        self.url, self.ring = url, ring
+        self.stage: Stage = stage
         self.image_shape = scene.geometry.image_shape
         self._scene = scene
         self._shutter = Shutter()

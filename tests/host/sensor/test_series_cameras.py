@@ -13,8 +13,7 @@ from gellight.base.errors import BoardError, BundleError, CameraError
 from gellight.base.settings import ReconstructionSettings
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
 from gellight.frames.camera import Camera, ReconnectingError
-from gellight.frames.frames import CameraFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.sensor.series_cameras import RestingCamera, SeriesCamera
 from tests.helpers.scripted_ring import ScriptedRing

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.reconstruction.integration import angle_deg
 from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
 from gellight.reconstruction.pipeline import Reconstructor

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, ExposureReport, TactileFrame
-from gellight.frames.series import ExposureSeries
+from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.photometric import static_scene
 from gellight.reconstruction.photometric.level import find_level

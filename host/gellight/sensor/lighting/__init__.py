@@ -2,5 +2,5 @@
 
 `hold` shows light groups one by one and returns a clean frame of each; `sequenced` labels a stream of frames. They
 stand on `clock` (board and host), `timeline` (what was lit when), `label` (exposure against light), `content` (what the
-picture itself says) and `hold_time` (how many frames a light has to stay).
+picture itself says) and `lock` (how many frames a light has to stay, and when it changes).
 """

@@ -10,7 +10,6 @@ then on only the pings right before and after a moment are believed about it, ea
 """
 
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +51,7 @@ class Interval(NamedTuple):
         return (self.high - self.low) / 2
 
 
-@dataclass(frozen=True)
-class _Bounds:
+class _Bounds(NamedTuple):
     """What one ping tells of the offset."""
 
     time_us: float
@@ -65,16 +63,13 @@ class _Bounds:
 
 def _bounds(ping: Ping) -> _Bounds:
     sent_us, received_us = ping.host_sent_s * 1e6, ping.host_received_s * 1e6
-    slip_us = MOST_DRIFT * (received_us - sent_us)
-    low_us, high_us = ping.board_sent_us - received_us, ping.board_received_us - sent_us
-    middle_us = (sent_us + received_us) / 2
-    return _Bounds(
-        middle_us, low_us - slip_us - TICK_US, high_us + slip_us + TICK_US, ping.host_sent_s, ping.host_received_s
-    )
+    slip_us = MOST_DRIFT * (received_us - sent_us) + TICK_US
+    low_us, high_us = ping.board_sent_us - received_us - slip_us, ping.board_received_us - sent_us + slip_us
+    return _Bounds((sent_us + received_us) / 2, low_us, high_us, ping.host_sent_s, ping.host_received_s)
 
 
 class ClockMap:
-    """Converts times between host (s, `time.monotonic`) and board (us), each with its uncertainty."""
+    """Converts times of the board (us) to those of the host (s, `time.monotonic`), each with its uncertainty."""
 
     def __init__(self) -> None:
         """Know nothing yet."""
@@ -87,19 +82,11 @@ class ClockMap:
     def _clear(self) -> None:
         self._pings: deque[_Bounds] = deque()
         self._newest: _Bounds | None = None
+        self.drift = Interval(-MOST_DRIFT, MOST_DRIFT)
+        """how much faster the board's clock runs than the host's, as a fraction"""
         self._sure: deque[_Bounds] = deque(maxlen=KEPT_SURE)
         self.noise_us = 0.0
         """by how much the pings contradict each other: 0 for real clocks; an emulated one runs by fits and starts"""
-
-    @property
-    def known(self) -> bool:
-        """Whether there has been a ping."""
-        return self._newest is not None
-
-    @property
-    def drift(self) -> Interval:
-        """How much faster the board's clock runs than the host's, as a fraction."""
-        return Interval(*self._drift) if self.known else Interval(-MOST_DRIFT, MOST_DRIFT)
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """Whether sure pings on both sides of a stretch of host time fit together: the clock did not jump in it."""
@@ -108,7 +95,7 @@ class ClockMap:
     def add(self, ping: Ping) -> None:
         """Take in a ping, in the order of time."""
         new = _bounds(ping)
-        if self.known:
+        if self._newest is not None:
             low_us, high_us = self._offset(new.time_us)
             if max(new.low_us - high_us, low_us - new.high_us) > JUMP_US:
                 self.jumps += 1
@@ -143,26 +130,21 @@ class ClockMap:
         if slowest > fastest:  # the drift has changed more than pings of this quality allow for
             slowest, fastest = -MOST_DRIFT, MOST_DRIFT
         self._times, self._low, self._high = times, low, high
-        self._drift = float(slowest) - WANDER, float(fastest) + WANDER
+        self.drift = Interval(float(slowest) - WANDER, float(fastest) + WANDER)
 
     def _offset(self, time_us: float) -> tuple[float, float]:
         """Bounds of board minus host at a time of the host, us."""
         reach = time_us - self._times
-        slow, fast = reach * self._drift[0], reach * self._drift[1]
+        slow, fast = reach * self.drift.low, reach * self.drift.high
         low = float((self._low + np.minimum(slow, fast)).max())
         high = float((self._high + np.maximum(slow, fast)).min())
         return min(low, high), max(low, high)
 
-    def board_us(self, host_s: float) -> Interval:
-        """Return the board's time at a time of the host; ValueError before the first ping."""
-        self._checked()
-        low, high = self._offset(host_s * 1e6)
-        return Interval(host_s * 1e6 + low, host_s * 1e6 + high)
-
     def host_s(self, board_us: float) -> Interval:
         """Return the host's time at a time of the board; ValueError before the first ping."""
-        newest = self._checked()
-        low, high = self._offset(board_us - (newest.low_us + newest.high_us) / 2)
+        if self._newest is None:
+            raise ValueError("the clock of the board is unknown before the first ping: call ring.clock()")
+        low, high = self._offset(board_us - (self._newest.low_us + self._newest.high_us) / 2)
         return Interval((board_us - high) * 1e-6, (board_us - low) * 1e-6)
 
     def offset_us(self, from_s: float, to_s: float) -> Interval:
@@ -176,8 +158,3 @@ class ClockMap:
         end = min(number for number, ping in enumerate(self._sure) if ping.sent_s >= to_s)
         around = list(self._sure)[begin : end + 1]
         return Interval(min(ping.low_us for ping in around), max(ping.high_us for ping in around))
-
-    def _checked(self) -> _Bounds:
-        if self._newest is None:
-            raise ValueError("the clock of the board is unknown before the first ping: call ring.clock()")
-        return self._newest

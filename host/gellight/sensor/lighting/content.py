@@ -28,25 +28,21 @@ STEP_PX = 2
 """every second pixel of every second row is enough for the mean of a cell"""
 ROUNDS = 4
 
-
-@dataclass(frozen=True, kw_only=True)
-class ContentSettings:
-    """What is believed; docs/light.md tells what these were chosen on."""
-
-    noise_grey: float = 0.15
-    """a cell is off by so much through noise and quantisation"""
-    shading: float = 0.05
-    """and by this share of its level through modulation, drift and reflexes"""
-    gain: float = 0.15
-    """two lights are believed where they lower the mean of ln(1 + misfit^2) over the cells by this"""
-    fitting: float = 0.6
-    """a band says something where this share of its cells fit"""
-    bands: int = 4
-    """a picture says something where so many of its bands do"""
-    pure: float = 0.9
-    """a band whose main group has at least this share saw that group"""
-    darkest: float = 0.4
-    """bands whose coefficients add up to less than this, or to more than its inverse, saw another light"""
+# What is believed; docs/light.md tells what these were chosen on.
+NOISE_GREY = 0.15
+"""a cell is off by so much through noise and quantisation"""
+SHADING = 0.05
+"""and by this share of its level through modulation, drift and reflexes"""
+GAIN = 0.15
+"""two lights are believed where they lower the mean of ln(1 + misfit^2) over the cells by this"""
+FITTING = 0.6
+"""a band says something where this share of its cells fit"""
+READABLE_BANDS = 4
+"""a picture says something where so many of its bands do"""
+PURE = 0.9
+"""a band whose main group has at least this share saw that group"""
+DARKEST = 0.4
+"""bands whose coefficients add up to less than this, or to more than its inverse, saw another light"""
 
 
 @dataclass(frozen=True)
@@ -62,15 +58,11 @@ class Content:
 class ContentCheck:
     """Fits pictures by the reference images of the light groups."""
 
-    def __init__(
-        self, references: Sequence[Image] | NDArray[np.float32], *, dark: Image | None = None,
-        settings: ContentSettings | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, references: Sequence[Image] | NDArray[np.float32], *, dark: Image | None = None) -> None:
         """Take one (H, W, 3) picture of the untouched gel for each group, and one in the dark if that is not black.
 
         Raises InputError where two groups look the same, or where there is nothing to see under one.
         """
-        self.settings = settings or ContentSettings()
         self._black = cells(dark) if dark is not None else np.zeros(1)
         self._basis = np.stack([cells(image) - self._black for image in references], axis=2)
         self._refuse_lookalikes()
@@ -91,31 +83,30 @@ class ContentCheck:
     def read(self, image: Image) -> Content:
         """Return how much of each group is in each row band of (H, W, 3)."""
         observed = cells(image) - self._black
-        scale = self.settings.noise_grey + self.settings.shading * observed
+        scale = NOISE_GREY + SHADING * observed
         found, costs = single_fits(self._basis, observed, scale)
-        for band in np.flatnonzero(costs > self.settings.gain):  # costs are positive: elsewhere two can gain no more
+        for band in np.flatnonzero(costs > GAIN):  # costs are positive: elsewhere two can gain no more
             two, two_cost = pair_fit(self._basis[band], observed[band], scale[band])
-            if two_cost + self.settings.gain < costs[band]:
+            if two_cost + GAIN < costs[band]:
                 found[band] = two
         misfit = np.abs(observed - np.einsum("bcn,bn->bc", self._basis, found)) / scale
         return Content(found, np.asarray((misfit < 1.5).mean(axis=1)))
 
     def label(self, image: Image) -> LightLabel:
-        """Return what the picture shows: clean where every band that can be read saw the same one group."""
-        return self.judge(self.read(image))
+        """Return what the picture shows: clean where every band that can be read saw the same one group.
 
-    def judge(self, content: Content) -> LightLabel:
-        """Label what was read. Bands that fit badly have no say; where too few have, it is unknown."""
+        Bands that fit badly have no say; where too few have, it is unknown.
+        """
+        content = self.read(image)
         total = content.coefficients.sum(axis=1)
-        limit = self.settings.darkest
-        readable = content.fitting >= self.settings.fitting
-        dim = readable & (total < limit)
-        if readable.sum() < self.settings.bands or dim.all() or (readable & (total > 1 / limit)).any():
+        readable = content.fitting >= FITTING
+        dim = readable & (total < DARKEST)
+        if readable.sum() < READABLE_BANDS or dim.all() or (readable & (total > 1 / DARKEST)).any():
             return LightLabel(state=LightState.UNKNOWN)
         lit = readable & ~dim
         share = content.coefficients[lit] / total[lit, None]
         main = share.argmax(axis=1)
-        if dim.any() or (main != main[0]).any() or (share.max(axis=1) < self.settings.pure).any():
+        if dim.any() or (main != main[0]).any() or (share.max(axis=1) < PURE).any():
             return LightLabel(state=LightState.MIXED)
         return LightLabel(state=LightState.CLEAN, group=int(main[0]))
 

@@ -19,7 +19,6 @@ from gellight.ring.enumerations import State
 from gellight.sensor.set_and_light import MOST_ATTEMPTS, set_and_light
 
 logger = logging.getLogger(__name__)
-Groups = NDArray[np.uint8]
 
 
 class PictureCheck(Protocol):
@@ -30,12 +29,9 @@ class PictureCheck(Protocol):
 
 
 def exposures(
-    camera: Camera,
-    groups: Groups | Iterable[NDArray[np.uint8]],
-    *,
-    timing: CameraTiming | None = None,
-    check: PictureCheck | None = None,
-) -> list[CameraFrame]:
+    camera: Camera, groups: NDArray[np.uint8] | Iterable[NDArray[np.uint8]], *,
+    timing: CameraTiming | None = None, check: PictureCheck | None = None,
+) -> list[CameraFrame]:  # fmt: skip
     """Return one clean frame for each light group, in order; afterwards the light is again what it was before.
 
     `groups` is (n, 12, 3) uint8 RGB, or an iterable of (12, 3). Each frame carries the label `clean` with its index.
@@ -51,9 +47,7 @@ def exposures(
 class Hold:
     """The light ring of a camera, in hand. As a context manager it gives back the light that was there before."""
 
-    def __init__(
-        self, camera: Camera, *, timing: CameraTiming | None = None, check: PictureCheck | None = None
-    ) -> None:
+    def __init__(self, camera: Camera, timing: CameraTiming | None = None, check: PictureCheck | None = None) -> None:
         """Remember what to use; `__enter__` takes the ring of `camera`."""
         self._camera, self._timing, self._check = camera, timing, check
 

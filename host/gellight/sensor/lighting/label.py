@@ -6,7 +6,7 @@ in between; else nothing is claimed. A frame is clean where all its rows are cle
 rows together surely saw more than one light, and unknown otherwise.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ MIXED, UNKNOWN = -10, -11
 UNKNOWN_LABEL = LightLabel(state=LightState.UNKNOWN)
 
 
-@dataclass(frozen=True)
-class RowExposures:
+class RowExposures(NamedTuple):
     """When the rows of one frame were exposed, board us: (H,) each, bounds of the beginning and of the end."""
 
     begin_low: Array

@@ -14,7 +14,7 @@ from gellight.ring.light_ring import LightRing, Ping
 from gellight.ring.wire import Record
 from gellight.sensor.lighting.clock import ClockMap, Interval
 from gellight.sensor.lighting.label import label_frame
-from gellight.sensor.lighting.timeline import KnownLight, Plan, unplanned
+from gellight.sensor.lighting.timeline import KnownLight, Plan
 
 ASKED = 3
 """how often the board is asked about one frame; then it stays unknown"""
@@ -36,7 +36,7 @@ class Change(NamedTuple):
 class LightWatch:
     """Listens to a ring as long as it is open. Frames can be labelled from about its first ping on."""
 
-    def __init__(self, ring: LightRing, timing: CameraTiming, *, plan: Plan = unplanned) -> None:
+    def __init__(self, ring: LightRing, timing: CameraTiming, *, plan: Plan | None = None) -> None:
         """Begin to listen, and ask for the time."""
         self._ring, self.timing = ring, timing
         self._lock = threading.Lock()
@@ -84,18 +84,14 @@ class LightWatch:
         for attempt in range(ASKED):
             if attempt:
                 time.sleep(0.001)
-            self._ask()
+            status = self._ring.status()
             with self._lock:
+                self.light.note_status(status)
                 sure = self.clock.covers(begin_s, end_s)
                 if sure and self.light.confirmed_us >= end_s * 1e6 + self.clock.offset_us(begin_s, end_s).high:
                     break
         with self._lock:
             return label_frame(self.clock, self.light, self.timing, time_s, rows)
-
-    def _ask(self) -> None:
-        status = self._ring.status()
-        with self._lock:
-            self.light.note_status(status)
 
     def changes(self) -> list[Change]:
         """Return the last changes of the light that were reported, oldest first."""

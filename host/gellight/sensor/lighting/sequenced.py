@@ -23,10 +23,9 @@ from gellight.ring.enumerations import Edge, State, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.hold import Hold
-from gellight.sensor.lighting.hold_time import hold_frames
 from gellight.sensor.lighting.label import UNKNOWN_LABEL
 from gellight.sensor.lighting.light_watch import LightWatch
-from gellight.sensor.lighting.lock import PhaseLock, Trim
+from gellight.sensor.lighting.lock import PhaseLock, Trim, hold_frames
 from gellight.sensor.lighting.timeline import REPEAT_US
 
 logger = logging.getLogger(__name__)
@@ -125,7 +124,7 @@ class SequencedCamera(CameraWrapper):
             ring.set_sync(SyncMode.EXT, edge=self._strobe_edge, divider=self.frames, timeout_us=missed_us,
                           delay_us=round((to_end_s + margin_s) * 1e6))  # fmt: skip
         self._unwatch()
-        self.watch = LightWatch(ring, self._timing, **({"plan": self._planned_us} if free else {}))
+        self.watch = LightWatch(ring, self._timing, plan=self._planned_us if free else None)
         ring.start()
 
     def _unwatch(self) -> None:
@@ -178,11 +177,16 @@ class SequencedCamera(CameraWrapper):
             self._start()
             frame = self._camera.read()
         assert self.watch is not None
+        assert self._started_on is not None
         timed = self.watch.label(frame.time_s, self.image_shape[0])
         seen = self._check.label(frame.image) if self._check else None
         frame = replace(frame, label=self._agree(timed, seen))
-        if self.watch.silenced():
-            self._start_again()
+        if self.watch.silenced():  # this program was held up for so long that the board ended the sequence
+            logger.warning(
+                "the board heard nothing from here and ended its sequence (machine busy?); it is started again"
+            )
+            self._started_on.start()
+            self._trim = Trim(0, 0.0)  # a start forgets the trim
         elif self.mode is LightMode.FREE:
             self._steer(frame)
         return frame
@@ -193,13 +197,6 @@ class SequencedCamera(CameraWrapper):
             self._end()
             self._camera.adopt(controls, colours)
             self._before = colours
-
-    def _start_again(self) -> None:
-        """Go on after this program was held up for so long that the board ended the sequence."""
-        assert self._started_on is not None
-        logger.warning("the board heard nothing from here and ended its sequence (machine busy?); it is started again")
-        self._started_on.start()
-        self._trim = Trim(0, 0.0)  # a start forgets the trim
 
     def _agree(self, timed: LightLabel, seen: LightLabel | None) -> LightLabel:
         """Let the picture doubt what the times say; it never makes an uncertain frame clean."""

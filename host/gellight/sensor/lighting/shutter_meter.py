@@ -86,23 +86,17 @@ class ShutterMeter:
                 f"only {len(self._samples)} row bands saw the light change, {FEWEST_BANDS} are needed: "
                 "take more frames, and check that ring and camera belong to one sensor"
             )
-        samples = np.array(self._samples)
-        kept = np.ones(len(samples), bool)
+        height, change_s, share = np.array(self._samples).T
+        design, kept = np.column_stack([height, 1 - share, np.ones(len(share))]), np.ones(len(share), bool)
         for _ in range(3):
-            (readout_s, exposure_s, delay_s), misfit_s = _fit(samples, kept)
+            solution = np.linalg.lstsq(design[kept], change_s[kept], rcond=None)[0]
+            misfit_s = change_s - design @ solution
             kept = np.abs(misfit_s) < 3 * max(1.4826 * float(np.median(np.abs(misfit_s))), 1e-5)
-        scatter_s = float(misfit_s[kept].std())
+        (readout_s, exposure_s, delay_s), scatter_s = solution, float(misfit_s[kept].std())
         if exposure_s < 2 * scatter_s or readout_s < -3 * scatter_s:
             raise CameraError("the pictures do not follow the light: are the stamps of this camera times at all?")
         return ShutterEstimate(exposure_s=float(exposure_s), readout_s=max(float(readout_s), 0.0),
                                delay_s=float(delay_s), scatter_s=scatter_s, bands=int(kept.sum()))  # fmt: skip
-
-
-def _fit(samples: NDArray[np.float64], kept: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    height, change_s, share = samples.T
-    design = np.column_stack([height, 1 - share, np.ones(len(samples))])
-    solution = np.linalg.lstsq(design[kept], change_s[kept], rcond=None)[0]
-    return solution, change_s - design @ solution
 
 
 def measure_shutter(

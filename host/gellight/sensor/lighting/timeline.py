@@ -31,15 +31,14 @@ Plan = Callable[[protocol.LightEvent, protocol.LightEvent], float | None]
 """how long after the first light the second was to begin, board us; None where it was not planned"""
 
 
-def unplanned(before: protocol.LightEvent, after: protocol.LightEvent) -> None:
-    """Plan nothing: lights come when somebody asks for them."""
-
-
 class KnownLight:
     """The lights that were reported, in order, and until when the last one is known to be on."""
 
-    def __init__(self, *, pulse_period_us: float, plan: Plan = unplanned) -> None:
-        """Know nothing; `plan` lets a light that came on time count from its first bit, not earlier."""
+    def __init__(self, *, pulse_period_us: float, plan: Plan | None = None) -> None:
+        """Know nothing; `plan` lets a light that came on time count from its first bit, not earlier.
+
+        Without it lights come when somebody asks for them.
+        """
         self._pulse_us, self.plan = pulse_period_us, plan
         self.lost = 0
         """stretches of which no event came"""
@@ -51,7 +50,8 @@ class KnownLight:
         self._last: protocol.LightEvent | None = None
         self._grid: deque[float] = deque(maxlen=MOST_ON_GRID)
         """when the last light was to begin, by each of the last ones"""
-        self._confirmed_us = -np.inf
+        self.confirmed_us = -np.inf
+        """the board's time until which the light is known"""
 
     def note_event(self, event: protocol.LightEvent) -> None:
         """Take in a LIGHT event, in the order of the board."""
@@ -66,11 +66,11 @@ class KnownLight:
         again = self._lights and self._lights[-1][2] == group >= 0 and begin_us == event.first_bit_us
         if not again:  # a light that is sent again, and not disturbed, changes nothing
             self._lights.append((begin_us, event.latched_us + self._pulse_us, group))
-        self._confirmed_us = max(self._confirmed_us, float(event.latched_us))
+        self.confirmed_us = max(self.confirmed_us, float(event.latched_us))
 
     def _begin_us(self, last: protocol.LightEvent | None, event: protocol.LightEvent) -> float:
         """From when on the light may show, or what a disturbed transfer before it left."""
-        after_us = self.plan(last, event) if last is not None else None
+        after_us = self.plan(last, event) if self.plan and last else None
         self._grid = deque((due_us + after_us for due_us in self._grid) if after_us else (), MOST_ON_GRID)
         planned_us = min(self._grid, default=0.0)
         planned = len(self._grid) >= FEWEST_ON_GRID
@@ -84,12 +84,12 @@ class KnownLight:
         if self._last is None or status.light_id != self._last.light_id:
             self._lose()
         else:
-            self._confirmed_us = max(self._confirmed_us, status.time_us - REPORT_US)
+            self.confirmed_us = max(self.confirmed_us, status.time_us - REPORT_US)
 
     def _lose(self) -> None:
         if self._lights and self._lights[-1][2] != UNTOLD:
             self.lost += 1
-            self._lights.append((self._confirmed_us, np.inf, UNTOLD))
+            self._lights.append((self.confirmed_us, np.inf, UNTOLD))
 
     def between(self, from_us: float, to_us: float) -> tuple[Array, Array, NDArray[np.int64]]:
         """Return the lights that may have been on from one time to another.
@@ -100,12 +100,7 @@ class KnownLight:
         if not self._lights:
             return np.empty(0), np.empty(0), np.empty(0, np.int64)
         begin, sure, group = (np.array(column) for column in zip(*self._lights, strict=True))
-        until = np.append(begin[1:], self._confirmed_us if group[-1] != UNTOLD else begin[-1])
+        until = np.append(begin[1:], self.confirmed_us if group[-1] != UNTOLD else begin[-1])
         ends = np.append(begin[1:], np.inf)
         chosen = (ends >= from_us) & (begin <= to_us)
         return sure[chosen], until[chosen], group[chosen].astype(np.int64)
-
-    @property
-    def confirmed_us(self) -> float:
-        """The board's time until which the light is known."""
-        return self._confirmed_us

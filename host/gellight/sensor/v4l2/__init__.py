@@ -8,8 +8,7 @@ controls.py      exposure, gain, white balance by number: automatic off, set, re
 stream.py        buffers: always the newest frame, everything else counted
 device.py        one open device, its modes, controls and stream
 errors.py        what can go wrong, by remedy
-decoding.py      bytes to RGB
-jpeg.py          JPEG to RGB where it is whole; these two import OpenCV, nothing else here does
+decoding.py      bytes to RGB where they are whole; it imports OpenCV, nothing else here does
 stamps.py        what a time stamp means
 options.py       the parameters of a URL
 video_camera.py  V4l2Camera, the Camera of `v4l2://`

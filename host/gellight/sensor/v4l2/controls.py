@@ -103,8 +103,7 @@ class V4l2Controls:
 
     def read(self, name: str) -> float:
         """Return the value in force."""
-        knob = self._knob(name)
-        return self.get(knob.number) * knob.scale
+        return self.get(self._knob(name).number) * KNOBS[name].scale
 
     def set(self, name: str, value: float) -> float:
         """Switch the automatic off, set the nearest value there is, read it back and return it.
@@ -133,7 +132,9 @@ class V4l2Controls:
         for number, value, words in FIXED:
             if self.has(number):
                 self._put(number, value, words)
-        self._set_power_line(power_line_hz)
+        # A filter against mains flicker that cannot be off stays on: inside a sensor there is no flicker.
+        if self.has(POWER_LINE) and (power_line_hz or not self._describe(POWER_LINE).minimum):
+            self._put(POWER_LINE, POWER_LINE_VALUES[power_line_hz], "the power line filter")
         for name, knob in KNOBS.items():
             self._manual(name, knob)
         for name, setting in values.items():
@@ -143,11 +144,6 @@ class V4l2Controls:
             if self.exposure_us > self.period_us:
                 raise CameraError(exposure_too_long(self.exposure_us, self.period_us))
 
-    def _set_power_line(self, hz: int) -> None:
-        """Set the filter against mains flicker; one that cannot be off stays on, as a sensor has no flicker inside."""
-        if self.has(POWER_LINE) and (hz or not self._describe(POWER_LINE).minimum):
-            self._put(POWER_LINE, POWER_LINE_VALUES[hz], "the power line filter")
-
     def deviations(self) -> list[Deviation]:
         """Read everything back that was set, and return what does not hold."""
         with self._changing:
@@ -156,8 +152,7 @@ class V4l2Controls:
 
     def verify(self) -> None:
         """Raise CameraError unless everything that was set holds."""
-        wrong = self.deviations()
-        if wrong:
+        if wrong := self.deviations():
             raise CameraError(
                 f"{self._path} does not keep its settings: {', '.join(map(str, wrong))}; end other programmes that "
                 "change it, or use a camera whose settings can be fixed"
@@ -185,8 +180,7 @@ class V4l2Controls:
         with self._changing:
             self._wanted.pop(number, None)
             self._send(number, value, f"{name} = {value * scale:g}")
-            found = self.get(number)
-            if found != value:
+            if (found := self.get(number)) != value:
                 raise CameraError(
                     f"{self._path} does not keep its settings: {Deviation(name, value * scale, found * scale)}; use a "
                     "camera whose settings can be fixed"

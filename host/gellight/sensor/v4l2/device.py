@@ -2,9 +2,9 @@
 
 import errno
 import os
+from contextlib import AbstractContextManager
 from ctypes import Structure
 from dataclasses import dataclass, replace
-from typing import Self
 
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
@@ -21,11 +21,9 @@ class Identity:
 
     driver: str
     card: str
-    captures: bool
-    """it delivers pictures; a UVC camera's second node, for example, delivers only data about them"""
 
 
-class Device:
+class Device(AbstractContextManager["Device"]):
     """An open device node; a context manager that closes it."""
 
     def __init__(self, path: str, *, kernel: Kernel = LINUX) -> None:
@@ -37,10 +35,6 @@ class Device:
             self._descriptor = self.kernel.open(path)
         try:
             self.identity = self._identify()
-            if not self.identity.captures:
-                raise CameraError(
-                    f"{path} ({self.identity.card}) delivers no pictures: `gellight find` lists the nodes that do"
-                )
         except BaseException:
             self.kernel.close(self._descriptor)
             raise
@@ -53,6 +47,7 @@ class Device:
         self.kernel.ioctl(self._descriptor, request, argument)
 
     def _identify(self) -> Identity:
+        """Ask what it is; CameraError for what delivers no pictures: a UVC camera's second node, for example."""
         found = v.Capability()
         with explaining(self.path, "to say what it is"):
             try:
@@ -63,11 +58,12 @@ class Device:
                 raise
         able = found.device_caps if found.capabilities & v.CAP_DEVICE_CAPS else found.capabilities
         needed = v.CAP_VIDEO_CAPTURE | v.CAP_STREAMING
-        return Identity(
-            driver=found.driver.decode(errors="replace"),
-            card=found.card.decode(errors="replace"),
-            captures=able & needed == needed,
-        )
+        identity = Identity(driver=found.driver.decode(errors="replace"), card=found.card.decode(errors="replace"))
+        if able & needed != needed:
+            raise CameraError(
+                f"{self.path} ({identity.card}) delivers no pictures: `gellight find` lists the nodes that do"
+            )
+        return identity
 
     def offers(self) -> tuple[Offer, ...]:
         """List what the camera offers."""
@@ -110,8 +106,8 @@ class Device:
 
     def stop(self) -> None:
         """Stop streaming."""
-        if self._stream is not None:
-            stream, self._stream = self._stream, None
+        stream, self._stream = self._stream, None
+        if stream is not None:
             stream.close()
 
     def close(self) -> None:
@@ -123,10 +119,6 @@ class Device:
         finally:
             descriptor, self._descriptor = self._descriptor, -1
             self.kernel.close(descriptor)
-
-    def __enter__(self) -> Self:
-        """Return the device."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Close the device."""

@@ -39,10 +39,8 @@ class Offer:
         """Whether it comes in this size."""
         if self.smallest is None:
             return (width, height) == (self.width, self.height)
-        inside = self.smallest[0] <= width <= self.width and self.smallest[1] <= height <= self.height
-        return (
-            inside and not (width - self.smallest[0]) % self.step[0] and not (height - self.smallest[1]) % self.step[1]
-        )
+        widths = range(self.smallest[0], self.width + 1, self.step[0])
+        return width in widths and height in range(self.smallest[1], self.height + 1, self.step[1])
 
     def rate_near(self, fps: float) -> float:
         """Return the offered rate nearest to `fps`; `fps` itself where the camera lists none."""
@@ -92,7 +90,9 @@ class Mode:
 
 def offers(ask: Ask) -> tuple[Offer, ...]:
     """List everything the camera offers, in its own order."""
-    return tuple(_with_rates(ask, size) for letters in _pixel_formats(ask) for size in _sizes(ask, letters))
+    described = _entries(ask, v.ENUM_FMT, lambda index: v.FormatDescription(index=index, type=v.CAPTURE))
+    formats = [v.fourcc(entry.pixelformat) for entry in described]
+    return tuple(_with_rates(ask, size) for letters in formats for size in _sizes(ask, letters))
 
 
 def choose(offered: Sequence[Offer], wanted: Wanted, *, path: str) -> Mode:
@@ -139,11 +139,6 @@ def _entries(ask: Ask, request: int, entry: Callable[[int], Structure]) -> Itera
                 return
             raise
         yield found
-
-
-def _pixel_formats(ask: Ask) -> list[str]:
-    described = _entries(ask, v.ENUM_FMT, lambda index: v.FormatDescription(index=index, type=v.CAPTURE))
-    return [v.fourcc(entry.pixelformat) for entry in described]
 
 
 def _sizes(ask: Ask, letters: str) -> list[Offer]:

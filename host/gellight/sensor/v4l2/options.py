@@ -54,8 +54,7 @@ class CaptureOptions(BaseModel):
 
     def controls(self) -> dict[str, float]:
         """Return the controls that are given, by name."""
-        names = ("exposure_us", "gain", "white_balance_k")
-        return {name: value for name in names if (value := getattr(self, name)) is not None}
+        return self.model_dump(include={"exposure_us", "gain", "white_balance_k"}, exclude_none=True)
 
 
 def parse_url(url: str) -> tuple[str, CaptureOptions]:

@@ -6,16 +6,17 @@ the next picture. So even a slow reader never gets an old one.
 """
 
 import errno
+from ctypes import Structure
 from dataclasses import asdict, dataclass
 from mmap import mmap
 
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining
+from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining, explanation
 from gellight.sensor.v4l2.formats import Ask
 from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel
 
-BUFFERS, FEWEST_BUFFERS = 4, 2
+BUFFERS = 4
 BAD_LIMIT = 60
 """so many unusable pictures in a row are a fault"""
 OLDEST_STAMP_S = 2.0
@@ -63,6 +64,10 @@ class Counts:
         """Return the counts by name."""
         return asdict(self)
 
+    def __add__(self, other: "Counts") -> "Counts":
+        """Return the sum, count by count."""
+        return Counts(**{name: count + getattr(other, name) for name, count in asdict(self).items()})
+
 
 class Stream:
     """A running stream; a device has one at most."""
@@ -87,17 +92,14 @@ class Stream:
     def _start(self, buffers: int) -> None:
         request = v.RequestBuffers(count=buffers, type=v.CAPTURE, memory=v.MMAP)
         self._ask(v.REQBUFS, request)
-        if request.count < FEWEST_BUFFERS:  # with one the driver would have none to fill while it is read
+        if request.count < 2:  # with one the driver would have none to fill while it is read
             raise CameraError(f"{self._path} has memory for {request.count} pictures only: ask for a smaller size")
         for index in range(request.count):
-            self._map(index)
+            buffer = v.Buffer(index=index, type=v.CAPTURE, memory=v.MMAP)
+            self._ask(v.QUERYBUF, buffer)
+            self._memory.append(self._kernel.mmap(self._descriptor, buffer.length, buffer.m.offset))
+            self._ask(v.QBUF, buffer)
         self._ask(v.STREAMON, v.Int(v.CAPTURE))
-
-    def _map(self, index: int) -> None:
-        buffer = v.Buffer(index=index, type=v.CAPTURE, memory=v.MMAP)
-        self._ask(v.QUERYBUF, buffer)
-        self._memory.append(self._kernel.mmap(self._descriptor, buffer.length, buffer.m.offset))
-        self._ask(v.QBUF, buffer)
 
     def _unmap(self) -> None:
         for memory in self._memory:
@@ -145,7 +147,8 @@ class Stream:
         while (buffer := self._dequeue()) is not None:
             taken += 1
             picture = self._judge(buffer)
-            self._requeue(buffer)
+            with explaining(self._path, "to take a buffer back"):
+                self._ask(v.QBUF, v.Buffer(index=buffer.index, type=v.CAPTURE, memory=v.MMAP))
             if picture is not None:
                 self.counts.skipped += newest is not None
                 newest = picture
@@ -166,13 +169,8 @@ class Stream:
             if error.errno == errno.EIO and self.plugged():
                 self.counts.damaged += 1
                 return None
-            with explaining(self._path, "to deliver a picture"):
-                raise
+            raise explanation(self._path, "to deliver a picture", error) from error
         return buffer
-
-    def _requeue(self, buffer: v.Buffer) -> None:
-        with explaining(self._path, "to take a buffer back"):
-            self._ask(v.QBUF, v.Buffer(index=buffer.index, type=v.CAPTURE, memory=v.MMAP))
 
     def _judge(self, buffer: v.Buffer) -> Picture | None:
         """Count what a buffer holds; return it where it is a good picture that was not there before."""
@@ -210,15 +208,13 @@ class Stream:
 
     def close(self) -> None:
         """Stop; the buffers go back to the driver. A camera that was unplugged is no error."""
-        for request, argument in (
-            (v.STREAMOFF, v.Int(v.CAPTURE)),
-            (v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP)),
-        ):
-            if request == v.REQBUFS:
-                self._unmap()  # the driver does not free what is mapped
-            try:
-                self._ask(request, argument)
-            except OSError as error:
-                if error.errno not in GONE:
-                    with explaining(self._path, "to stop its stream"):
-                        raise
+        self._ask_to_stop(v.STREAMOFF, v.Int(v.CAPTURE))
+        self._unmap()  # the driver does not free what is mapped
+        self._ask_to_stop(v.REQBUFS, v.RequestBuffers(count=0, type=v.CAPTURE, memory=v.MMAP))
+
+    def _ask_to_stop(self, request: int, argument: Structure) -> None:
+        try:
+            self._ask(request, argument)
+        except OSError as error:
+            if error.errno not in GONE:
+                raise explanation(self._path, "to stop its stream", error) from error

@@ -24,12 +24,16 @@ FRAME_DISCRETE = 1  # of FRMSIZE and FRMIVAL alike
 CTRL_DISABLED = 0x1
 
 
+def _u32(*names: str) -> tuple[tuple[str, type[c_uint32]], ...]:
+    return tuple((name, c_uint32) for name in names)
+
+
 class Capability(Structure):
     """Answer of QUERYCAP."""
 
     _fields_ = (
-        ("driver", c_char * 16), ("card", c_char * 32), ("bus_info", c_char * 32), ("version", c_uint32),
-        ("capabilities", c_uint32), ("device_caps", c_uint32), ("reserved", c_uint32 * 3),
+        ("driver", c_char * 16), ("card", c_char * 32), ("bus_info", c_char * 32),
+        *_u32("version", "capabilities", "device_caps"), ("reserved", c_uint32 * 3),
     )  # fmt: skip
 
 
@@ -37,8 +41,8 @@ class FormatDescription(Structure):
     """One entry of ENUM_FMT."""
 
     _fields_ = (
-        ("index", c_uint32), ("type", c_uint32), ("flags", c_uint32), ("description", c_char * 32),
-        ("pixelformat", c_uint32), ("mbus_code", c_uint32), ("reserved", c_uint32 * 3),
+        *_u32("index", "type", "flags"), ("description", c_char * 32), *_u32("pixelformat", "mbus_code"),
+        ("reserved", c_uint32 * 3),
     )  # fmt: skip
 
 
@@ -49,30 +53,23 @@ class _SizeUnion(Union):
 class FrameSize(Structure):
     """One entry of ENUM_FRAMESIZES."""
 
-    _fields_ = (
-        ("index", c_uint32), ("pixel_format", c_uint32), ("type", c_uint32), ("size", _SizeUnion),
-        ("reserved", c_uint32 * 2),
-    )  # fmt: skip
+    _fields_ = (*_u32("index", "pixel_format", "type"), ("size", _SizeUnion), ("reserved", c_uint32 * 2))
 
 
 class FrameInterval(Structure):
     """One entry of ENUM_FRAMEINTERVALS; `values` are fractions of a second: the one, or min, max and step."""
 
     _fields_ = (
-        ("index", c_uint32), ("pixel_format", c_uint32), ("width", c_uint32), ("height", c_uint32),
-        ("type", c_uint32), ("values", c_uint32 * 6), ("reserved", c_uint32 * 2),
+        *_u32("index", "pixel_format", "width", "height", "type"), ("values", c_uint32 * 6), ("reserved", c_uint32 * 2),
     )  # fmt: skip
 
 
 class PixelFormat(Structure):
     """Single-planar picture format."""
 
-    _fields_ = tuple(
-        (name, c_uint32)
-        for name in (
-            "width", "height", "pixelformat", "field", "bytesperline", "sizeimage", "colorspace", "priv", "flags",
-            "ycbcr_enc", "quantization", "xfer_func",
-        )
+    _fields_ = _u32(
+        "width", "height", "pixelformat", "field", "bytesperline", "sizeimage", "colorspace", "priv", "flags",
+        "ycbcr_enc", "quantization", "xfer_func",
     )  # fmt: skip
 
 
@@ -91,18 +88,15 @@ class StreamParameters(Structure):
     """Argument of G_PARM and S_PARM."""
 
     _fields_ = (
-        ("type", c_uint32), ("capability", c_uint32), ("capturemode", c_uint32), ("numerator", c_uint32),
-        ("denominator", c_uint32), ("extendedmode", c_uint32), ("readbuffers", c_uint32), ("rest", c_uint8 * 176),
+        *_u32("type", "capability", "capturemode", "numerator", "denominator", "extendedmode", "readbuffers"),
+        ("rest", c_uint8 * 176),
     )  # fmt: skip
 
 
 class RequestBuffers(Structure):
     """Argument of REQBUFS."""
 
-    _fields_ = (
-        ("count", c_uint32), ("type", c_uint32), ("memory", c_uint32), ("capabilities", c_uint32),
-        ("flags", c_uint32),
-    )  # fmt: skip
+    _fields_ = _u32("count", "type", "memory", "capabilities", "flags")
 
 
 class _Time(Structure):
@@ -117,9 +111,8 @@ class Buffer(Structure):
     """Argument of QUERYBUF, QBUF and DQBUF."""
 
     _fields_ = (
-        ("index", c_uint32), ("type", c_uint32), ("bytesused", c_uint32), ("flags", c_uint32), ("field", c_uint32),
-        ("timestamp", _Time), ("timecode", c_uint8 * 16), ("sequence", c_uint32), ("memory", c_uint32),
-        ("m", _BufferPlace), ("length", c_uint32), ("reserved2", c_uint32), ("request_fd", c_int32),
+        *_u32("index", "type", "bytesused", "flags", "field"), ("timestamp", _Time), ("timecode", c_uint8 * 16),
+        *_u32("sequence", "memory"), ("m", _BufferPlace), *_u32("length", "reserved2"), ("request_fd", c_int32),
     )  # fmt: skip
 
 
@@ -133,7 +126,7 @@ class ControlDescription(Structure):
     """Argument of QUERYCTRL."""
 
     _fields_ = (
-        ("id", c_uint32), ("type", c_uint32), ("name", c_char * 32), ("minimum", c_int32), ("maximum", c_int32),
+        *_u32("id", "type"), ("name", c_char * 32), ("minimum", c_int32), ("maximum", c_int32),
         ("step", c_int32), ("default_value", c_int32), ("flags", c_uint32), ("reserved", c_uint32 * 2),
     )  # fmt: skip
 

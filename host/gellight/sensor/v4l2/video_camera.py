@@ -27,23 +27,15 @@ class V4l2Camera(Camera):
     controls: V4l2Controls
 
     def __init__(
-        self,
-        path: str,
-        options: CaptureOptions | None = None,
-        *,
-        shape: tuple[int, int] | None = None,
-        url: str | None = None,
-        kernel: Kernel = LINUX,
-        sysfs: Path = Path("/sys"),
-    ) -> None:
+        self, path: str, options: CaptureOptions | None = None, *, shape: tuple[int, int] | None = None,
+        url: str | None = None, kernel: Kernel = LINUX, sysfs: Path = Path("/sys"),
+    ) -> None:  # fmt: skip
         """Open, set and start the camera at `path`.
 
         `shape` (H, W) is what a calibration bundle was made with; `options` are stronger. Raises CameraError and its
         children of `v4l2.errors`, and InputError for a control out of range.
         """
-        self.url = url or f"v4l2://{path}"
-        self.stage = None
-        self.ring = None
+        self.path, self.url = path, url or f"v4l2://{path}"
         self._options = options or CaptureOptions()
         self._device = Device(path, kernel=kernel)
         try:
@@ -58,11 +50,6 @@ class V4l2Camera(Camera):
         self.counts = self._stream.counts
         self._hardware_stamps = hardware_stamps(self._device.identity.driver, sysfs=sysfs)
         self._proven = self._closed = False
-
-    @property
-    def path(self) -> str:
-        """The device node."""
-        return self._device.path
 
     @property
     def stamp_meaning(self) -> StampMeaning:
@@ -87,9 +74,6 @@ class V4l2Camera(Camera):
         """What the camera offers."""
         return self._device.offers()
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Return None: nobody knows what was really pressed."""
-
     def picture(self) -> Picture:
         """Wait for the newest picture and return it undecoded; raises as `read` does."""
         if self._closed:
@@ -109,18 +93,14 @@ class V4l2Camera(Camera):
             except CorruptPictureError:
                 self.counts.corrupt += 1
                 continue
-            self._prove()
+            if not self._proven:  # some cameras reset their controls as they start
+                self.controls.verify()
+                self._proven = True
             time_s = self.stamp_meaning.start_s(picture)
             return CameraFrame(image=image, time_s=time_s, sequence=picture.sequence, source=self.url)
         raise StalledError(
             f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
         )
-
-    def _prove(self) -> None:
-        """Look once, when pictures come, whether the controls hold: some cameras reset them as they start."""
-        if not self._proven:
-            self.controls.verify()
-            self._proven = True
 
     def status(self) -> dict[str, object]:
         """Return mode, card and counts, ready for JSON."""

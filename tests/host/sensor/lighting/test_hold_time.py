@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.frames.timing import CameraTiming
-from gellight.sensor.lighting.hold_time import hold_frames, settle_s
+from gellight.sensor.lighting.lock import hold_frames, settle_s
 
 PHASES = np.linspace(0, 1, 2001)[:-1]
 

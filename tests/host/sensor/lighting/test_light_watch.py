@@ -25,6 +25,7 @@ from gellight.sensor.lighting.label import label_frame
 from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.sequenced import SequencedCamera
 from gellight.sensor.lighting.timeline import KnownLight
+from tests.helpers.clock_bounds import board_us
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
 TRIPLES = colour_triples(RING)
@@ -37,7 +38,7 @@ def test_the_clock_of_the_emulated_board_is_known_to_the_length_of_a_ping(monkey
     for _ in range(25):
         camera.board.run(200_000)
         now_s, truth_us = camera.clock.monotonic(), camera.board.now_us
-        low_us, high_us = watch.clock.board_us(now_s)
+        low_us, high_us = board_us(watch.clock, now_s)
         assert low_us <= truth_us <= high_us
         assert high_us - low_us < 300
         camera.ring.clock()

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from gellight.sensor.v4l2.decoding import decode_jpeg, layout_of
 from gellight.sensor.v4l2.errors import CorruptPictureError
-from gellight.sensor.v4l2.jpeg import decode_jpeg, layout_of
 from tests.helpers.v4l2_pictures import SAMPLINGS, coded_jpeg, jpeg, scene
 
 SHAPE = (240, 320)
