@@ -52,7 +52,7 @@ def _announce(run: CalibrationRun, done: int, wanted: str) -> None:
         instruction=f"Press the pin grid ({run.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
         "whole view, some tenths of a millimetre deep. Hold still, then lift. Without one, go on.",
         progress=Progress(done=done, wanted=done + 1, unit="pictures"),
-        problem=wanted if done else run.display.shown["problem"],
+        problem=wanted if done else run.display.problem,
     )
 
 

@@ -90,7 +90,7 @@ class CalibrationRun:
 
     def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
-        before = self.display.shown["actions"]
+        before = self.display.actions
         self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
             while (chosen := self.next_action()) is None or chosen[0] not in ("accept", "next"):

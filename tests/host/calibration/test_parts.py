@@ -188,7 +188,7 @@ def test_leds_that_are_dark_for_a_while_are_waited_for() -> None:
     run = DarkAtFirst(9)
     wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
     assert run.taken == 9 + 2
-    assert run.display.shown["problem"] == ""
+    assert run.display.problem == ""
 
 
 def test_leds_that_stay_dark_are_told() -> None:
