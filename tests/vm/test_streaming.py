@@ -26,7 +26,7 @@ def test_pictures_come_whole_in_order_and_show_what_the_device_saw(
     assert all(later > earlier for earlier, later in itertools.pairwise(found["stamps"]))
     assert all(found["sound"])
     assert found["status"]["damaged"] == found["status"]["corrupt"] == 0
-    assert one.video.sent >= 20
+    assert len(found["sound"]) == 20
     shown = one.video._camera.read().image[::4, ::4].astype(float)  # the press is held: every picture is the same
     error = np.abs(np.array(found["picture"], float) - shown)
     assert error.mean() < 4, "grey levels, mostly noise of both pictures and halved colours"

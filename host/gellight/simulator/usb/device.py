@@ -6,6 +6,7 @@ import socket
 import struct
 import threading
 from collections.abc import Callable, Mapping
+from math import inf
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import CameraError, ConfigError, InputError
@@ -34,6 +35,10 @@ class UncommandedRing(LightRing):
     def __init__(self, board: SimulatedBoard) -> None:
         """Hold the board without speaking to it."""
         self.transport = board
+
+    def lit_since_s(self) -> float:
+        """Return -inf: whatever the other program lights is the light of every frame."""
+        return -inf
 
     def close(self) -> None:
         """Switch the board off."""
