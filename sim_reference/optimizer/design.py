@@ -36,7 +36,7 @@ STARTING_GREY = 230.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wishes:
+class Requirements:
     """Requirements: how the sensor is used, and within which limits the search may change it."""
 
     numbers: tuple[int, ...] = (6, 9, 12, 15)
@@ -100,12 +100,12 @@ def colours_of(number: int, geometry: SensorGeometry) -> str:
     return "R" * (number // 3) + "G" * (number // 3) + "B" * (number // 3)
 
 
-def optimise(geometry: SensorGeometry, place: Place, wishes: Wishes) -> list[Candidate]:
-    """Return the best candidate for each number of LEDs, in the order of `wishes.numbers`.
+def optimise(geometry: SensorGeometry, place: Place, requirements: Requirements) -> list[Candidate]:
+    """Return the best candidate for each number of LEDs, in the order of `requirements.numbers`.
 
     Raises ValueError if there is no room for the LEDs, or if they leave the gel dark.
     """
-    return [_best_of(number, geometry, place, wishes) for number in wishes.numbers]
+    return [_best_of(number, geometry, place, requirements) for number in requirements.numbers]
 
 
 def chosen(candidates: list[Candidate], figure: str) -> Candidate:
@@ -116,18 +116,23 @@ def chosen(candidates: list[Candidate], figure: str) -> Candidate:
 
 
 def errors(
-    geometry: SensorGeometry, place: Place, wishes: Wishes, brightest_grey: float, longest: float = float("inf")
+    geometry: SensorGeometry,
+    place: Place,
+    requirements: Requirements,
+    brightest_grey: float,
+    longest: float = float("inf"),
 ) -> tuple[float, float, float]:
     """Return MAE, Top5, Top1 in rad, averaged over the scenes, of the sensor `geometry`.
 
     `longest` is the longest exposure in full scales per light: beyond it the picture stays darker than wanted.
     """
     ring = ring_light_vectors(geometry, place.x, place.y, window_of(geometry))
-    pictures = mixing(geometry, one_shot=wishes.one_shot)
-    camera = LightGroups(noise_grey=wishes.noise_grey)
+    pictures = mixing(geometry, one_shot=requirements.one_shot)
+    camera = LightGroups(noise_grey=requirements.noise_grey)
     gain = _gain(ring, pictures, brightest_grey, longest)
     found = [
-        normal_error(seen, ring, pictures, camera, drop_shadows=wishes.drop_shadows, gain=gain) for seen in place.scenes
+        normal_error(seen, ring, pictures, camera, drop_shadows=requirements.drop_shadows, gain=gain)
+        for seen in place.scenes
     ]
     mae, top5, top1 = np.mean(found, axis=0).tolist()
     return mae, top5, top1
@@ -140,7 +145,7 @@ class _Search:
     number: int
     geometry: SensorGeometry
     place: Place
-    wishes: Wishes
+    requirements: Requirements
     low: Array
     high: Array
     longest: float
@@ -160,7 +165,7 @@ class _Search:
     def error(self, share: Array) -> float:
         """Return the error that the search minimises."""
         sensor, grey, longest = self.at(share)
-        return errors(sensor, self.place, self.wishes, grey, longest)[FIGURES.index(self.wishes.figure)]
+        return errors(sensor, self.place, self.requirements, grey, longest)[FIGURES.index(self.requirements.figure)]
 
     def simplex(self) -> Array:
         """Return the sensor we start from and three neighbours of it, (4, 3), inside the bounds."""
@@ -170,46 +175,50 @@ class _Search:
         return np.asarray(begin + np.concatenate([np.zeros((1, 3)), steps]))
 
 
-def _best_of(number: int, geometry: SensorGeometry, place: Place, wishes: Wishes) -> Candidate:
-    low, high = _bounds(geometry, wishes)
-    search = _Search(number, geometry, place, wishes, low, high, _longest_exposure(geometry, place, wishes))
+def _best_of(number: int, geometry: SensorGeometry, place: Place, requirements: Requirements) -> Candidate:
+    low, high = _bounds(geometry, requirements)
+    search = _Search(number, geometry, place, requirements, low, high, _longest_exposure(geometry, place, requirements))
     simplex = search.simplex()
     options = {"initial_simplex": simplex, "maxfev": 90, "xatol": 0.004, "fatol": radians(0.001)}
     found = minimize(search.error, simplex[0], method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options=options)
     sensor, grey, longest = search.at(found.x)
-    return replace(assessed(sensor, place, wishes, grey, longest), evaluations=int(found.nfev))
+    return replace(assessed(sensor, place, requirements, grey, longest), evaluations=int(found.nfev))
 
 
-def _bounds(geometry: SensorGeometry, wishes: Wishes) -> tuple[Array, Array]:
+def _bounds(geometry: SensorGeometry, requirements: Requirements) -> tuple[Array, Array]:
     window_mm = window_of(geometry).thickness_mm
-    highest = geometry.camera_height_mm - window_mm - wishes.clearance_mm
+    highest = geometry.camera_height_mm - window_mm - requirements.clearance_mm
     if highest <= 0:
         raise ValueError(
             f"the camera is {geometry.camera_height_mm:g} mm above the gel surface, {window_mm:g} mm of them gel and "
             "acrylic: there is no room for the LEDs between them, raise camera_height_mm"
         )
-    low = np.array([wishes.angle_bounds_rad[0], 0.0, wishes.grey_bounds[0]])
-    high = np.array([wishes.angle_bounds_rad[1], highest, wishes.grey_bounds[1]])
+    low = np.array([requirements.angle_bounds_rad[0], 0.0, requirements.grey_bounds[0]])
+    high = np.array([requirements.angle_bounds_rad[1], highest, requirements.grey_bounds[1]])
     return low, high
 
 
-def _longest_exposure(geometry: SensorGeometry, place: Place, wishes: Wishes) -> float:
+def _longest_exposure(geometry: SensorGeometry, place: Place, requirements: Requirements) -> float:
     """Return the limit in full scales per absolute light, that is irradiance over height squared."""
-    if wishes.exposure_limit == float("inf"):
+    if requirements.exposure_limit == float("inf"):
         return float("inf")
     ring = ring_light_vectors(geometry, place.x, place.y, window_of(geometry))
-    gain = restoring_gain(ring, mixing(geometry, one_shot=wishes.one_shot)) * STARTING_GREY / WHITE
-    return wishes.exposure_limit * gain * (geometry.camera_height_mm - geometry.mounting_height_mm) ** 2
+    gain = restoring_gain(ring, mixing(geometry, one_shot=requirements.one_shot)) * STARTING_GREY / WHITE
+    return requirements.exposure_limit * gain * (geometry.camera_height_mm - geometry.mounting_height_mm) ** 2
 
 
 def assessed(
-    geometry: SensorGeometry, place: Place, wishes: Wishes, brightest_grey: float, longest: float = float("inf")
+    geometry: SensorGeometry,
+    place: Place,
+    requirements: Requirements,
+    brightest_grey: float,
+    longest: float = float("inf"),
 ) -> Candidate:
     """Return the sensor `geometry` as a candidate, without a search; arguments as of `errors`."""
     ring = ring_light_vectors(geometry, place.x, place.y, window_of(geometry))
-    pictures = mixing(geometry, one_shot=wishes.one_shot)
+    pictures = mixing(geometry, one_shot=requirements.one_shot)
     gain = _gain(ring, pictures, brightest_grey, longest)
-    mae, top5, top1 = errors(geometry, place, wishes, brightest_grey, longest)
+    mae, top5, top1 = errors(geometry, place, requirements, brightest_grey, longest)
     return Candidate(
         len(geometry.led_colours),
         geometry.incident_angle_rad,
@@ -218,7 +227,7 @@ def assessed(
         mae,
         top5,
         top1,
-        noise_law(ring, pictures, wishes.noise_grey, gain * WHITE),
+        noise_law(ring, pictures, requirements.noise_grey, gain * WHITE),
         1,
     )
 

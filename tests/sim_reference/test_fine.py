@@ -185,29 +185,29 @@ def test_a_window_asks_for_a_larger_angle_in_air() -> None:
 
 @pytest.mark.parametrize("one_shot", [False, True])
 def test_noise_on_a_plane_is_what_the_closed_form_says(one_shot: bool) -> None:
-    wishes = design.Wishes(one_shot=one_shot, drop_shadows=False)
+    requirements = design.Requirements(one_shot=one_shot, drop_shadows=False)
     _, x, y = region(SMALL, GEOMETRY)
     inside, _, _ = region(SMALL, GEOMETRY)
     flat = design.Place([near_field.scene(plane(SMALL, GEOMETRY), inside)], x, y)
     low = fine.at_height(GEOMETRY, 4.0)
-    measured = design.errors(low, flat, wishes, 230.0)[0]
-    assert measured == pytest.approx(design.assessed(low, flat, wishes, 230.0).noise_mae_rad, rel=0.05)
+    measured = design.errors(low, flat, requirements, 230.0)[0]
+    assert measured == pytest.approx(design.assessed(low, flat, requirements, 230.0).noise_mae_rad, rel=0.05)
 
 
 def test_the_design_is_better_than_the_start_and_no_worse_than_its_neighbours() -> None:
-    wishes = design.Wishes(numbers=(12,))
-    start = design.errors(GEOMETRY, place(), wishes, 200.0)[2]
-    (found,) = design.optimise(GEOMETRY, place(), wishes)
+    requirements = design.Requirements(numbers=(12,))
+    start = design.errors(GEOMETRY, place(), requirements, 200.0)[2]
+    (found,) = design.optimise(GEOMETRY, place(), requirements)
     assert found.top1_rad < 0.8 * start
     built = replace(GEOMETRY, incident_angle_rad=found.incident_angle_rad, mounting_height_mm=found.mounting_height_mm)
     for change in (-radians(12), radians(12)):
         turned = replace(built, incident_angle_rad=min(found.incident_angle_rad + change, radians(89)))
-        assert design.errors(turned, place(), wishes, found.brightest_grey)[2] > 0.99 * found.top1_rad
+        assert design.errors(turned, place(), requirements, found.brightest_grey)[2] > 0.99 * found.top1_rad
 
 
 def test_little_light_asks_for_leds_nearer_to_the_gel() -> None:
     plenty, little = (
-        design.optimise(GEOMETRY, place(), design.Wishes(numbers=(12,), exposure_limit=limit))[0]
+        design.optimise(GEOMETRY, place(), design.Requirements(numbers=(12,), exposure_limit=limit))[0]
         for limit in (float("inf"), 0.5)
     )
     assert little.mounting_height_mm > plenty.mounting_height_mm
@@ -221,11 +221,11 @@ def test_a_ring_of_as_many_leds_keeps_its_colours() -> None:
 
 
 def test_a_design_without_room_or_light_is_refused() -> None:
-    wishes = design.Wishes(numbers=(12,))
+    requirements = design.Requirements(numbers=(12,))
     with pytest.raises(ValueError, match="no room for the LEDs"):
-        design.optimise(replace(GEOMETRY, camera_height_mm=9.0, mounting_height_mm=0.0), place(), wishes)
+        design.optimise(replace(GEOMETRY, camera_height_mm=9.0, mounting_height_mm=0.0), place(), requirements)
     with pytest.raises(ValueError, match="no LED lights the gel"):
-        design.assessed(replace(GEOMETRY, beam_angle_rad=radians(0.001)), place(), wishes, 230.0)
+        design.assessed(replace(GEOMETRY, beam_angle_rad=radians(0.001)), place(), requirements, 230.0)
 
 
 def test_the_fewest_leds_that_are_nearly_best_are_chosen() -> None:
@@ -235,12 +235,12 @@ def test_the_fewest_leds_that_are_nearly_best_are_chosen() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wishes", "reason"),
+    ("requirements", "reason"),
     [({"numbers": (4,)}, "multiples of 3"), ({"figure": "rms"}, "choose one of"), ({"one_shot": True}, "dropped")],
 )
-def test_wishes_that_cannot_be_met_are_refused(wishes: dict[str, object], reason: str) -> None:
+def test_wishes_that_cannot_be_met_are_refused(requirements: dict[str, object], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
-        design.Wishes(**wishes)  # type: ignore[arg-type]
+        design.Requirements(**requirements)  # type: ignore[arg-type]
 
 
 def test_the_variants_change_one_thing_each() -> None:

@@ -153,9 +153,11 @@ def design(
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
     setup = study.setup()
     sensor, numbers = setup.geometry, tuple(lights or (12,))
-    wishes = designs.wishes(numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit)
+    requirements = designs.requirements(
+        numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
+    )
     with study.sweep("designs") as options:
-        result = run_study(designs.full_design_study(setup, wishes), options)
+        result = run_study(designs.full_design_study(setup, requirements), options)
     answer, files = designs.design_json(result, sensor), designs.parts_of(designs.designed(result.chosen, sensor))
     study.answer("design", answer, designs.design_text(result), files)
 

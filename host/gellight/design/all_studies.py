@@ -110,16 +110,18 @@ def run_all_studies(
     geometry, groups, noise = setup.geometry, setup.with_noise(LightGroups()), setup.noise_grey
     own = setup.led_count // 3 * 3
     several = tuple(sorted({own, *(number for number in numbers if parts.fits(number, geometry))}))
-    alike = designs.wishes(several, geometry, noise_grey=noise)
-    at_once = designs.wishes((own,), geometry, one_shot=True, noise_grey=noise)
-    bright = designs.wishes((own,), geometry, noise_grey=noise, exposure_limit=float("inf"))
+    alike = designs.requirements(several, geometry, noise_grey=noise)
+    at_once = designs.requirements((own,), geometry, one_shot=True, noise_grey=noise)
+    bright = designs.requirements((own,), geometry, noise_grey=noise, exposure_limit=float("inf"))
     ball = output.ball_study(geometry, min(BALL_PRESS_MM, BALL_PRESS_SHARE * geometry.gel_thickness_mm), None)
     coarse, beyond = studies.coarse_study(setup, groups), studies.beyond_study(setup)
     # The paper's heights, as far as the LEDs stay above the gel surface.
     heights_mm = tuple(height for height in fine.HEIGHTS_MM if height <= 0.9 * geometry.camera_height_mm)
     heights = studies.fine_study(setup, heights_mm)
-    given, one_shot_given = (studies.given_study(setup, wishes) for wishes in (alike, at_once))
-    best, one_shot_best, bright_best = (studies.design_study(setup, wishes) for wishes in (alike, at_once, bright))
+    given, one_shot_given = (studies.given_study(setup, requirements) for requirements in (alike, at_once))
+    best, one_shot_best, bright_best = (
+        studies.design_study(setup, requirements) for requirements in (alike, at_once, bright)
+    )
     sensitivity = studies.sensitivity_study(setup)
     every: tuple[Study[Any], ...] = (
         coarse, heights, beyond, given, best, one_shot_given, one_shot_best, bright_best, sensitivity,

@@ -50,7 +50,7 @@ class DesignResult:
         return design.chosen(self.candidates, "top1")
 
 
-def full_design_study(setup: Setup, wanted: design.Wishes) -> Study[DesignResult]:
+def full_design_study(setup: Setup, wanted: design.Requirements) -> Study[DesignResult]:
     """Return the study of designs that fulfil `wanted`, beside the given sensor and the methods beyond the paper."""
     candidates, given, beyond = design_study(setup, wanted), given_study(setup, wanted), beyond_study(setup)
     first, second = len(candidates.tasks), len(candidates.tasks) + len(given.tasks)
@@ -62,21 +62,21 @@ def full_design_study(setup: Setup, wanted: design.Wishes) -> Study[DesignResult
     )
 
 
-def wishes(
+def requirements(
     numbers: tuple[int, ...],
     geometry: SensorGeometry,
     *,
     one_shot: bool = False,
     noise_grey: float = 1.0,
     exposure_limit: float = 1.0,
-) -> design.Wishes:
+) -> design.Requirements:
     """Return what a design must fulfil.
 
     Raises InputError for what no design can fulfil and for more LEDs than fit on the ring, ConfigError for a ring that
     does not fit into the housing.
     """
     try:
-        wanted = design.Wishes(
+        wanted = design.Requirements(
             numbers=numbers,
             one_shot=one_shot,
             drop_shadows=not one_shot,

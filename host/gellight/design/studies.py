@@ -212,15 +212,15 @@ def beyond_study(setup: Setup) -> Study[BeyondResult]:
     )
 
 
-def best_candidate(setup: Setup, wishes: design.Wishes) -> Any:
-    """Return the best design that fulfils `wishes`, which name one number of LEDs, as fields of `design.Candidate`."""
-    (candidate,) = design.optimise(setup.geometry, _place(setup), wishes)
+def best_candidate(setup: Setup, requirements: design.Requirements) -> Any:
+    """Return the best design for the one number of LEDs that is required, as fields of `design.Candidate`."""
+    (candidate,) = design.optimise(setup.geometry, _place(setup), requirements)
     return asdict(candidate)
 
 
-def given_candidate(setup: Setup, wishes: design.Wishes) -> Any:
+def given_candidate(setup: Setup, requirements: design.Requirements) -> Any:
     """Return the sensor as it is, judged like a design, as fields of `design.Candidate`."""
-    return asdict(design.assessed(setup.geometry, _place(setup), wishes, design.STARTING_GREY))
+    return asdict(design.assessed(setup.geometry, _place(setup), requirements, design.STARTING_GREY))
 
 
 def _place(setup: Setup) -> design.Place:
@@ -229,15 +229,15 @@ def _place(setup: Setup) -> design.Place:
     return replace(pressed[0], scenes=[one.scenes[0] for one in pressed])
 
 
-def given_study(setup: Setup, wishes: design.Wishes) -> Study[design.Candidate]:
+def given_study(setup: Setup, requirements: design.Requirements) -> Study[design.Candidate]:
     """Return the study of the sensor as it is, judged like a design: one task."""
-    return Study([Task("given", given_candidate, (setup, wishes))], lambda found: design.Candidate(**found[0]))
+    return Study([Task("given", given_candidate, (setup, requirements))], lambda found: design.Candidate(**found[0]))
 
 
-def design_study(setup: Setup, wishes: design.Wishes) -> Study[list[design.Candidate]]:
+def design_study(setup: Setup, requirements: design.Requirements) -> Study[list[design.Candidate]]:
     """Return the study of the best designs: one task a number of LEDs."""
     return Study(
-        [Task(f"{n} LEDs", best_candidate, (setup, replace(wishes, numbers=(n,)))) for n in wishes.numbers],
+        [Task(f"{n} LEDs", best_candidate, (setup, replace(requirements, numbers=(n,)))) for n in requirements.numbers],
         lambda found: [design.Candidate(**one) for one in found],
     )
 

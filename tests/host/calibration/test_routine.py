@@ -83,13 +83,13 @@ class Remembering(CameraWrapper):
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A calibration by the virtual hand, with the light ring; installed bundles are listed."""
     folder = tmp_path_factory.mktemp("calibrated")
-    wishes = options(folder, pin_pitch_mm=2.0)
+    tools = options(folder, pin_pitch_mm=2.0)
     installed: list[str] = []
     with Remembering(camera(LIT)) as sensor:
         assert sensor.stage is not None
         hand = VirtualHand(sensor.stage)
         routine = Routine(
-            sensor, wishes, folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
+            sensor, tools, folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
         )
         snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
@@ -289,8 +289,8 @@ class Person:
 
 def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None:
     with camera() as sensor:
-        wishes = options(tmp_path, pin_pitch_mm=2.0)
-        routine = Routine(sensor, wishes, tmp_path / "state")
+        tools = options(tmp_path, pin_pitch_mm=2.0)
+        routine = Routine(sensor, tools, tmp_path / "state")
         with pytest.raises(InputError, match="choose start"):
             routine.act("next")
         routine.act("start")
@@ -318,14 +318,14 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         assert routine.snapshot()["step"] == "aborted"
         with pytest.raises(InputError, match=r"begun with pin_pitch_mm 2.0, not None: give the same again"):
             Routine(sensor, options(tmp_path), tmp_path / "state")
-        again = Routine(sensor, wishes, tmp_path / "state")
+        again = Routine(sensor, tools, tmp_path / "state")
         again.act("start")
         resumed = wait_for(again, lambda s: s["step"] == "presses" and s["progress"].get("done") == 1)
         assert resumed["figures"]["pixel_size"]["presses"] == 2
         assert resumed["figures"]["lens"] == {"pictures": 1, "pitch_mm": 2.0}
         again.stop()
         again.join(20)
-        goes_on_without_a_grid(Routine(sensor, wishes, forgetful(tmp_path / "state")), sensor)
+        goes_on_without_a_grid(Routine(sensor, tools, forgetful(tmp_path / "state")), sensor)
 
 
 def goes_on_without_a_grid(routine: Routine, sensor: Camera) -> None:
@@ -375,8 +375,8 @@ def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[
     draft = extend_bundle(draft, tmp_path / "state/draft", {"notes.json": b"{}"}, overwrite=True)
     with camera(LIT) as sensor:
         assert sensor.stage is not None
-        wishes = options(tmp_path, pin_pitch_mm=2.0)
-        snapshot = finished(Routine(sensor, wishes, tmp_path / "state", hand=VirtualHand(sensor.stage)))
+        tools = options(tmp_path, pin_pitch_mm=2.0)
+        snapshot = finished(Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage)))
     assert snapshot["step"] == "finished", snapshot["problem"]
     bundle = load_bundle(tmp_path / "bundle")
     changed = {"metrics.json", "report.html"}
