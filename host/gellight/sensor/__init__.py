@@ -3,6 +3,7 @@
 discovery.py       what is plugged in, and which camera and ring are one sensor
 sensor_camera.py   the camera of a real sensor, found again after it was unplugged
 connection.py      its camera and ring while they are there
+set_and_light.py   sets and lights a sensor, and returns frames that show it
 series_cameras.py  cameras that light the ring: series of exposures
 opencv_camera.py   the fallback by OpenCV
 doctor.py          what stands between this computer and good frames
