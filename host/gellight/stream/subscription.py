@@ -18,7 +18,8 @@ from gellight.stream.running import RunningDaemon, running
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
 
-SCHEME = "zenoh"
+TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
+"""of zenoh, by the scheme of a URL"""
 ANSWER_S = 10.0
 """a call that changes the light waits for the board"""
 
@@ -29,8 +30,9 @@ def subscribe(
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
     `target` is `auto` (the only daemon of this user on this computer), the name of a sensor, or
-    `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with --lan. every: give every frame and not only
-    the newest. config: a file of zenoh's own settings, for TLS and access control. Raises StreamError with the remedy.
+    `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with --lan; zenoh+tls:// where it is encrypted.
+    every: give every frame and not only the newest. config: a file of zenoh's own settings, for TLS and access
+    control. Raises StreamError with the remedy.
     """
     path = Path(config) if config is not None else None
     if "://" in target:
@@ -64,10 +66,10 @@ def _parsed(url: str) -> tuple[str, str]:
         port = parts.port or LAN_PORT
     except ValueError:
         port = 0
-    if parts.scheme != SCHEME or not parts.hostname or not port:
-        raise InputError(f"{url} names no daemon: give auto, the name of a sensor or {SCHEME}://HOST[:PORT][/NAME]")
+    if parts.scheme not in TRANSPORTS or not parts.hostname or not port:
+        raise InputError(f"{url} names no daemon: give auto, the name of a sensor or zenoh://HOST[:PORT][/NAME]")
     host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
-    return f"tcp/{host}:{port}", unquote(parts.path.strip("/"))
+    return f"{TRANSPORTS[parts.scheme]}/{host}:{port}", unquote(parts.path.strip("/"))
 
 
 def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
