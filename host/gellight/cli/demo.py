@@ -25,7 +25,7 @@ def command(
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
     settings = load_settings({"sensor.url": sensor, **running.flags()})
-    with open_session(settings) as daemon, published(daemon, settings), served(daemon, settings) as url:
+    with open_session(settings) as daemon, served(daemon, settings) as url, published(daemon, settings):
         if browser and not running.frames:
             open_browser(url)
         try:

@@ -85,7 +85,7 @@ def command(
     settings = settings_of(sensor, running.flags())
     # a termination has to make the LEDs dark too
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    with open_session(settings) as daemon, published(daemon, settings), served(daemon, settings, dashboard):
+    with open_session(settings) as daemon, served(daemon, settings, dashboard), published(daemon, settings):
         try:
             summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
         except KeyboardInterrupt:
