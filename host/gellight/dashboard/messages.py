@@ -19,6 +19,8 @@ The header names each plane with its offset (from the first plane) and its lengt
     contact     contact patch, one bit a pixel, rows joined without padding, highest bit first
     truth       like depth: the true depth map. Only a simulated sensor knows it; else the plane is not there
 
+The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`.
+
 Where the truth is known the header's `truth` holds `indentation_mm`, the largest true depth; `depth_error_mm`, the mean
 absolute error of the measured depth over the contact (over the whole map where nothing touches); and
 `map_depth_error_mm`, the same over the whole map. All three are of the maps at full size; no constant is taken off.
@@ -33,11 +35,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import Patch, TactileFrame
+from gellight.reconstruction.contact import measure_patches
 from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
 VERSION = 1
+MOST_CONTACTS = 12
+"""the deepest; more are not told apart on a page"""
 VIEW_WIDTH_PX = 320
 VIEW_HEIGHT_PX = 240
 DEPTH_UNIT_MM = 1e-4
@@ -99,11 +104,16 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "indentation_mm": float(contact.indentation_mm),
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
+        "contacts": [vars(patch) for patch in _patches(frame, pixel_size_mm)],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
         "truth": _truth_figures(frame),
     }
     return header
+
+
+def _patches(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> list[Patch]:
+    return measure_patches(frame.contact.mask, frame.depth_mm, frame.gradient_map, pixel_size_mm)[:MOST_CONTACTS]
 
 
 def _truth_figures(frame: TactileFrame) -> dict[str, float] | None:
