@@ -48,7 +48,19 @@ def examine(image: bytes) -> list[str]:
 
 def _examine(board: BenchBoard, problems: list[str]) -> None:
     ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
-    for check in (_colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault):
+    for check in (
+        _colours,
+        _sequence,
+        _trigger,
+        _configuration,
+        _flood,
+        _suspend,
+        _close,
+        _frames,
+        _watchdog,
+        _fault,
+        _start_fault,
+    ):
         ring = check(board, ring, problems) or ring
         if problems or board.faults:
             return
@@ -75,17 +87,16 @@ def _colours(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
 
 
 def _sequence(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
-    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_137)])
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_011)])
     ring.set_sync(SyncMode.FREE)
     since = len(board.waveform.frame_starts_us)
     ring.start()
-    for number in range(250):  # all at once, so that the interrupt of USB is busy whenever a step falls due
-        board.host.send(encode(Packet(p.COMMANDS["SET_GROUP"].code, number, p.SetGroup(9, bytes(36)).pack())))
-    board.run(40_000)
+    board.host.send(bytes(30_000))  # so that the interrupt of USB is busy when a step falls due
+    board.run(50_000)
     times = np.array(board.waveform.frame_starts_us[since:])
     ring.blank()
     board.run(3_000)
-    planned = times[:1] + 2_137 * np.arange(len(times))
+    planned = times[:1] + 2_011 * np.arange(len(times))
     if len(times) < 8 or np.abs(times - planned).max() > 1:
         problems.append("steps are not on time")
 
@@ -173,7 +184,7 @@ def _watchdog(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightR
     return _reopen(board)
 
 
-def _fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+def _fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     ring.set_leds(PATTERN)
     board.run(3_000)
     resets, vectors = board.resets, board.chip.read_uint32(0xE000ED08)
@@ -182,8 +193,27 @@ def _fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     board.run_until(lambda: board.resets > resets, 150_000)
     if board.timeline.at(board.now_us).any():
         problems.append("lit after a fault")
-    if _reopen(board).hello.reset_reason != ResetReason.FAULT:
+    again = _reopen(board)
+    if again.hello.reset_reason != ResetReason.FAULT:
         problems.append("the fault is not told")
+    return again
+
+
+def _start_fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    board.power_off()
+    board.power_on()
+    resets = board.resets
+    board.run(30_000)
+    board.chip.core.pc = board.chip.read_uint32(board.chip.read_uint32(0xE000ED08) + 12) & ~1
+    if not board.run_until(lambda: board.resets > resets, 1_000):
+        problems.append("a fault at the start does not start anew")
+    elif _reopen(board).hello.reset_reason != ResetReason.FAULT:
+        problems.append("a fault at the start is not told")
+
+
+CHECKS = (
+    _colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault, _start_fault,
+)  # fmt: skip
 
 
 def test_the_committed_image_passes_the_examination(image: bytes) -> None:

@@ -17,6 +17,7 @@ from gellight.ring.emulator.chip import (
     EmulatedBoard,
     temperature_reading,
 )
+from gellight.ring.emulator.clocks import Crystal
 from gellight.ring.emulator.registers import UsbGuard
 from gellight.ring.emulator.waveform import DARK, Light
 
@@ -62,8 +63,8 @@ class BenchBoard(EmulatedBoard):
         self._cut = False
         super().__init__(image, unique_id=unique_id)
 
-    def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
-        super()._start(scratch, reason)
+    def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
+        super()._start(scratch, reason, crystal)
         self.set_temperature(self.temperature_c)
 
     def power_on(self) -> None:

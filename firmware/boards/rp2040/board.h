@@ -19,7 +19,7 @@ extern const struct image_header image_header;
 void vectors_install(void);
 
 /* clock.c */
-void clock_raise(void);
+void clock_raise(void); /* in flash */
 void clock_start(void);
 uint64_t clock_micros(void);
 uint16_t clock_temperature(void);
@@ -27,8 +27,9 @@ void tick_interrupt(void);
 bool tick_passed(void); /* since it was asked last */
 
 /* watchdog.c */
+void watchdog_start(void); /* in flash */
+void start_fault(void);    /* in flash */
 uint8_t watchdog_reset_reason(void);
-void watchdog_start(void);
 void watchdog_feed(void);
 void watchdog_pause(void); /* for the time of a flash operation */
 void watchdog_restart(uint8_t reason);

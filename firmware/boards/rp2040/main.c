@@ -130,7 +130,6 @@ int main(void)
     port_fill();
     light_trigger = &controller.trigger;
     controller_start(&controller, &port);
-    watchdog_start();
     flash_unique_id(port.identity.unique_id);
     usb_start(port.identity.unique_id);
     for (;;) {

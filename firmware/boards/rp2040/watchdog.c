@@ -3,6 +3,7 @@
 #include "registers.h"
 
 #define TIMEOUT_US 100000u
+#define START_US 200000u /* for the crystal and the copy to RAM */
 #define REASON_MAGIC 0x52450000u
 #define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu
 
@@ -15,14 +16,18 @@ uint8_t watchdog_reset_reason(void)
     return reason ? RESET_REASON_WATCHDOG : RESET_REASON_POWER;
 }
 
-void watchdog_start(void)
+/*
+ * From flash, before the clock is raised. Its tick, which the timer uses too, is 1 us once clk_ref is the crystal; on the
+ * ring oscillator (1.8 to 12 MHz, 2.17) it is longer, never shorter. The counter falls twice a tick (RP2040-E1).
+ */
+START_CODE void watchdog_start(void)
 {
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
-    watchdog_feed();
+    REGISTER(WATCHDOG_TICK) = 1u << 9 | 12;
+    REGISTER(WATCHDOG_LOAD) = 2u * START_US;
     SET_BITS(WATCHDOG_CTRL) = 1u << 30;
 }
 
-/* The counter falls twice a microsecond (RP2040-E1). */
 void watchdog_feed(void)
 {
     REGISTER(WATCHDOG_LOAD) = 2u * TIMEOUT_US;
@@ -32,6 +37,16 @@ void watchdog_feed(void)
 void watchdog_pause(void)
 {
     REGISTER(WATCHDOG_LOAD) = 0xffffffu;
+}
+
+/* A fault before the image is in RAM: nothing can be darkened yet, only started anew. */
+START_CODE void start_fault(void)
+{
+    REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
+    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_FAULT;
+    SET_BITS(WATCHDOG_CTRL) = 1u << 31;
+    for (;;)
+        ;
 }
 
 void watchdog_restart(uint8_t reason)

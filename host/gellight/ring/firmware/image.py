@@ -7,8 +7,8 @@ from gellight.base.errors import InputError
 from gellight.ring.firmware.uf2 import FLASH_BASE
 
 BOOT2_BYTES = 256
-HEADER_OFFSET = BOOT2_BYTES + 8
-"""after stack pointer and start address"""
+HEADER_OFFSET = BOOT2_BYTES + 64
+"""after the first 16 vectors"""
 HEADER = struct.Struct("<3I")
 HEADER_MAGIC = 0x474C494D
 _ELF_HEAD = struct.Struct("<16sHHIIIIIHHHHHH")
