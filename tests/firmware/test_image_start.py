@@ -51,3 +51,12 @@ def test_after_the_watchdog_nothing_waits_for_the_crystal(board: BenchBoard, rin
     assert board.timeline.at(board.now_us).any()
     board.run(4_000)
     assert not board.timeline.at(board.now_us).any()
+
+
+def test_a_start_after_flashing_does_not_pass_for_a_bite_of_the_watchdog(board: BenchBoard, ring: LightRing) -> None:
+    assert ring.hello.reset_reason == ResetReason.POWER
+    ring.enter_bootloader()
+    assert board.run_until(lambda: board.in_bootloader, 100_000)
+    board.leave_bootloader()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.hello.reset_reason == ResetReason.COMMAND

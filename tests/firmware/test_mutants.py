@@ -48,19 +48,7 @@ def examine(image: bytes) -> list[str]:
 
 def _examine(board: BenchBoard, problems: list[str]) -> None:
     ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
-    for check in (
-        _colours,
-        _sequence,
-        _trigger,
-        _configuration,
-        _flood,
-        _suspend,
-        _close,
-        _frames,
-        _watchdog,
-        _fault,
-        _start_fault,
-    ):
+    for check in CHECKS:
         ring = check(board, ring, problems) or ring
         if problems or board.faults:
             return
@@ -199,7 +187,7 @@ def _fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing
     return again
 
 
-def _start_fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+def _start_fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing | None:
     board.power_off()
     board.power_on()
     resets = board.resets
@@ -207,12 +195,24 @@ def _start_fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> Non
     board.chip.core.pc = board.chip.read_uint32(board.chip.read_uint32(0xE000ED08) + 12) & ~1
     if not board.run_until(lambda: board.resets > resets, 1_000):
         problems.append("a fault at the start does not start anew")
-    elif _reopen(board).hello.reset_reason != ResetReason.FAULT:
+        return None
+    again = _reopen(board)
+    if again.hello.reset_reason != ResetReason.FAULT:
         problems.append("a fault at the start is not told")
+    return again
+
+
+def _reflash(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    ring.enter_bootloader()
+    board.run_until(lambda: board.in_bootloader, 100_000)
+    board.leave_bootloader()
+    if _reopen(board).hello.reset_reason != ResetReason.COMMAND:
+        problems.append("a start after flashing is told as another")
 
 
 CHECKS = (
     _colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault, _start_fault,
+    _reflash,
 )  # fmt: skip
 
 

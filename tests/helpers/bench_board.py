@@ -83,6 +83,11 @@ class BenchBoard(EmulatedBoard):
         last_us = self.timeline[-1].time_us if len(self.timeline) else 0.0
         self.timeline.append(Light(max(self.now_us, last_us), DARK))
 
+    def leave_bootloader(self) -> None:
+        """Start what is in flash, as the boot ROM does when it has written an image: by the watchdog (2.8.4)."""
+        assert self.in_bootloader
+        self._restart()
+
     def set_temperature(self, temperature_c: float) -> None:
         """Warm the chip; it stays so warm when it starts anew."""
         self.temperature_c = temperature_c

@@ -31,6 +31,7 @@ void watchdog_start(void); /* in flash */
 void start_fault(void);    /* in flash */
 uint8_t watchdog_reset_reason(void);
 void watchdog_feed(void);
+void watchdog_forget(void); /* that it runs: what restarts the chip from now on is not the watchdog */
 void watchdog_pause(void); /* for the time of a flash operation */
 void watchdog_restart(uint8_t reason);
 void fault(void);
@@ -49,7 +50,7 @@ extern struct trigger *light_trigger;
 
 /* usb.c */
 void usb_start(const uint8_t unique_id[8]);
-bool usb_send(void *context, const uint8_t *bytes, size_t count);
+bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
 uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);

@@ -192,11 +192,11 @@ void usb_start(const uint8_t unique_id[8])
     SET_BITS(USB_SIE_CTRL) = 1u << 16;         /* pull-up: here we are */
 }
 
-bool usb_send(void *context, const uint8_t *bytes, size_t count)
+bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
 {
     (void)context;
     lock();
-    bool fits = open && RING_BYTES - ring_count(&outgoing) >= count;
+    bool fits = open && RING_BYTES - ring_count(&outgoing) >= count + spare;
     for (size_t i = 0; fits && i < count; i++)
         ring_put(&outgoing, bytes[i]);
     if (fits && !in_busy)

@@ -7,13 +7,21 @@
 #define REASON_MAGIC 0x52450000u
 #define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu
 
+/*
+ * SCRATCH0 says why the chip will start the next time, as far as is known now; SCRATCH1 why it has started. The boot ROM
+ * restarts the chip by the watchdog too (2.8.4), after a flash for instance, but leaves no note: somebody has asked for it.
+ */
 uint8_t watchdog_reset_reason(void)
 {
-    uint32_t note = REGISTER(WATCHDOG_SCRATCH0), reason = REGISTER(WATCHDOG_REASON);
+    uint32_t note = REGISTER(WATCHDOG_SCRATCH1);
+    if (!REGISTER(WATCHDOG_REASON))
+        return RESET_REASON_POWER;
+    return (note & 0xffff0000u) == REASON_MAGIC ? (uint8_t)note : RESET_REASON_COMMAND;
+}
+
+void watchdog_forget(void)
+{
     REGISTER(WATCHDOG_SCRATCH0) = 0;
-    if ((note & 0xffff0000u) == REASON_MAGIC)
-        return (uint8_t)note;
-    return reason ? RESET_REASON_WATCHDOG : RESET_REASON_POWER;
 }
 
 /*
@@ -22,6 +30,8 @@ uint8_t watchdog_reset_reason(void)
  */
 START_CODE void watchdog_start(void)
 {
+    REGISTER(WATCHDOG_SCRATCH1) = REGISTER(WATCHDOG_SCRATCH0);
+    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_WATCHDOG;
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
     REGISTER(WATCHDOG_TICK) = 1u << 9 | 12;
     REGISTER(WATCHDOG_LOAD) = 2u * START_US;
