@@ -12,12 +12,14 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
+from gellight.ring.emulator.usb_host import ADDRESS
 from gellight.ring.enumerations import ResetReason, SyncMode
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.mutations import IMAGE, LOGIC, Mutation
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
+from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
@@ -202,17 +204,37 @@ def _start_fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> Lig
     return again
 
 
-def _reflash(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+def _reflash(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     ring.enter_bootloader()
     board.run_until(lambda: board.in_bootloader, 100_000)
     board.leave_bootloader()
-    if _reopen(board).hello.reset_reason != ResetReason.COMMAND:
+    again = _reopen(board)
+    if again.hello.reset_reason != ResetReason.COMMAND:
         problems.append("a start after flashing is told as another")
+    return again
+
+
+def _bus(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    board.suspend()
+    board.run(5_000)
+    board.resume()
+    ring.clock()
+    device = board.host.descriptors["device"]
+    for abandoned in (usb.GET_CONFIGURATION, usb.SET_ADDRESS):
+        if usb.ask_after_abandoning(board, abandoned, usb.GET_DEVICE) != device:
+            problems.append("a transfer that was cut short answers the next")
+    if board.chip.read_uint32(usb.ADDRESS_REGISTER) != ADDRESS:
+        problems.append("the address of a transfer that was cut short")
+    for request in (*[usb.CLEAR_HALT_IN] * 2, *[usb.CLEAR_HALT_OUT] * 2, usb.SET_INTERFACE, usb.SEND_BREAK):
+        ring.clock()  # one packet between two of a kind
+        if usb.ask(board, request) != b"":
+            problems.append(f"request {request} refused")
+    ring.clock()
 
 
 CHECKS = (
     _colours, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault, _start_fault,
-    _reflash,
+    _reflash, _bus,
 )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from gellight.ring.emulator.waveform import DARK, Light
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5
 SIE_STATUS, INTS = 0x50, 0x98
-SUSPENDED, SUSPEND_INTERRUPT = 1 << 4, 1 << 14
+SUSPENDED, RESUMED, SUSPEND_INTERRUPT = 1 << 4, 1 << 11, 1 << 14
 
 
 class SuspendingUsb(UsbGuard):
@@ -38,6 +38,11 @@ class SuspendingUsb(UsbGuard):
         """The host has been silent for 3 ms; or the firmware has noticed it."""
         self._suspended = suspended
         self._chip.set_interrupt(USB_INTERRUPT, suspended)
+
+    def resume(self) -> None:
+        """The host drives the bus again."""
+        self.inner._sie_status |= RESUMED
+        self.inner._sie_status_updated()
 
     def read_uint32(self, offset: int) -> int:
         value = super().read_uint32(offset)
@@ -101,6 +106,10 @@ class BenchBoard(EmulatedBoard):
     def suspend(self) -> None:
         """Let the bus fall silent."""
         self.chip.peripherals[USB].suspend()
+
+    def resume(self) -> None:
+        """Wake the bus; a program that has the port open notices nothing."""
+        self.chip.peripherals[USB].resume()
 
     def _change_flash(self, number: int) -> None:
         """Erase or program; where the power fails before the end, only the bytes before that."""

@@ -20,10 +20,12 @@
 #define INTERRUPT_BUFFER (1u << 4)
 #define INTERRUPT_RESET (1u << 12)
 #define INTERRUPT_SUSPEND (1u << 14)
+#define INTERRUPT_RESUME (1u << 15)
 #define INTERRUPT_SETUP (1u << 16)
 #define INTERRUPT_SOF (1u << 17)
 /* SIE_STATUS */
 #define STATUS_SUSPENDED (1u << 4)
+#define STATUS_RESUME (1u << 11)
 #define STATUS_SETUP (1u << 17)
 #define STATUS_RESET (1u << 19)
 
@@ -33,7 +35,8 @@
 static struct byte_ring incoming, outgoing;
 static bool configured;
 static bool in_data1, out_data1, in_busy, out_armed;
-static volatile bool open;
+static bool terminal_ready; /* DTR, as the host said last */
+static volatile bool open;  /* and the bus is awake */
 static volatile uint8_t events; /* bits of enum usb_event */
 static uint64_t sof_us;         /* board clock at the start of the frame sof_number, 0: none was noted yet */
 static uint16_t sof_number;
@@ -99,13 +102,34 @@ static void send_packet(void)
     in_data1 = !in_data1;
 }
 
+/* The host begins anew with DATA0 (USB 2.0, 9.4.5), and what is armed has to expect it; no transfer goes on meanwhile. */
+void data_clear_halt(bool out)
+{
+    if (out) {
+        out_data1 = false;
+        if (out_armed)
+            accept_packet();
+        return;
+    }
+    in_data1 = in_busy;
+    if (in_busy)
+        hand_over(BUFFER_CONTROL(2, false), (REGISTER(BUFFER_CONTROL(2, false)) & COUNT) | FULL | LAST);
+}
+
+static void open_port(void)
+{
+    if (!open)
+        usb_note(USB_OPENED);
+    open = true;
+}
+
 void data_configure(bool chosen)
 {
     configured = chosen;
-    if (!configured) {
-        close_port(USB_CLOSED);
+    terminal_ready = false;
+    close_port(USB_CLOSED);
+    if (!configured)
         return;
-    }
     REGISTER(ENDPOINT_CONTROL(1, false)) = ENABLED | INTERRUPT | NOTIFY_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, true)) = ENABLED | BULK | OUT_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, false)) = ENABLED | BULK | IN_OFFSET;
@@ -117,20 +141,26 @@ void data_configure(bool chosen)
 }
 
 /* Opening at 1200 baud and closing again asks for the boot loader, as on many boards. */
-void data_lines(bool terminal_ready, uint32_t baud)
+void data_lines(bool ready, uint32_t baud)
 {
-    if (terminal_ready && !open)
-        usb_note(USB_OPENED);
-    else if (!terminal_ready)
+    terminal_ready = ready;
+    if (ready)
+        open_port();
+    else
         close_port(baud == BAUD_TOUCH ? USB_BOOTLOADER : USB_CLOSED);
-    open = terminal_ready;
 }
 
 static void bus_reset(void)
 {
     control_reset();
-    configured = false;
-    close_port(USB_CLOSED);
+    data_configure(false);
+}
+
+/* A program that had the port open still has: the host says DTR no second time. */
+static void resume(void)
+{
+    if (terminal_ready)
+        open_port();
 }
 
 /* One frame is noted, the interrupt is off until the next is asked for: one each millisecond would be too many. */
@@ -174,6 +204,10 @@ void usb_interrupt(void)
         REGISTER(USB_SIE_STATUS) = STATUS_SUSPENDED;
         close_port(USB_SUSPENDED);
     }
+    if (why & INTERRUPT_RESUME) {
+        REGISTER(USB_SIE_STATUS) = STATUS_RESUME;
+        resume();
+    }
 }
 
 /* ---- what the board calls ---- */
@@ -187,7 +221,7 @@ void usb_start(const uint8_t unique_id[8])
     REGISTER(USB_PWR) = 1u << 2 | 1u << 3;     /* VBUS is taken to be there */
     REGISTER(USB_MAIN_CTRL) = 1;               /* device */
     REGISTER(USB_SIE_CTRL) = 1u << 29;         /* interrupt for each buffer of endpoint 0 */
-    REGISTER(USB_INTE) = INTERRUPT_BUFFER | INTERRUPT_RESET | INTERRUPT_SUSPEND | INTERRUPT_SETUP;
+    REGISTER(USB_INTE) = INTERRUPT_BUFFER | INTERRUPT_RESET | INTERRUPT_SUSPEND | INTERRUPT_RESUME | INTERRUPT_SETUP;
     REGISTER(NVIC_ISER) = 1u << IRQ_USB;
     SET_BITS(USB_SIE_CTRL) = 1u << 16;         /* pull-up: here we are */
 }

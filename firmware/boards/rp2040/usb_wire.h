@@ -36,7 +36,8 @@ void control_reset(void);
 
 /* usb.c, called by endpoint 0 */
 void data_configure(bool configured);
-void data_lines(bool terminal_ready, uint32_t baud);
+void data_lines(bool ready, uint32_t baud);
+void data_clear_halt(bool out);
 void usb_note(enum usb_event what);
 
 #endif

@@ -4,10 +4,12 @@ import struct
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from gellight.ring.usb_numbers import (
     BULK,
+    CLEAR_FEATURE,
     CONFIGURATION,
     DEVICE,
     DTR,
@@ -22,7 +24,8 @@ from gellight.ring.usb_numbers import (
 )
 
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
-ENDPOINT0_BYTES = 64
+SET_INTERFACE = 11
+ENDPOINT0_BYTES, ENDPOINTS = 64, 16
 SIE_CTRL, PULL_UP = 0x4C, 1 << 16
 ADDRESS = 7
 
@@ -56,7 +59,13 @@ class UsbHost:
         self._usb, self._report, self._clocked = controller, report, clocked
         self._queue: deque[Transfer] = deque()
         self._current: Transfer | None = None
+        self.latency_us = 0.0
+        """how long it takes until the host fetches what the device has armed"""
         self._toggles: dict[int, int] = {}
+        """of the IN endpoints"""
+        self._out_toggle, self._out_data1 = 0, False
+        """of the bulk OUT endpoint: what the host sends next, and what the device expects"""
+        self._fetches = [controller.rp2040.clock.create_alarm(partial(self._fetch, k)) for k in range(ENDPOINTS)]
         self._status_armed = False
         self._out_room = 0
         self.in_endpoint = self.out_endpoint = -1
@@ -69,13 +78,8 @@ class UsbHost:
 
     def _connect_callbacks(self) -> None:
         usb = self._usb
-        original = usb.dpram_updated
-
-        def updated(offset: int, value: int) -> None:
-            self._buffer_control(offset, value)
-            original(offset, value)
-
-        usb.dpram_updated = updated
+        self._take = usb.dpram_updated
+        usb.dpram_updated = self._buffer_control
         usb.on_usb_enabled = usb.reset_device
         usb.on_reset_received = self._enumerate
         usb.on_endpoint_write = self._device_sent
@@ -111,6 +115,16 @@ class UsbHost:
         """Do what closing the port does: DTR and RTS fall."""
         self.control(0x21, SET_CONTROL_LINE_STATE, 0, 0, 0, lambda _: self._set_opened(False))
 
+    def abandon(self) -> None:
+        """Cut the control transfer that is under way short; the next one begins at once."""
+        self._finish(None)
+
+    def reset_bus(self) -> None:
+        """Reset the device, whatever is under way, and enumerate it again."""
+        self._queue.clear()
+        self._current, self.configured = None, False
+        self._usb.reset_device()
+
     def _set_opened(self, opened: bool) -> None:
         self.opened = opened
         if opened:
@@ -122,7 +136,10 @@ class UsbHost:
         if not self._clocked():
             self._report("USB: clk_usb is off, a real controller would not answer")
         self.configured = self.opened = False
+        self._queue.clear()
+        self._current = None
         self._toggles = {2: 0}
+        self._out_toggle, self._out_room = 0, 0
         self._descriptor("first", DEVICE, 0, 64)
         self.control(0, SET_ADDRESS, ADDRESS, 0, 0, lambda _: None)
         self._descriptor("device", DEVICE, 0, 18)
@@ -160,15 +177,33 @@ class UsbHost:
     # ---- the bus ----
 
     def _buffer_control(self, offset: int, value: int) -> None:
+        """The device hands a buffer over or takes it back."""
         if not 0x80 <= offset < 0x100:
+            self._take(offset, value)
             return
         endpoint, device_sends = (offset - 0x80) >> 3, not offset & 4
-        if value & AVAILABLE and device_sends and endpoint in self._toggles:
+        if value & AVAILABLE and device_sends and self.latency_us:
+            self._fetches[endpoint].schedule(self.latency_us * 1e3)
+        elif value & AVAILABLE and device_sends:
+            self._fetch(endpoint)
+        else:
+            if endpoint == self.out_endpoint and not device_sends:
+                self._out_data1 = bool(value & DATA1)
+            self._take(offset, value)
+        if value & STALL and offset == 0x80 and self._current:
+            self._finish(None)
+
+    def _fetch(self, endpoint: int) -> None:
+        """Take what an IN endpoint has, unless the device has taken it back meanwhile."""
+        offset = 0x80 + 8 * endpoint
+        value = int.from_bytes(self._usb.rp2040.usb_dpram[offset : offset + 4], "little")
+        if not value & AVAILABLE:
+            return
+        if endpoint in self._toggles:
             if bool(value & DATA1) != bool(self._toggles[endpoint]):
                 self._report(f"USB: wrong data toggle on endpoint {endpoint} IN")
             self._toggles[endpoint] ^= 1
-        if value & STALL and offset == 0x80 and self._current:
-            self._finish(None)
+        self._take(offset, value)
 
     def _next(self) -> None:
         self._current = self._queue.popleft() if self._queue else None
@@ -177,6 +212,7 @@ class UsbHost:
         self._toggles[0] = 1
         self._status_armed = False
         self._current.stage = "in" if self._current.reads else ("out" if self._current.data else "status in")
+        self._follow_toggles(self._current.setup)
         self._usb.send_setup_packet(self._current.setup)
 
     def _finish(self, result: bytes | None) -> None:
@@ -185,6 +221,16 @@ class UsbHost:
             transfer.done(result)
         if self._current is None:
             self._next()
+
+    def _follow_toggles(self, setup: bytes) -> None:
+        """CLEAR_FEATURE(ENDPOINT_HALT) and SET_INTERFACE begin anew with DATA0."""
+        index = int.from_bytes(setup[4:6], "little")
+        chosen = setup[:4] == bytes((1, SET_INTERFACE, 0, 0)) and index == 1
+        halt = setup[:2] == bytes((2, CLEAR_FEATURE))
+        if chosen or (halt and index == 0x80 | self.in_endpoint):
+            self._toggles[self.in_endpoint] = 0
+        if chosen or (halt and index == self.out_endpoint):
+            self._out_toggle = 0
 
     def _device_sent(self, endpoint: int, buffer: bytes) -> None:
         if endpoint == self.in_endpoint:
@@ -225,4 +271,7 @@ class UsbHost:
             packet = bytes(self._pending[:count])
             del self._pending[:count]
             self._out_room = 0
+            if bool(self._out_toggle) != self._out_data1:
+                self._report(f"USB: wrong data toggle on endpoint {self.out_endpoint} OUT")
+            self._out_toggle ^= 1
             self._usb.endpoint_read_done(self.out_endpoint, packet)
