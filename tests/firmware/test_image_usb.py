@@ -83,6 +83,33 @@ def test_a_transfer_cut_short_does_not_answer_the_next(
     assert ring.status().state == 0
 
 
+def test_a_controller_that_hangs_is_reset_in_the_dark(board: BenchBoard, ring: LightRing) -> None:
+    """Erratum RP2040-E15: nothing is answered until the firmware resets the controller; the host enumerates it anew."""
+    ring.set_leds(RED)
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.hangs = True
+    assert board.run_until(lambda: not board.host.configured, 1_500_000)
+    assert board.run_until(lambda: board.host.configured, 200_000)
+    board.run(3_000)
+    assert not lit(board).any()
+    assert board.resets == 0
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        again.set_leds(RED)
+        board.run(3_000)
+        assert lit(board).any()
+
+
+def test_no_packet_keeps_the_host_waiting_for_the_next(board: BenchBoard, ring: LightRing) -> None:
+    """Linux ends a read by a packet shorter than 64 bytes; 40 answers of all lengths come without another."""
+    for count in range(40):
+        board.host.send(b"\x01" * count + b"\0")
+        ring.clock()
+        ring.counters()
+        board.run(170)
+    assert ring.retries == 0
+
+
 @pytest.mark.parametrize("after_us", [20, 400, 700, 1_100])
 def test_a_reset_in_mid_transfer_enumerates_anew(image: bytes, after_us: float) -> None:
     board = BenchBoard(image)

@@ -230,6 +230,12 @@ def _bus(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
         if usb.ask(board, request) != b"":
             problems.append(f"request {request} refused")
     ring.clock()
+    ring.set_leds(PATTERN)
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.hangs = True
+    if not board.run_until(lambda: not board.host.configured, 1_500_000) or not _dark(board):
+        problems.append("a controller that hangs is not reset in the dark")
 
 
 CHECKS = (

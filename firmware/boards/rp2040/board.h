@@ -54,6 +54,7 @@ bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
 uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
+void usb_watch(void); /* often: notes frames, and resets a controller that hangs */
 
 /* What happened on the bus since it was asked last: bits. An opening came after all else. */
 enum usb_event {

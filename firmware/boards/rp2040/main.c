@@ -135,6 +135,7 @@ int main(void)
     for (;;) {
         follow_bus();
         serve_host();
+        usb_watch();
         controller_poll(&controller);
         if (tick_passed() && controller_healthy(&controller))
             watchdog_feed();

@@ -115,7 +115,7 @@ class EmulatedBoard:
         self._boot()
 
     def _install_registers(self, chip: Any) -> None:
-        self.resets_block = registers.Resets()
+        self.resets_block = registers.Resets(lambda: self.host.unplugged())
         blocks = chip.peripherals
         blocks[0x4000C], blocks[0x40008], blocks[0x40024] = (
             self.resets_block,

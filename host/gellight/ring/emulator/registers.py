@@ -40,9 +40,10 @@ class Window:
 class Resets(Window):
     """Which blocks are held in reset; those that the boot ROM releases are free from the start."""
 
-    def __init__(self) -> None:
-        """Hold everything but what the boot ROM needs."""
+    def __init__(self, usb_held: Callable[[], None]) -> None:
+        """Hold everything but what the boot ROM needs; `usb_held` hears when the USB controller is put into reset."""
         super().__init__()
+        self._usb_held = usb_held
         self.held = ALL_RESETS & ~(1 << IO_QSPI | 1 << PADS_QSPI | 1 << SYSCFG | 1 << SYSINFO)
 
     def read_uint32(self, offset: int) -> int:
@@ -52,7 +53,10 @@ class Resets(Window):
     def write_uint32(self, offset: int, value: int) -> None:
         """Hold or release."""
         if offset == 0:
+            newly = value & ~self.held
             self.held = value & ALL_RESETS
+            if newly >> RESET_BITS[0x50110] & 1:
+                self._usb_held()
         else:
             super().write_uint32(offset, value)
 

@@ -26,6 +26,10 @@ from gellight.ring.usb_numbers import (
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
 SET_INTERFACE = 11
 ENDPOINT0_BYTES, ENDPOINTS = 64, 16
+BULK_BYTES, READ_BYTES = 64, 128
+"""of a packet, and of one read of Linux' cdc_acm, which a shorter packet ends"""
+FRAME_NS, HANGS_NS = 1e6, (800e3, 998e3)
+"""after the start of a frame no bulk IN may be armed in this time (erratum RP2040-E15)"""
 SIE_CTRL, PULL_UP = 0x4C, 1 << 16
 ADDRESS = 7
 
@@ -61,6 +65,9 @@ class UsbHost:
         self._current: Transfer | None = None
         self.latency_us = 0.0
         """how long it takes until the host fetches what the device has armed"""
+        self.hangs = False
+        """the controller answers nothing any more until it is reset (erratum RP2040-E15)"""
+        self._read = bytearray()
         self._toggles: dict[int, int] = {}
         """of the IN endpoints"""
         self._out_toggle, self._out_data1 = 0, False
@@ -125,6 +132,15 @@ class UsbHost:
         self._current, self.configured = None, False
         self._usb.reset_device()
 
+    def unplugged(self) -> None:
+        """The device has gone from the bus, by a reset of its controller."""
+        self.hangs = self.configured = self.opened = False
+        self._queue.clear()
+        self._current = None
+        self._pending.clear()
+        self._read.clear()
+        self._usb.reset()
+
     def _set_opened(self, opened: bool) -> None:
         self.opened = opened
         if opened:
@@ -182,6 +198,10 @@ class UsbHost:
             self._take(offset, value)
             return
         endpoint, device_sends = (offset - 0x80) >> 3, not offset & 4
+        if value & AVAILABLE and device_sends and endpoint == self.in_endpoint:
+            self._check_frame()
+        if self.hangs:
+            return
         if value & AVAILABLE and device_sends and self.latency_us:
             self._fetches[endpoint].schedule(self.latency_us * 1e3)
         elif value & AVAILABLE and device_sends:
@@ -193,11 +213,17 @@ class UsbHost:
         if value & STALL and offset == 0x80 and self._current:
             self._finish(None)
 
+    def _check_frame(self) -> None:
+        place_ns = self._usb.rp2040.clock.nanos % FRAME_NS
+        if HANGS_NS[0] <= place_ns < HANGS_NS[1]:
+            self._report(f"USB: bulk IN armed {place_ns / 1e3:.0f} us after the start of a frame (erratum RP2040-E15)")
+            self.hangs = True
+
     def _fetch(self, endpoint: int) -> None:
         """Take what an IN endpoint has, unless the device has taken it back meanwhile."""
         offset = 0x80 + 8 * endpoint
         value = int.from_bytes(self._usb.rp2040.usb_dpram[offset : offset + 4], "little")
-        if not value & AVAILABLE:
+        if self.hangs or not value & AVAILABLE:
             return
         if endpoint in self._toggles:
             if bool(value & DATA1) != bool(self._toggles[endpoint]):
@@ -212,6 +238,8 @@ class UsbHost:
         self._toggles[0] = 1
         self._status_armed = False
         self._current.stage = "in" if self._current.reads else ("out" if self._current.data else "status in")
+        if self.hangs:
+            return
         self._follow_toggles(self._current.setup)
         self._usb.send_setup_packet(self._current.setup)
 
@@ -234,7 +262,10 @@ class UsbHost:
 
     def _device_sent(self, endpoint: int, buffer: bytes) -> None:
         if endpoint == self.in_endpoint:
-            self.received += bytes(buffer)
+            self._read += bytes(buffer)
+            if len(buffer) < BULK_BYTES or len(self._read) >= READ_BYTES:
+                self.received += self._read
+                self._read.clear()
             return
         transfer = self._current
         if endpoint or not transfer:
@@ -266,7 +297,7 @@ class UsbHost:
             self._status_out()
 
     def _pump(self) -> None:
-        if self.configured and self._out_room and self._pending:
+        if self.configured and self._out_room and self._pending and not self.hangs:
             count = min(self._out_room, len(self._pending))
             packet = bytes(self._pending[:count])
             del self._pending[:count]
