@@ -248,7 +248,7 @@ class Configuration(Record):
     host_timeout_ms: Annotated[u16, "silence after which the LEDs go dark, 100 to 60000"]
     limit_ma: u16
     quiescent_ua: Annotated[u16, "of a dark LED"]
-    channel_ua: Annotated[u16, "of one colour of one LED at 255; 20000: WS2812B, 12000: WS2812B-V5"]
+    channel_ua: Annotated[u16, "of one colour of one LED at 255: 20000 (WS2812B) or more; external supply: from 1000"]
     latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 500"]
     policy: Annotated[u8, "enum policy"]
     external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]
