@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
+from gellight.ring.board_link import RefusedError
 from gellight.ring.emulator.waveform import BITS, WINDOWS_NS
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
-from gellight.ring.light_ring import LightRing, RefusedError, Step
+from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 

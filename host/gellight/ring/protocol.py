@@ -7,6 +7,10 @@ the reply of its first execution and is not executed twice. Events have types of
 
 Change a message here, then run ``gellight firmware generate``: a test compares the generated files. The checksum of
 the schema travels in HELLO, whose layout never changes, so that any two versions can tell that they differ.
+
+Host and board have to agree on the major version alone. A minor version adds commands, events, members of enumerations,
+and fields with a default at the end of replies and events, never of requests; limits may change. So each side ignores
+what it does not know: fields behind those it knows, and events; it refuses a command with UNKNOWN_COMMAND.
 """
 
 import zlib

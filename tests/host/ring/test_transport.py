@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 from gellight.base.errors import BoardError, InputError
 from gellight.cli import firmware as firmware_verb
 from gellight.cli import ring as ring_verb
+from gellight.ring.board_link import RefusedError
 from gellight.ring.emulator.child import SimulatedBoard
-from gellight.ring.light_ring import LightRing, RefusedError, Step, colour_bytes, connect
+from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
 
 RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))
@@ -106,14 +107,6 @@ def test_a_port_that_is_not_there_is_a_remedy() -> None:
         open_transport("/dev/ttyNONE")
     with pytest.raises(BoardError, match="sim://"):
         find_port("0000")
-
-
-def test_another_firmware_is_named_with_both_versions(
-    terminal: SimulatedBoard, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gellight.ring.protocol.schema_crc", lambda: 0x12345678)
-    with pytest.raises(BoardError, match=r"schema [0-9a-f]{8}.*12345678.*gellight firmware flash"):
-        connect(terminal.path)
 
 
 def test_a_port_where_nobody_answers_is_an_error() -> None:

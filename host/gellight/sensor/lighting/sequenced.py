@@ -19,8 +19,9 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
+from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Edge, State, Status, SyncMode
-from gellight.ring.light_ring import LightRing, RefusedError, Step
+from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.lighting.label import UNKNOWN_LABEL
