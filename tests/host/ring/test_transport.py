@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -107,6 +108,21 @@ def test_a_port_that_is_not_there_is_a_remedy() -> None:
         open_transport("/dev/ttyNONE")
     with pytest.raises(BoardError, match="sim://"):
         find_port("0000")
+
+
+def test_a_board_is_found_by_number_and_by_product_string(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = [
+        SimpleNamespace(device="/dev/a", vid=0x1209, pid=1, serial_number="A1", product="GelLight light ring"),
+        SimpleNamespace(device="/dev/b", vid=0x1234, pid=5, serial_number="B2", product="GelLight of the left hand"),
+        SimpleNamespace(device="/dev/c", vid=0x2341, pid=0x43, serial_number="C3", product="Arduino"),
+    ]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
+    assert find_port("A1") == find_port("GelLight light ring") == "/dev/a"
+    assert find_port("B2") == find_port("GelLight of the left hand") == "/dev/b"
+    with pytest.raises(BoardError, match=r"'C3' is connected .*A1 .GelLight light ring. at /dev/a, B2"):
+        find_port("C3")
+    with pytest.raises(BoardError, match="not exactly one board is connected"):
+        find_port("")
 
 
 def test_a_port_where_nobody_answers_is_an_error() -> None:
