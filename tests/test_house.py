@@ -31,7 +31,7 @@ DOORS = {
         "evaluation/synthetic.py", "evaluation/simulated_presses.py",
     ),
     "cv2": (
-        "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/messages.py",
+        "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",
         "frames/image_files.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py", "report/pictures.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
