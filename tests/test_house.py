@@ -19,7 +19,7 @@ PACKAGES = {
 }
 ROOMS = (
     "base", "ring", "bundle", "frames", "reconstruction", "report", "simulator", "sensor", "opening", "training",
-    "watch", "design", "calibration", "daemon", "evaluation", "dashboard", "cli",
+    "watch", "design", "calibration", "daemon", "evaluation", "stream", "dashboard", "cli",
 )  # fmt: skip
 """of the host, lowest first: a room imports from itself and from rooms before it"""
 EXCEPTIONS: dict[tuple[str, str], str] = {}
@@ -43,6 +43,7 @@ DOORS = {
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),
+    "zenoh": ("stream/",),
     "typer": ("cli/",),
     "rich": ("cli/",),
     "ezdxf": ("design/",),
