@@ -1,6 +1,6 @@
 """GelNet: five fully connected layers with tanh, a pixel's colour change and place in, the slope of the gel out.
 
-The paper (section 2.4, figure 6b) gives the layers, the activation and the dropout before the last layer, but not the
+The paper (section 3.2.4, figure 6b) gives the layers, the activation and the dropout before the last layer, but not the
 width. Its last tanh bounds the answer "to satisfy the range to gradient". Here the tanh bounds the angle of the slope
 and the gradient is its tangent: a gradient has no natural bound, an angle has one. On simulated validation presses
 (two seeds) this is never worse than a tanh-scaled gradient: 1.08 and 1.09 against 1.10 and 1.10 degrees with camera

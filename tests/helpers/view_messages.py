@@ -35,6 +35,8 @@ class View:
     """(h, w) mm, NaN where there is no depth"""
     contact: NDArray[np.bool_]
     """(h, w)"""
+    truth_mm: NDArray[np.float32] | None
+    """(h, w) mm, the true depth map; None where it is not known"""
 
 
 def decode(message: bytes) -> View:
@@ -49,6 +51,7 @@ def decode(message: bytes) -> View:
         for plane in header["planes"]
     }
     width, height = header["view_px"]
+    truth = planes.get("truth")
     bits = np.unpackbits(np.frombuffer(planes["contact"], np.uint8), count=height * width)
     return View(
         header=header,
@@ -57,6 +60,7 @@ def decode(message: bytes) -> View:
         normal_map=_decode_normals(_plane(planes["normal"], np.int8, (height, width, 2))),
         depth_mm=_decode_depth(_plane(planes["depth"], np.uint16, (height, width))),
         contact=bits.reshape(height, width).astype(bool),
+        truth_mm=None if truth is None else _decode_depth(_plane(truth, np.uint16, (height, width))),
     )
 
 

@@ -17,6 +17,13 @@ The header names each plane with its offset (from the first plane) and its lengt
     depth       (h, w) uint16, (depth in mm + 1) in units of 0.1 micrometre: depths from -1 mm to 5.5534 mm are kept to
                 0.05 micrometre, what lies outside is clipped, 65535 means "no depth"
     contact     contact patch, one bit a pixel, rows joined without padding, highest bit first
+    truth       like depth: the true depth map. Only a simulated sensor knows it; else the plane is not there
+
+The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`.
+
+Where the truth is known the header's `truth` holds `indentation_mm`, the largest true depth; `depth_error_mm`, the mean
+absolute error of the measured depth over the contact (over the whole map where nothing touches); and
+`map_depth_error_mm`, the same over the whole map. All three are of the maps at full size; no constant is taken off.
 """
 
 import json
@@ -28,10 +35,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import Patch, TactileFrame
+from gellight.reconstruction.contact import measure_patches
+from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
 VERSION = 1
+MOST_CONTACTS = 12
+"""the deepest; more are not told apart on a page"""
 VIEW_WIDTH_PX = 320
 VIEW_HEIGHT_PX = 240
 DEPTH_UNIT_MM = 1e-4
@@ -61,6 +72,8 @@ def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float]) -> bytes:
         "depth": _encode_depth(frame.depth_mm, shape),
         "contact": np.packbits(_reduce(frame.contact.mask.astype(np.float32), shape) >= 0.5).tobytes(),
     }
+    if (truth := frame.camera_frame.truth) is not None:
+        planes["truth"] = _encode_depth(truth.depth_mm, shape)
     header = _header(frame, pixel_size_mm) | {"view_px": [shape[1], shape[0]], "planes": _places(planes)}
     text = _padded(json.dumps(without_nan(header), separators=(",", ":"), allow_nan=False).encode(), PREFIX.size, b" ")
     return b"".join([PREFIX.pack(MAGIC, VERSION, len(text)), text, *(_padded(plane) for plane in planes.values())])
@@ -91,10 +104,28 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "indentation_mm": float(contact.indentation_mm),
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
+        "contacts": [vars(patch) for patch in _patches(frame, pixel_size_mm)],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
+        "truth": _truth_figures(frame),
     }
     return header
+
+
+def _patches(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> list[Patch]:
+    return measure_patches(frame.contact.mask, frame.depth_mm, frame.gradient_map, pixel_size_mm)[:MOST_CONTACTS]
+
+
+def _truth_figures(frame: TactileFrame) -> dict[str, float] | None:
+    truth = frame.camera_frame.truth
+    if truth is None:
+        return None
+    map_error_mm, contact_error_mm = depth_errors(frame, truth)
+    return {
+        "indentation_mm": float(truth.depth_mm.max()),
+        "depth_error_mm": contact_error_mm,
+        "map_depth_error_mm": map_error_mm,
+    }
 
 
 def _places(planes: dict[str, bytes]) -> list[dict[str, object]]:

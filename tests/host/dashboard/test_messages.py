@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gellight.dashboard.messages import DEPTH_UNIT_MM, NORMAL_UNIT, PREFIX, encode, view_shape, without_nan
-from gellight.frames.frames import Contact, TactileFrame
+from gellight.frames.frames import Contact, GroundTruth, TactileFrame
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
 from tests.helpers.view_messages import decode
 
@@ -78,6 +78,54 @@ def test_the_header_carries_the_figures() -> None:
     }
     assert header["light"] == LIGHT.tolist()
     assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
+
+
+def test_the_header_numbers_the_contacts_by_depth() -> None:
+    mask = np.zeros((480, 640), bool)
+    mask[100:140, 100:140] = mask[300:320, 500:520] = True
+    depth = np.where(mask, 0.5, 0.0)
+    depth[310, 510] = 0.7
+    contact = replace(FRAME.contact, mask=mask)
+    frame = replace(with_depth(depth), contact=contact, gradient_map=np.ones((480, 640, 2), np.float32))
+    deeper, larger = decode(encode(frame, pixel_size_mm=(0.1, 0.2))).header["contacts"]
+    assert deeper["depth_mm"] == pytest.approx(0.7)
+    assert larger["centroid_mm"] == pytest.approx([(119.5 - 319.5) * 0.1, (119.5 - 239.5) * 0.2])
+    assert larger["area_mm2"] == pytest.approx(1600 * 0.02)
+    assert larger["volume_mm3"] == pytest.approx(0.5 * 1600 * 0.02)
+    assert larger["slope_rad"] == pytest.approx(np.arctan(np.sqrt(2)))
+
+
+def with_truth(depth_mm: np.ndarray, contact: np.ndarray) -> TactileFrame:
+    truth = GroundTruth(depth_mm=depth_mm.astype(np.float32), gradient_map=FRAME.gradient_map, contact=contact)
+    return replace(FRAME, camera_frame=replace(FRAME.camera_frame, truth=truth))
+
+
+def test_the_true_depth_map_comes_through_with_the_error_against_it() -> None:
+    true_mm = FRAME.depth_mm * 1.1 + 0.02
+    contact = FRAME.contact.mask
+    view = decode(encode(with_truth(true_mm, contact), pixel_size_mm=PIXEL))
+    error = np.abs(true_mm - FRAME.depth_mm)
+    assert view.truth_mm is not None
+    assert np.abs(view.truth_mm - blocks(true_mm)).max() <= 0.5 * DEPTH_UNIT_MM + 1e-6
+    assert view.header["truth"] == pytest.approx(
+        {
+            "indentation_mm": true_mm.max(),
+            "depth_error_mm": error[contact].mean(),
+            "map_depth_error_mm": error.mean(),
+        }
+    )
+    assert error[contact].mean() > error.mean() > 0.02, "no constant is taken off"
+
+
+def test_where_nothing_touches_the_error_is_that_of_the_whole_map() -> None:
+    figures = decode(encode(with_truth(FRAME.depth_mm - 0.5, np.zeros((480, 640), bool)), pixel_size_mm=PIXEL)).header
+    assert figures["truth"]["depth_error_mm"] == figures["truth"]["map_depth_error_mm"] == pytest.approx(0.5)
+
+
+def test_a_real_sensor_sends_no_truth() -> None:
+    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
+    assert view.truth_mm is None
+    assert view.header["truth"] is None
 
 
 def test_what_is_unknown_is_null() -> None:

@@ -13,7 +13,10 @@ export function depthMm(code) {
   return code * DEPTH_UNIT_MM - DEPTH_OFFSET_MM;
 }
 
-/** Return {header, width, height, image, difference, normal, depth, contact}: typed arrays on `buffer`, no copies. */
+/**
+ * Return {header, width, height, image, difference, normal, depth, contact, truth}: typed arrays on `buffer`, no copies.
+ * `truth` is the true depth map in the codes of `depth`; null where the sensor is not simulated.
+ */
 export function decode(buffer) {
   const prefix = new DataView(buffer);
   if (prefix.getUint32(0, true) !== MAGIC || prefix.getUint32(4, true) !== VERSION) {
@@ -24,6 +27,7 @@ export function decode(buffer) {
   const place = Object.fromEntries(header.planes.map((plane) => [plane.name, plane]));
   const bytes = (name) => new Uint8Array(buffer, start + place[name].offset, place[name].length);
   const [width, height] = header.view_px;
+  const depths = ({ offset, length }) => new Uint16Array(buffer, start + offset, length / 2);
   return {
     header,
     width,
@@ -31,7 +35,8 @@ export function decode(buffer) {
     image: bytes("image"),
     difference: bytes("difference"),
     normal: new Int8Array(buffer, start + place.normal.offset, place.normal.length),
-    depth: new Uint16Array(buffer, start + place.depth.offset, width * height),
+    depth: depths(place.depth),
     contact: bytes("contact"),
+    truth: place.truth ? depths(place.truth) : null,
   };
 }
