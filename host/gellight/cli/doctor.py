@@ -2,11 +2,14 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gellight.cli.advice import typeable
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.doctor import examine
@@ -27,13 +30,13 @@ def command(
     """
     findings = []
     for finding in _findings(sensor):
-        findings.append(finding)
+        findings.append(replace(finding, remedy=typeable(finding.remedy)))
         if not as_json:
-            print(line(finding), flush=True)
+            print(line(findings[-1]), flush=True)
     if as_json:
         print(json.dumps({"findings": [finding.as_json() for finding in findings]}))
     if any(finding.level is Level.PROBLEM for finding in findings):
-        raise typer.Exit(1)
+        raise typer.Exit(Ending.JUDGED_BAD)
 
 
 def _findings(sensor: str | None) -> Iterator[Finding]:

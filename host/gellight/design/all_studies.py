@@ -1,6 +1,8 @@
 """All studies of a sensor, as the report shows them, and the time that the coarse one takes."""
 
 import time
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -152,9 +154,9 @@ def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> Swee
     pressed = [press_benchmark(name, setup.sampling, setup.geometry, setup.parameters) for name in setup.names]
     with executor(options) as pool:
         twice = 2 * options.workers  # tasks, so that every worker has had one
-        list(pool.map(_shared, pressed[:1] * twice, [replace(groups, numbers=(3,))] * twice))
+        _evaluated(pool, pressed[:1] * twice, replace(groups, numbers=(3,)))
         start = time.perf_counter()
-        shared = list(pool.map(_shared, pressed, [groups] * len(pressed)))
+        shared = _evaluated(pool, pressed, groups)
         shared_s = time.perf_counter() - start
     start, start_cpu = time.perf_counter(), time.process_time()
     plainly = [plain.evaluate(one, groups) for one in pressed]
@@ -163,6 +165,14 @@ def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> Swee
     counts = setup.sampling.size_px, len(pressed), len(groups.numbers) * len(groups.angles_rad), options.workers
     shared_cpu_s = sum(cpu for _, cpu in shared)
     return SweepTimes(*counts, shared_s, plain_s, shared_cpu_s, plain_cpu_s, float(np.degrees(difference)))
+
+
+def _evaluated(
+    pool: Executor, pressed: Sequence[PressedObject], groups: LightGroups
+) -> list[tuple[NDArray[np.float64], float]]:
+    """Return `_shared` of each. Not by `map`, which cancels when it is interrupted: see `executor`."""
+    futures = [pool.submit(_shared, one, groups) for one in pressed]
+    return [future.result() for future in futures]
 
 
 def _shared(pressed: PressedObject, groups: LightGroups) -> tuple[NDArray[np.float64], float]:
