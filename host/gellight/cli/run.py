@@ -1,11 +1,10 @@
 """`gellight run`: a real sensor with its dashboard, through unplugging and plugging in."""
 
 import json
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -17,6 +16,7 @@ import typer
 from gellight.base.errors import CameraError
 from gellight.base.settings import Settings, load_settings, read_layers
 from gellight.bundle.bundle import SYNTHETIC
+from gellight.cli.ending import until_interrupted
 from gellight.cli.options import with_options
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationService
@@ -65,6 +65,10 @@ class Running:
             "stream.zenoh_config": self.zenoh_config,
         }
 
+    def ended_by_hand(self) -> AbstractContextManager[None]:
+        """Return what takes Ctrl-C and SIGTERM for the proper end, unless a number of frames was asked for."""
+        return until_interrupted(not self.frames)
+
 
 @with_options
 def command(
@@ -83,14 +87,14 @@ def command(
     While it is unplugged the status is served, and the sensor is looked for.
     """
     settings = settings_of(sensor, running.flags())
-    # a termination has to make the LEDs dark too
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    with open_session(settings) as daemon, served(daemon, settings, dashboard), published(daemon, settings):
-        try:
-            summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
-        except KeyboardInterrupt:
-            return
-    print(json.dumps(summary) if as_json else table(summary))
+    with (
+        running.ended_by_hand(),
+        open_session(settings) as daemon,
+        served(daemon, settings, dashboard),
+        published(daemon, settings),
+    ):
+        summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
+        print(json.dumps(summary) if as_json else table(summary))
 
 
 def settings_of(sensor: str | None, flags: Mapping[str, object]) -> Settings:

@@ -118,6 +118,21 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Patch:
+    """One of the places where the gel is touched: a connected part of the contact patch."""
+
+    centroid_mm: tuple[float, float]
+    """(x, y) from the image centre"""
+    depth_mm: float
+    """largest depth"""
+    area_mm2: float
+    volume_mm3: float
+    """the integral of the depth over the patch"""
+    slope_rad: float
+    """largest angle between the gel surface and the gel at rest"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ExposureReport:
     """What is known of a series of exposures under different lights that were put together to one tactile frame."""
 
