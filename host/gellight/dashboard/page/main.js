@@ -4,7 +4,7 @@ import { Connection } from "./connection.js";
 import { Detail, LEVELS, RELIEF } from "./detail.js";
 import { showContact, showStatus } from "./figures.js";
 import { History } from "./history.js";
-import { decode } from "./message.js";
+import { Decoder } from "./message.js";
 import { Planes, fillScales } from "./planes.js";
 import { PressPanel } from "./press.js";
 import { Relief } from "./relief.js";
@@ -31,7 +31,8 @@ const relief = new Relief(element("surface"));
 const surface = openSurface();
 const detail = new Detail(firstLevel());
 
-let waiting = null; // the newest frame not yet drawn: {view, bitmap}
+const decoder = new Decoder((view) => planes.complete(view));
+let waiting = null; // the newest frame not yet drawn
 let shown = null; // the view on the screen
 let turned = false; // the surface has to be drawn again without a new frame
 let drewAt = null; // when the last picture was begun, for the level of detail
@@ -68,13 +69,12 @@ function firstLevel() {
 }
 
 async function receive(buffer) {
-  const view = decode(buffer);
-  const bitmap = await createImageBitmap(new Blob([view.image], { type: "image/jpeg" }));
+  const view = await decoder.decode(buffer);
   if (waiting) {
     waiting.bitmap.close();
     connection.grant(1);
   }
-  waiting = { view, bitmap };
+  waiting = view;
 }
 
 function takeStatus(status) {
@@ -92,9 +92,9 @@ function turn(now) {
   if (drewAt !== null && detail.note(now - drewAt)) turned = true;
   drewAt = null;
   if (waiting) {
-    const { view, bitmap } = waiting;
+    const view = waiting;
     waiting = null;
-    draw(view, bitmap);
+    draw(view);
     connection.grant(1);
     drewAt = now;
   } else if (turned && shown) {
@@ -103,10 +103,10 @@ function turn(now) {
   turned = false;
 }
 
-function draw(view, bitmap) {
+function draw(view) {
   shown = view;
-  planes.draw(view, bitmap);
-  bitmap.close();
+  planes.draw(view);
+  view.bitmap.close();
   surface?.update(view, planes.normalPixels);
   drawSurface();
   ring.show(view.header.light);
