@@ -86,6 +86,13 @@ class RecordingStage:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, float, float, float] | None] = []
+        self.prepared: list[tuple[str, float, float, float]] = []
+        self.may_prepare = threading.Event()
+        self.may_prepare.set()
+
+    def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        self.prepared.append((object_name, depth_mm, x_mm, y_mm))
+        self.may_prepare.wait(10)
 
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         self.calls.append((object_name, depth_mm, x_mm, y_mm))
@@ -95,7 +102,7 @@ class RecordingStage:
 
     def status(self) -> dict[str, object]:
         name, depth, x, y = (self.calls and self.calls[-1]) or ("", 0.0, 0.0, 0.0)
-        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls)}
+        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls), "preparing": ""}
 
 
 class FormulaSource:
