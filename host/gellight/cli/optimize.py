@@ -19,6 +19,7 @@ from gellight.design import report as reporting
 from gellight.design.all_studies import run_all_studies, time_sweep
 from gellight.design.benchmark_files import write_benchmark
 from gellight.design.geometry import read_geometry
+from gellight.design.housing import housing_scad
 from gellight.design.studies import Setup, setup_of
 from gellight.design.sweep import (
     ResultStore,
@@ -195,6 +196,20 @@ def ball(
     result = output.ball_study(read_geometry(geometry), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
     answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
+
+
+@app.command("parts")
+def make_parts(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the parts here.")],
+    geometry: GeometryFile = None,
+    lens: Annotated[
+        float, typer.Option("--lens-mm", min=3, max=100, help="From the lens's entrance pupil to the camera's board.")
+    ] = 15.0,
+) -> None:
+    """Parts of a sensor to make: LED strip, ring, housing and mould (OpenSCAD), without a study."""
+    sensor = read_geometry(geometry)
+    for path in output.write_all(out, {**designs.parts_of(sensor), "housing.scad": housing_scad(sensor, lens)}):
+        typer.echo(path)
 
 
 @app.command()

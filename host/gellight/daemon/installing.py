@@ -18,8 +18,9 @@ from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera
+from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Status
-from gellight.ring.light_ring import LightRing, RefusedError
+from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import Configuration
 
 DARK_WITHIN_S = 5.0

@@ -20,11 +20,13 @@ from urllib.parse import urlsplit
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
-from gellight.base.errors import GellightError
+from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
+from gellight.dashboard.page_files import FOR_EVER, PageFiles
+from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.wizard import Wizard
 
 logger = logging.getLogger(__name__)
@@ -60,6 +62,7 @@ class Dashboard:
         self._source = source
         self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
+        self._references = ReferenceViews()
         self._message = b""
         self._number = -1
         self._fresh = False
@@ -74,11 +77,11 @@ class Dashboard:
     def application(self) -> web.Application:
         """Return the aiohttp application: page, `/status`, `/ws`, and the wizard's."""
         app = web.Application(middlewares=[only_this_machine])
-        app.router.add_get("/", show_page)
         app.router.add_get("/ws", self._serve_client)
         app.router.add_get("/status", self._show_status)
         self._wizard.add_routes(app)
-        app.router.add_static("/", PAGE)
+        app.router.add_get("/reference/{name}", self._show_reference)
+        PageFiles(PAGE).add_routes(app)
         app.cleanup_ctx.append(self._run_pump)
         app.on_shutdown.append(self._close_clients)
         return app
@@ -143,7 +146,7 @@ class Dashboard:
         self._sequence = frame.camera_frame.sequence
         height, width = frame.depth_mm.shape
         self._image_shape = (height, width)
-        return encode(frame, pixel_size_mm=self._source.pixel_size_mm)
+        return encode(frame, pixel_size_mm=self._source.pixel_size_mm, references=self._references)
 
     async def _serve_client(self, request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse(max_msg_size=MAX_COMMAND_BYTES, heartbeat=20.0, compress=False)
@@ -198,6 +201,13 @@ class Dashboard:
     async def _show_status(self, request: web.Request) -> web.Response:
         return web.Response(text=await self._status_text(), content_type="application/json")
 
+    async def _show_reference(self, request: web.Request) -> web.Response:
+        try:
+            picture = self._references.picture(request.match_info["name"])
+        except InputError as error:
+            return web.Response(status=404, text=str(error))
+        return web.Response(body=picture, content_type="image/webp", headers={"Cache-Control": FOR_EVER})
+
     async def _obey(self, client: Client, text: str) -> None:
         try:
             command = COMMANDS.validate_json(text)
@@ -240,11 +250,6 @@ async def _answer_error(client: Client, command: str | None, message: str) -> No
     await client.socket.send_json({"type": "error", "command": command, "message": message})
 
 
-async def show_page(request: web.Request) -> web.FileResponse:
-    """Answer with the page."""
-    return web.FileResponse(PAGE / "index.html")
-
-
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -262,5 +267,5 @@ async def only_this_machine(request: web.Request, handler: Handler) -> web.Strea
         policy = f"default-src 'self'; img-src 'self' blob:; connect-src 'self' ws://{host}"
         response.headers.setdefault("Content-Security-Policy", policy)
         response.headers["X-Content-Type-Options"] = "nosniff"
-        response.headers["Cache-Control"] = "no-cache"
+        response.headers.setdefault("Cache-Control", "no-cache")
     return response

@@ -14,6 +14,7 @@ from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import Zero
 from tests.helpers.linear_sensor import linear_bundle, reference_image
 from tests.helpers.scripted_camera import CountingReconstructor, FlatCamera, ScriptedCamera
@@ -155,6 +156,9 @@ class ScriptedWatch:
         self.looks += 1
         if self.failing:
             raise BundleError("the network answered with NaN")
+
+    def findings(self) -> list[WatchFinding]:
+        return []
 
     def refusal(self, *, asked: bool) -> str:
         if not self.worth.is_set():

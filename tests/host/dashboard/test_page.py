@@ -31,7 +31,7 @@ def test_the_page_asks_nobody_but_this_machine(
     page.close()
     own = (server.url, server.url.replace("http:", "ws:"), f"blob:{server.url}")
     assert [url for url in asked if not url.startswith(own)] == []
-    assert any(url.endswith("vendor/three/three.module.js") for url in asked)
+    assert any(url.endswith("vendor/three-0.185/three.module.min.js") for url in asked)
     assert any(url.startswith("ws:") for url in asked)
 
 

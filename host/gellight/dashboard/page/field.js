@@ -1,6 +1,6 @@
 // Depth and slope at any place of a view, in mm from the middle of the picture: x to the right, y down.
 
-import { NO_DEPTH, depthMm } from "./message.js";
+import { NO_DEPTH, depthMm } from "./packed.js";
 
 /** Size of the view on the gel, [width, height] in mm. */
 export function sizeMm({ image_px: image, pixel_size_mm: pixel }) {

@@ -9,7 +9,7 @@ import { showContact, showStatus } from "./figures.js";
 import { History } from "./history.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
-import { decodeView } from "./views.js";
+import { Decoder } from "./message.js";
 import { Pictures } from "./pictures.js";
 import { Planes, fillScales } from "./planes.js";
 import { PressPanel } from "./press.js";
@@ -35,6 +35,7 @@ const stats = {
 window.gellight = stats;
 
 const planes = new Planes();
+const decoder = new Decoder((view) => planes.complete(view));
 const truth = new Truth();
 const ring = new Ring(element("ring"));
 const contacts = new Contacts(element("contacts"));
@@ -102,7 +103,7 @@ function firstLevel() {
 // ---- frames ----
 
 async function receive(buffer) {
-  const view = await decodeView(buffer);
+  const view = await decoder.decode(buffer);
   recent.add(view.header.time_s, buffer);
   history.add(view.header.time_s, view.header.contact.indentation_mm);
   if (waiting) {
@@ -137,7 +138,7 @@ function turn(now) {
 function draw(view) {
   shown = view;
   pictures.learn(view.header);
-  planes.draw(view, view.bitmap);
+  planes.draw(view);
   view.bitmap.close();
   truth.draw(view, planes.colours);
   surface?.update(view, planes.normalPixels);
@@ -234,7 +235,7 @@ function pause(wanted) {
 
 async function revisit(frame) {
   if (!paused || !frame) return;
-  const view = await decodeView(frame.buffer);
+  const view = await decoder.decode(frame.buffer);
   if (!paused) return;
   draw(view);
   history.cursorS = frame.timeS;

@@ -38,14 +38,19 @@ export class Planes {
     this.setScale(1600);
   }
 
-  /** Show `view`, with its decoded camera picture `bitmap`. */
-  draw(view, bitmap) {
+  /** Show `view`. */
+  draw(view) {
     this.#view = view;
     for (const plane of [this.#image, this.#difference, this.#normal, this.#depth]) plane.fit(view.width, view.height);
-    this.#image.context.drawImage(bitmap, 0, 0);
+    this.#image.context.drawImage(view.bitmap, 0, 0);
     this.#drawDifference(view.difference);
-    this.#drawNormals(view.normal);
+    this.#drawNormals(view.slopes);
     this.#drawDepth(view);
+  }
+
+  /** Show the difference image of `view`, which was not known when the rest was drawn. */
+  complete(view) {
+    if (view === this.#view) this.#drawDifference(view.difference);
   }
 
   get canvases() {
@@ -82,6 +87,7 @@ export class Planes {
   }
 
   #drawDifference(difference) {
+    if (!difference) return;
     const { data } = this.#difference.pixels;
     for (let from = 0, to = 0; from < difference.length; from += 3, to += 4) {
       data[to] = this.differences[difference[from]];
@@ -91,14 +97,15 @@ export class Planes {
     this.#difference.show();
   }
 
-  #drawNormals(normal) {
+  #drawNormals(slopes) {
     const { data } = this.#normal.pixels;
-    for (let from = 0, to = 0; from < normal.length; from += 2, to += 4) {
-      const x = normal[from] / 127;
-      const y = normal[from + 1] / 127;
-      data[to] = 127.5 + 127.5 * x;
-      data[to + 1] = 127.5 + 127.5 * y;
-      data[to + 2] = 127.5 + 127.5 * Math.sqrt(Math.max(1 - x * x - y * y, 0));
+    for (let from = 0, to = 0; from < slopes.length; from += 2, to += 4) {
+      const x = -slopes[from];
+      const y = -slopes[from + 1];
+      const z = 1 / Math.sqrt(x * x + y * y + 1);
+      data[to] = 127.5 + 127.5 * x * z;
+      data[to + 1] = 127.5 + 127.5 * y * z;
+      data[to + 2] = 127.5 + 127.5 * z;
     }
     this.#normal.show();
   }

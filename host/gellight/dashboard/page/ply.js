@@ -1,7 +1,7 @@
 // The surface as a PLY file for other programs: mm, x to the right, y up, z towards the camera.
 
 import { sizeMm } from "./field.js";
-import { NO_DEPTH, depthMm } from "./message.js";
+import { NO_DEPTH, depthMm } from "./packed.js";
 
 const VERTEX_BYTES = 24;
 const FACE_BYTES = 13;

@@ -2,7 +2,7 @@
 
 import { sizeMm } from "./field.js";
 import { fixed } from "./figures.js";
-import { NO_DEPTH, depthMm } from "./message.js";
+import { NO_DEPTH, depthMm } from "./packed.js";
 import { npz } from "./npz.js";
 import { ply } from "./ply.js";
 

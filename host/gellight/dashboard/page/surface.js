@@ -1,10 +1,10 @@
 // The gel surface in 3D, seen from the camera's side: depth moves the vertices of a plane, in the graphics card.
 
-import * as THREE from "./vendor/three/three.module.js";
+import * as THREE from "./vendor/three-0.185/three.module.min.js";
 import { LEVELS } from "./detail.js";
 import { depthColour } from "./colour.js";
-import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./message.js";
 import { depthAt } from "./field.js";
+import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./packed.js";
 import { Orbit } from "./orbit.js";
 
 const PICK_STEPS = 300;
