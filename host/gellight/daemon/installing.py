@@ -162,9 +162,12 @@ def _configure(ring: LightRing, configuration: Configuration) -> None:
 def bundle_of(camera: Camera, store: BundleStore) -> Bundle:
     """Return the bundle of the sensor behind a camera: the one its board names, else the one in service for it.
 
+    That of a recording came with its frames.
     The simulated sensor falls back to the bundle that comes with GelLight. Raises BundleError where there is none,
     or where the bundle that the board names belongs to another sensor.
     """
+    if camera.bundle is not None:
+        return camera.bundle
     sensor = sensor_name(camera)
     identity = camera.ring.configuration().bundle if camera.ring is not None else b""
     if any(identity) and set(identity) != {0xFF}:

@@ -48,6 +48,17 @@ class LightLabel:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EncodedImage:
+    """A picture as the camera gave it, before it was decoded."""
+
+    data: bytes
+    letters: str
+    """format, as V4L2 names it: MJPG, YUYV, RGB3 or GREY"""
+    line_bytes: int
+    """of a picture line in `data`; 0: there is nothing between the lines, or the picture is compressed"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class CameraFrame:
     """One picture of the gel."""
 
@@ -65,6 +76,8 @@ class CameraFrame:
     """the light group of a sequence that lit it; None where no sequence runs"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
+    encoded: EncodedImage | None = None
+    """what `image` was decoded from, for recordings; None where it was not"""
 
 
 @dataclass(frozen=True, kw_only=True)
