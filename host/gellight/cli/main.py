@@ -17,7 +17,7 @@ VERBS = lazy_group(
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
         "export": ("export:command", "Turn a recording into arrays, pictures, point clouds or a video."),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
-        "doctor": ("doctor:command", "Check computer, USB, camera, light ring and frames."),
+        "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
         "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),

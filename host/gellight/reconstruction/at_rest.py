@@ -15,12 +15,18 @@ def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
     bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of 8 x 8 pixels.
     """
     free = ~touched
-    cells = free[4::_CELL_PX, 4::_CELL_PX]
-    if cells.all() or not cells.any():
+    far = far_cells(free[_CELL_PX // 2 :: _CELL_PX, _CELL_PX // 2 :: _CELL_PX])
+    if not far.any():
         return free
-    distance = ndimage.distance_transform_cdt(cells, metric="chessboard")
-    far = distance >= max(1, np.quantile(distance[cells], 0.75))
     height, width = free.shape
     rows = np.minimum(np.arange(height) // _CELL_PX, far.shape[0] - 1)
     columns = np.minimum(np.arange(width) // _CELL_PX, far.shape[1] - 1)
     return np.asarray(free & far[rows[:, None], columns[None, :]])
+
+
+def far_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the farthest quarter of the free (h, w) cells; all of them where no cell is touched."""
+    if free.all() or not free.any():
+        return free
+    distance = ndimage.distance_transform_cdt(free, metric="chessboard")
+    return np.asarray(distance >= max(1, np.quantile(distance[free], 0.75)))

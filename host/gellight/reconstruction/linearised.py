@@ -37,7 +37,7 @@ class CellNetwork:
 
     def __init__(self, network: GradientNetwork, jacobian: JacobianSession) -> None:
         """Take the network of the pixels and the session that differentiates it."""
-        self.network, self._jacobian = network, jacobian
+        self.network, self.jacobian = network, jacobian
         self.limit_grey = max(LIMIT_GREY, LIMIT_NOISE * network.noise)
         self.shape = height, width = tuple(-(-n // CELL_PX) for n in network.image_shape)
         rows, columns = np.indices((height, width), dtype=np.float32).reshape(2, -1)
@@ -69,7 +69,7 @@ class CellNetwork:
         slopes, jacobian = np.empty((len(rows), 2), np.float32), np.empty((len(rows), 6), np.float32)
         for start in range(0, len(rows), BLOCK_CELLS):
             block = slice(start, start + BLOCK_CELLS)
-            slopes[block], jacobian[block] = self._jacobian.answer(rows[block])
+            slopes[block], jacobian[block] = self.jacobian.answer(rows[block])
         slopes -= np.take(self.zero, chosen, axis=0)
         return slopes, jacobian
 

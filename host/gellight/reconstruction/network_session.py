@@ -58,7 +58,7 @@ class JacobianSession:
         slopes, jacobian = self._session.run(["gradient", "jacobian"], {"pixels": rows})
         if not (np.isfinite(slopes).all() and np.isfinite(jacobian).all()):
             raise BundleError(f"{self._source}: the network answers NaN or infinite slopes: {REMEDY}")
-        return slopes, np.broadcast_to(jacobian, (len(rows), 6))
+        return slopes, np.ascontiguousarray(np.broadcast_to(jacobian, (len(rows), 6)))
 
 
 def jacobian_session(network: NetworkSession) -> JacobianSession | None:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import integrate
@@ -13,7 +13,7 @@ from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
 from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Smoother
-from gellight.reconstruction.stages import STAGES, Stages, tactile_frame
+from gellight.reconstruction.stages import STAGES, FlatMaps, Stages, tactile_frame
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -76,31 +76,3 @@ class NumpyPath:
         manifest = self._bundle.manifest
         depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=far_from_touch(touched), bulge=manifest.bulge)
         return depth_mm.astype(np.float32, copy=False)
-
-
-class FlatMaps:
-    """The maps of untouched gel. They are always the same, so all frames at rest share them, read-only."""
-
-    def __init__(self, image_shape: tuple[int, int], *, stages: tuple[str, ...]) -> None:
-        """Make them for images of one size (H, W); stages: of a frame that is touched."""
-        self._stages = stages
-        self._gradient_map = np.zeros((*image_shape, 2), np.float32)
-        self._normal_map = np.zeros((*image_shape, 3), np.float32)
-        self._normal_map[..., 2] = 1
-        self._depth_mm = np.zeros(image_shape, np.float32)
-        self._nowhere = np.zeros(image_shape, np.bool_)
-        for array in (self._gradient_map, self._normal_map, self._depth_mm, self._nowhere):
-            array.flags.writeable = False
-
-    def frame(self, camera_frame: CameraFrame, difference: Floats, stages: Stages) -> TactileFrame:
-        """Return the tactile frame of untouched gel."""
-        stages.skip(stage for stage in self._stages if stage not in stages.seconds)
-        return TactileFrame(
-            camera_frame=camera_frame,
-            difference=difference,
-            gradient_map=self._gradient_map,
-            normal_map=self._normal_map,
-            depth_mm=self._depth_mm,
-            contact=Contact(mask=self._nowhere, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
-            stage_seconds=stages.seconds,
-        )
