@@ -18,7 +18,7 @@ from gellight.sensor.v4l2.kernel import LINUX
 
 def command(
     sensor: Annotated[
-        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0.", show_default="every sensor")
+        str | None, typer.Argument(help="URL, serial number, USB port, or /dev/video0.", show_default="every sensor")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
