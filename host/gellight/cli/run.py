@@ -90,7 +90,11 @@ def command(
 
     While it is unplugged the status is served, and the sensor is looked for.
     """
-    settings = load_settings({"sensor.url": sensor, **running.flags()})
+    run_sensor(load_settings({"sensor.url": sensor, **running.flags()}), running, dashboard=dashboard, as_json=as_json)
+
+
+def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
+    """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     with (
         running.ended_by_hand(),
         open_session(settings) as daemon,
