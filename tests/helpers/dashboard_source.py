@@ -5,11 +5,13 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
+from gellight.reconstruction.contact import find_contact
 
 HEIGHT, WIDTH, PIXEL_MM = 480, 640, 0.0588
 SIGMA_MM = 3.0
@@ -45,6 +47,25 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
         contact=contact(depth, pixel),
         stage_seconds={"gelnet": 0.008, "integration": 0.003},
     )
+
+
+def two_bumps(*, truth_factor: float | None = None) -> TactileFrame:
+    """Return two bumps far apart, 1 mm and 0.5 mm deep; the truth is `truth_factor` times as deep."""
+    first, second = bump(1.0, 7.0, 3.0), bump(0.5, -9.0, -5.0)
+    depth = first.depth_mm + second.depth_mm
+    gradient = first.gradient_map + second.gradient_map
+    frame = replace(first, depth_mm=depth, gradient_map=gradient, contact=find_contact(depth, PIXEL_MM))
+    return frame if truth_factor is None else with_truth(frame, truth_factor)
+
+
+def with_truth(frame: TactileFrame, factor: float) -> TactileFrame:
+    """Return `frame` with a truth that is `factor` times as deep."""
+    truth = GroundTruth(
+        depth_mm=frame.depth_mm * np.float32(factor),
+        gradient_map=frame.gradient_map * np.float32(factor),
+        contact=frame.contact.mask,
+    )
+    return replace(frame, camera_frame=replace(frame.camera_frame, truth=truth))
 
 
 def shade(gradient: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,7 +42,12 @@ class SensorSettings(StrictModel):
 
 
 class GeometrySettings(StrictModel):
-    """How the sensor is built; what is not given is as in the paper. Angles are in degrees.
+    """How the sensor is built. Angles are in degrees.
+
+    What is not given is as in the paper where it gives a figure: gel 50 mm across and 5 mm thick, camera 40 mm from it,
+    12 LEDs (`RRRRGGGGBBBB`) at a mounting height of 20 mm, tilted by 29 degrees. It gives none for the ring radius
+    (ours: 21.5 mm), Poisson's ratio (0.49), the coating (0.1 mm) and the image size (640 x 480 with 0.0588 mm a pixel).
+    The beam is 120 degrees, as the data sheet of the LED has it; the paper simulates 160.
 
     A simulated sensor is built by all of these. With a real sensor the calibration uses the colours of the LEDs, and
     photometric stereo uses the ring.
@@ -118,6 +123,19 @@ class DashboardSettings(StrictModel):
     port: int = Field(default=8420, ge=0, le=65535, description="port on 127.0.0.1; 0: any free one")
 
 
+class StreamSettings(StrictModel):
+    """Frames for other programs; see docs/streaming.md."""
+
+    enabled: bool = Field(default=True, description="publish frames to other programs of this computer")
+    name: str = Field(default="", description="under which the sensor is found; empty: the sensor's own")
+    lan: bool = Field(
+        default=False, description="accept other computers too; whoever reaches the port may read and press"
+    )
+    zenoh_config: str = Field(
+        default="", description="file of zenoh's own settings, for TLS and access control; empty: none"
+    )
+
+
 class Settings(StrictModel):
     """All settings."""
 
@@ -126,6 +144,7 @@ class Settings(StrictModel):
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
+    stream: StreamSettings = Field(default_factory=StreamSettings)
 
 
 SECTIONS: dict[str, Any] = {name: field.annotation for name, field in Settings.model_fields.items()}
@@ -206,7 +225,7 @@ def reference_markdown() -> str:
 
 
 def _markdown_row(setting: Setting) -> str:
-    default = "as in the paper" if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
+    default = "see above" if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
     return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 

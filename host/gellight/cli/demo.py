@@ -10,7 +10,7 @@ import typer
 
 from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson, with_options
-from gellight.cli.run import Running, follow, served, table
+from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
 
 FRAME_TIMEOUT_S = 20.0
@@ -25,14 +25,16 @@ def command(
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
     settings = load_settings({"sensor.url": sensor, **running.flags()})
-    with open_session(settings) as daemon, served(daemon, settings) as url:
+    with (
+        running.ended_by_hand(),
+        open_session(settings) as daemon,
+        served(daemon, settings) as url,
+        published(daemon, settings),
+    ):
         if browser and not running.frames:
             open_browser(url)
-        try:
-            summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
-        except KeyboardInterrupt:
-            return
-    print(json.dumps(summary) if as_json else table(summary))
+        summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
+        print(json.dumps(summary) if as_json else table(summary))
 
 
 def open_browser(url: str) -> None:

@@ -1,14 +1,14 @@
 """`gellight run`: a real sensor with its dashboard, through unplugging and plugging in."""
 
 import json
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,12 +16,15 @@ import typer
 from gellight.base.errors import CameraError
 from gellight.base.settings import Settings, load_settings, read_layers
 from gellight.bundle.bundle import SYNTHETIC
+from gellight.cli.ending import until_interrupted
 from gellight.cli.options import with_options
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
+from gellight.stream.network import LAN_PORT
+from gellight.stream.publisher import Publisher
 
 STATUS_S = 1.0
 WAIT_S = 0.5
@@ -38,6 +41,12 @@ class Running:
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
+    publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
+        None
+    )
+    name: Annotated[str | None, typer.Option(help="Name to publish under.", show_default="that of the sensor")] = None
+    lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
+    zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
     def flags(self) -> dict[str, object]:
@@ -46,7 +55,19 @@ class Running:
         A run of a number of frames is for programs, several of which may run at once: its port is a free one.
         """
         port = 0 if self.frames and self.port is None else self.port
-        return {"sensor.calibration": self.calibration, "dashboard.port": port, "reconstruction.mode": self.mode}
+        return {
+            "sensor.calibration": self.calibration,
+            "dashboard.port": port,
+            "reconstruction.mode": self.mode,
+            "stream.enabled": self.publish,
+            "stream.name": self.name,
+            "stream.lan": self.lan,
+            "stream.zenoh_config": self.zenoh_config,
+        }
+
+    def ended_by_hand(self) -> AbstractContextManager[None]:
+        """Return what takes Ctrl-C and SIGTERM for the proper end, unless a number of frames was asked for."""
+        return until_interrupted(not self.frames)
 
 
 @with_options
@@ -66,14 +87,14 @@ def command(
     While it is unplugged the status is served, and the sensor is looked for.
     """
     settings = settings_of(sensor, running.flags())
-    # a termination has to make the LEDs dark too
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    with open_session(settings) as daemon, served(daemon, settings, dashboard):
-        try:
-            summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
-        except KeyboardInterrupt:
-            return
-    print(json.dumps(summary) if as_json else table(summary))
+    with (
+        running.ended_by_hand(),
+        open_session(settings) as daemon,
+        served(daemon, settings, dashboard),
+        published(daemon, settings),
+    ):
+        summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
+        print(json.dumps(summary) if as_json else table(summary))
 
 
 def settings_of(sensor: str | None, flags: Mapping[str, object]) -> Settings:
@@ -95,6 +116,20 @@ def warn_of_foreign_bundle(settings: Settings) -> None:
     elif settings.sensor.url.startswith("sim://") and changed:
         print(f"gellight: the bundle `synthetic` is of the paper's sensor, the settings change its {changed}: make one "
               "with `gellight calibrate --auto` before you trust the depth", file=sys.stderr)  # fmt: skip
+
+
+@contextmanager
+def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
+    """Publish the frames to other programs, unless the settings say no."""
+    chosen = settings.stream
+    if not chosen.enabled:
+        yield
+        return
+    config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
+    with Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config) as publisher:
+        there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
+        print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+        yield
 
 
 @contextmanager

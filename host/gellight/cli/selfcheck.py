@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.settings import load_settings
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.evaluation.checked_presses import check_presses
 from gellight.frames.frames import SelfCheckResult
@@ -45,7 +46,7 @@ def command(
     if as_json:
         print(json.dumps({"passed": passed, "presses": [{"press": p, **r.as_json()} for p, r in results]}))
     if not passed:
-        raise typer.Exit(1)
+        raise typer.Exit(Ending.JUDGED_BAD)
 
 
 def line(name: str, result: SelfCheckResult) -> str:

@@ -18,8 +18,9 @@ from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera
+from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Status
-from gellight.ring.light_ring import LightRing, RefusedError
+from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import Configuration
 
 DARK_WITHIN_S = 5.0
@@ -161,9 +162,12 @@ def _configure(ring: LightRing, configuration: Configuration) -> None:
 def bundle_of(camera: Camera, store: BundleStore) -> Bundle:
     """Return the bundle of the sensor behind a camera: the one its board names, else the one in service for it.
 
+    That of a recording came with its frames.
     The simulated sensor falls back to the bundle that comes with GelLight. Raises BundleError where there is none,
     or where the bundle that the board names belongs to another sensor.
     """
+    if camera.bundle is not None:
+        return camera.bundle
     sensor = sensor_name(camera)
     identity = camera.ring.configuration().bundle if camera.ring is not None else b""
     if any(identity) and set(identity) != {0xFF}:

@@ -17,6 +17,8 @@ The header names each plane with its offset (from the first plane) and its lengt
     contact     contact patch, one bit a pixel, rows joined without padding, highest bit first; raw deflate
     truth       like depth: the true depth map. Only a simulated sensor knows it; else the plane is not there
 
+The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`.
+
 The page makes the rest itself. The difference image is the image minus the reference image, which the header names
 (`reference`) and the page fetches once, minus the header's `light_drift`. Slopes and normals are those of the depth
 map, by central differences.
@@ -36,11 +38,14 @@ import numpy as np
 
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import deflate, jpeg, pack_depth, reduce, view_shape
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import Patch, TactileFrame
+from gellight.reconstruction.contact import measure_patches
 from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
 VERSION = 2
+MOST_CONTACTS = 12
+"""the deepest; more are not told apart on a page"""
 PREFIX = struct.Struct("<4sII")
 
 
@@ -94,11 +99,16 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "indentation_mm": float(contact.indentation_mm),
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
+        "contacts": [vars(patch) for patch in _patches(frame, pixel_size_mm)],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
         "truth": _truth_figures(frame),
     }
     return header
+
+
+def _patches(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> list[Patch]:
+    return measure_patches(frame.contact.mask, frame.depth_mm, frame.gradient_map, pixel_size_mm)[:MOST_CONTACTS]
 
 
 def _truth_figures(frame: TactileFrame) -> dict[str, float] | None:

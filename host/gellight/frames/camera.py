@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, FrameJudge
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
@@ -80,6 +81,8 @@ class Camera(Protocol):
     """the stage of a simulated sensor; None where objects are pressed by hand"""
     ring: LightRing | None = None
     """the light ring of the same sensor, closed with the camera; None where the light cannot be driven"""
+    bundle: Bundle | None = None
+    """the calibration bundle that came with the frames of a recording; None for sensors, whose board names theirs"""
     controls: CameraControls | None = None
     """exposure, gain and white balance; None where there is nothing to set"""
 

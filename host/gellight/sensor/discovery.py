@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gellight.base.errors import CameraError
-from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from gellight.ring.usb_numbers import is_board
 from gellight.sensor.v4l2.errors import UnpluggedError
 
 SYSFS, DEV = Path("/sys"), Path("/dev")
@@ -236,7 +236,7 @@ def _cameras(sysfs: Path, dev: Path) -> Iterator[Node]:
 def _rings(sysfs: Path, dev: Path) -> Iterator[Node]:
     for entry in _class(sysfs, "tty", "ttyACM"):
         node = _node(entry, dev, dev / "serial", name="")
-        if node.usb and (node.usb.vendor, node.usb.product) == (VENDOR, PRODUCT):
+        if node.usb and is_board(node.usb.vendor, node.usb.product, node.usb.name):
             yield node
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.light_drift import light_drift
-from gellight.reconstruction.pipeline import far_from_touch
 from gellight.watch.cells import Cells, spread
 
 Array = NDArray[np.float64]

@@ -74,6 +74,7 @@ def test_an_error_of_ours_is_one_line_and_status_2(
         raise InputError("the gel is 5 mm: give 4 mm")
 
     monkeypatch.setattr(main, "app", refuse)
+    monkeypatch.setattr("signal.signal", lambda number, handler: None)
     with pytest.raises(SystemExit) as end:
         main.run()
     assert end.value.code == 2

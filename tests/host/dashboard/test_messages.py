@@ -74,6 +74,21 @@ def test_the_header_carries_the_figures() -> None:
     assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
 
 
+def test_the_header_numbers_the_contacts_by_depth() -> None:
+    mask = np.zeros((480, 640), bool)
+    mask[100:140, 100:140] = mask[300:320, 500:520] = True
+    depth = np.where(mask, 0.5, 0.0)
+    depth[310, 510] = 0.7
+    contact = replace(FRAME.contact, mask=mask)
+    frame = replace(with_depth(depth), contact=contact, gradient_map=np.ones((480, 640, 2), np.float32))
+    deeper, larger = decode(encode(frame, pixel_size_mm=(0.1, 0.2))).header["contacts"]
+    assert deeper["depth_mm"] == pytest.approx(0.7)
+    assert larger["centroid_mm"] == pytest.approx([(119.5 - 319.5) * 0.1, (119.5 - 239.5) * 0.2])
+    assert larger["area_mm2"] == pytest.approx(1600 * 0.02)
+    assert larger["volume_mm3"] == pytest.approx(0.5 * 1600 * 0.02)
+    assert larger["slope_rad"] == pytest.approx(np.arctan(np.sqrt(2)))
+
+
 def with_truth(depth_mm: np.ndarray, contact: np.ndarray) -> TactileFrame:
     truth = GroundTruth(depth_mm=depth_mm.astype(np.float32), gradient_map=FRAME.gradient_map, contact=contact)
     return replace(FRAME, camera_frame=replace(FRAME.camera_frame, truth=truth))

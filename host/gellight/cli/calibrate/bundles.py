@@ -8,6 +8,7 @@ import typer
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.bundle.store import BundleStore
+from gellight.cli.advice import typeable
 from gellight.cli.options import AsJson, Sensor
 from gellight.daemon.installing import Installed, install, restore, sensor_name
 from gellight.frames.camera import Camera
@@ -29,7 +30,7 @@ def list_bundles(
         made = entry.created.astimezone().strftime("%Y-%m-%d %H:%M") if entry.created else entry.problem
         typer.echo(f"{'*' if entry.in_service else ' '} {entry.sensor:<20} {entry.identity}  {made}")
     if not entries:
-        typer.echo(f"no bundles in {store.folder}: `gellight calibrate` makes them")
+        typer.echo(typeable(f"no bundles in {store.folder}: `gellight calibrate` makes them"))
 
 
 def install_bundle(

@@ -1,6 +1,7 @@
 """`gellight calibrate` itself: the guided routine in the terminal, and by itself on the simulated sensor."""
 
 import json
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from typing import Annotated, TypedDict, cast
 
 import typer
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
@@ -20,6 +21,7 @@ from gellight.calibration.routine import Routine
 from gellight.calibration.state import Identity, Steps, discard, unfinished
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
 from gellight.daemon.installing import install, sensor_name
 from gellight.frames.camera import Camera
@@ -187,7 +189,8 @@ def _report(routine: Routine, seconds: float, as_json: bool) -> None:
         wrote = [f"wrote {out}; its report: {Path(out) / 'report.html'}"] if (out := routine.display.bundle) else []
         typer.echo("\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"]))
     if not verdict.passed:
-        raise BundleError("the calibration did not pass: go on with --resume to press more")
+        print("gellight: the calibration did not pass: go on with --resume to press more", file=sys.stderr)
+        raise typer.Exit(Ending.JUDGED_BAD)
 
 
 def _figures_text(steps: Steps) -> Iterator[str]:
