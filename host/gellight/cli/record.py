@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import AsJson, Seconds, with_options
-from gellight.cli.run import WAIT_S, Running, published, served, settings_of
+from gellight.cli.run import WAIT_S, Running, published, served
 from gellight.daemon.assembly import open_session
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import EndOfStream
@@ -41,7 +42,7 @@ def command(
     The file has the camera's own bytes, times and light of each frame, and the calibration bundle. It ends, whole, at
     Ctrl-C, after --seconds or --frames, and before the disk is full.
     """
-    settings = settings_of(sensor, running.flags())
+    settings = load_settings({"sensor.url": sensor, **running.flags()})
     with (
         open_session(settings) as daemon,
         served(daemon, settings, dashboard),

@@ -6,8 +6,9 @@ from urllib.parse import quote
 
 import typer
 
+from gellight.base.settings import load_settings
 from gellight.cli.options import with_options
-from gellight.cli.run import Running, run_sensor, settings_of
+from gellight.cli.run import Running, run_sensor
 
 
 @with_options
@@ -29,4 +30,4 @@ def command(
     url = f"replay://{quote(str(file.resolve()))}?speed={speed:g}&start={start:g}&loop={int(loop)}"
     flags = running.flags()
     flags["sensor.calibration"] = flags["sensor.calibration"] or "auto"
-    run_sensor(settings_of(url, flags), running, dashboard=dashboard, as_json=as_json)
+    run_sensor(load_settings({"sensor.url": url, **flags}), running, dashboard=dashboard, as_json=as_json)

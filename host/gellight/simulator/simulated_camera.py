@@ -165,6 +165,9 @@ class SimulatedCamera(Camera):
                 depth_mm=surface.depth_mm.astype(np.float32, copy=False),
                 gradient_map=surface.gradient_map.astype(np.float32, copy=False),
                 contact=surface.contact,
+                object_name=press.object_name if press else "",
+                press_depth_mm=press.depth_mm if press else 0.0,
+                place_mm=(press.x_mm, press.y_mm) if press else (0.0, 0.0),
             )
             self._shown = press, key, grey, truth
         return self._shown[2], self._shown[3]
