@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import CameraError
+from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings, load_settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.cli.advice import typeable
@@ -104,8 +105,16 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
-        summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
+        manager = ServiceManager()
+        manager.ready()
+        summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
         print(json.dumps(summary) if as_json else table(summary))
+
+
+def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -> None:
+    """Print the status, and tell the service manager, where there is one, that the sensor works."""
+    manager.alive(int(str(status["frames"])), away=status["error"] is not None)
+    print_status(status, as_json)
 
 
 def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
