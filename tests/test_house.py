@@ -29,8 +29,8 @@ TORCH_FILES = {"network.py", "torch_trainer.py"}
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 DOORS = {
     "sim_reference": (
-        "simulator/scene.py", "simulator/selfcheck.py", "simulator/selfcheck_bounds.py", "simulator/simulated_camera.py",
-        "simulator/stage.py", "design/", "cli/optimize.py",
+        "simulator/scene.py", "simulator/selfcheck.py", "simulator/selfcheck_bounds.py",
+        "simulator/simulated_camera.py", "simulator/stage.py", "design/", "cli/optimize.py",
         "evaluation/synthetic.py", "evaluation/simulated_presses.py",
     ),
     "cv2": (
