@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.settings import load_settings
 from gellight.cli.ending import Ending
-from gellight.cli.options import AsJson
+from gellight.cli.options import AsJson, simulated_settings
 from gellight.evaluation.checked_presses import check_presses
 from gellight.frames.frames import SelfCheckResult
 
@@ -34,7 +33,7 @@ def command(
     The ball and the ten objects are pressed; depth, normals and picture are compared. The exit status is 1 when a
     comparison is out of its bounds, or when there are none for this sensor.
     """
-    settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
+    settings = simulated_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
     if not as_json:
         print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
