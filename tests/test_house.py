@@ -29,13 +29,14 @@ TORCH_FILES = {"network.py", "torch_trainer.py"}
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 DOORS = {
     "sim_reference": (
-        "simulator/scene.py", "simulator/selfcheck.py", "simulator/simulated_camera.py", "design/", "cli/optimize.py",
+        "simulator/scene.py", "simulator/selfcheck.py", "simulator/selfcheck_bounds.py",
+        "simulator/simulated_camera.py", "simulator/stage.py", "design/", "cli/optimize.py",
         "evaluation/synthetic.py", "evaluation/simulated_presses.py",
     ),
     "cv2": (
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",
         "frames/image_files.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
-        "reconstruction/linearised.py", "reconstruction/smoothing.py", "report/pictures.py",
+        "reconstruction/linearised.py", "reconstruction/smoothing.py", "report/pictures.py", "report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
     ),
     "google": ("reconstruction/onnx_messages.py",),

@@ -107,6 +107,13 @@ class RecordingStage:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, float, float, float] | None] = []
+        self.prepared: list[tuple[str, float, float, float]] = []
+        self.may_prepare = threading.Event()
+        self.may_prepare.set()
+
+    def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        self.prepared.append((object_name, depth_mm, x_mm, y_mm))
+        self.may_prepare.wait(10)
 
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         self.calls.append((object_name, depth_mm, x_mm, y_mm))
@@ -116,7 +123,7 @@ class RecordingStage:
 
     def status(self) -> dict[str, object]:
         name, depth, x, y = (self.calls and self.calls[-1]) or ("", 0.0, 0.0, 0.0)
-        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls)}
+        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls), "preparing": ""}
 
 
 class FormulaSource:
@@ -136,6 +143,7 @@ class FormulaSource:
             "stage_ms": {"gelnet": 8.1, "integration": 3.2, "contact": 0.6},
             "selfcheck": {
                 "passed": True,
+                "verdict": "passed",
                 "sequence": 1200,
                 "depth_error_mm": 0.0042,
                 "normal_error_deg": 0.183,

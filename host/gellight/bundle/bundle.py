@@ -175,6 +175,7 @@ class Description(TypedDict, total=False):
     """What the caller of `write_bundle` says about the sensor, by the names of the manifest."""
 
     sensor: Required[str]
+    name: str
     reference_frames: Required[int]
     noise_grey: Required[float]
     pixel_size_mm: Required[tuple[float, float]]

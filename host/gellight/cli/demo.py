@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, with_options
+from gellight.cli.options import AsJson, simulated_settings, with_options
 from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
 
@@ -24,7 +23,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
-    settings = load_settings({"sensor.url": sensor, **running.flags()})
+    settings = simulated_settings({"sensor.url": sensor, **running.flags()})
     with (
         running.ended_by_hand(),
         open_session(settings) as daemon,

@@ -14,8 +14,9 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import CameraError
-from gellight.base.settings import Settings, load_settings, read_layers
-from gellight.bundle.bundle import SYNTHETIC
+from gellight.base.settings import Settings, load_settings
+from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
+from gellight.cli.advice import typeable
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import with_options
 from gellight.daemon.assembly import open_session
@@ -23,6 +24,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
+from gellight.opening import REAL
 from gellight.stream.network import LAN_PORT
 from gellight.stream.publisher import Publisher
 
@@ -34,7 +36,9 @@ WAIT_S = 0.5
 class Running:
     """How a sensor runs."""
 
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="that of the sensor")] = (
+        None
+    )
     port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")] = (
         None
     )
@@ -75,7 +79,7 @@ def command(
     running: Running,
     sensor: Annotated[
         str | None,
-        typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="auto, or the settings"),
+        typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="as in the settings, or auto"),
     ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
     as_json: Annotated[
@@ -86,7 +90,11 @@ def command(
 
     While it is unplugged the status is served, and the sensor is looked for.
     """
-    settings = settings_of(sensor, running.flags())
+    run_sensor(load_settings({"sensor.url": sensor, **running.flags()}), running, dashboard=dashboard, as_json=as_json)
+
+
+def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
+    """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     with (
         running.ended_by_hand(),
         open_session(settings) as daemon,
@@ -97,25 +105,20 @@ def command(
         print(json.dumps(summary) if as_json else table(summary))
 
 
-def settings_of(sensor: str | None, flags: Mapping[str, object]) -> Settings:
-    """Return the settings; where none of them names a sensor it is the one that is plugged in, not a simulated one."""
-    given = {"sensor.url": sensor, **flags}
-    if not any("url" in layer.values.get("sensor", {}) for layer in read_layers(given)):
-        given["sensor.url"] = "auto"
-    return load_settings(given)
-
-
-def warn_of_foreign_bundle(settings: Settings) -> None:
+def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
     """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
-    if settings.sensor.calibration != SYNTHETIC:
+    if bundle.identity != load_bundle(SYNTHETIC).identity:
         return
-    changed = ", ".join(settings.geometry.overrides())
-    if settings.sensor.url.startswith(("auto", "sensor://", "v4l2://")):
-        print("gellight: the bundle `synthetic` is of the simulated sensor: calibrate yours before you trust its depth",
-              file=sys.stderr)  # fmt: skip
+    changed, told = ", ".join(settings.geometry.overrides()), ""
+    if settings.sensor.url.startswith(REAL):
+        told = "the simulated sensor: calibrate yours with `gellight calibrate` before you trust its depth"
     elif settings.sensor.url.startswith("sim://") and changed:
-        print(f"gellight: the bundle `synthetic` is of the paper's sensor, the settings change its {changed}: make one "
-              "with `gellight calibrate --auto` before you trust the depth", file=sys.stderr)  # fmt: skip
+        told = (
+            f"the paper's sensor, the settings change its {changed}: make one with `gellight calibrate --auto --sensor "
+            "sim://` before you trust the depth"
+        )
+    if told:
+        print(typeable(f"gellight: the bundle `synthetic` is of {told}"), file=sys.stderr)
 
 
 @contextmanager
@@ -135,7 +138,7 @@ def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
 @contextmanager
 def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[str]:
     """Serve the dashboard, if wanted, and yield its address, which is empty without one."""
-    warn_of_foreign_bundle(settings)
+    warn_of_foreign_bundle(daemon.bundle, settings)
     if not wanted:
         yield ""
         return

@@ -33,6 +33,9 @@ class PressStage(Protocol):
     def max_depth_mm(self) -> float:
         """Deepest press allowed."""
 
+    def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Compute a press ahead, which takes up to some seconds, while frames go on."""
+
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Press an object `depth_mm` deep at (x, y) mm from the image centre; it stays until released."""
 
@@ -43,7 +46,8 @@ class PressStage(Protocol):
         """Lift the object, and let no programme press by itself any more."""
 
     def status(self) -> dict[str, object]:
-        """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than a programme presses."""
+        """Return object, depth_mm, x_mm, y_mm; visitor: whether someone other than a programme presses; preparing: the
+        object whose press is being computed, "" for none."""
 
 
 class CameraControls(Protocol):

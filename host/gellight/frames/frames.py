@@ -25,6 +25,11 @@ class GroundTruth:
     """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
     contact: NDArray[np.bool_]
     """(H, W) where the object touches the gel (contact pressure above zero)"""
+    object_name: str = ""
+    """what is pressed; empty: nothing, or it is not known"""
+    press_depth_mm: float = 0.0
+    place_mm: tuple[float, float] = (0.0, 0.0)
+    """(x, y) of the object's middle from the image centre"""
 
 
 class LightState(StrEnum):
@@ -226,7 +231,7 @@ class SelfCheckResult:
     depth_error_mm: float
     """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
     shape_error_mm: float
-    """the same after the best constant is taken off"""
+    """the same after the best constant is taken off: no verdict rests on it"""
     normal_error_deg: float
     """mean angle between the normals over the whole map"""
     contact_normal_error_deg: float
@@ -238,16 +243,23 @@ class SelfCheckResult:
     indentation_mm: float
     true_indentation_mm: float
     bounds: Mapping[str, float]
-    """by the names of the errors they bound"""
+    """by the names of the errors they bound; none where it is not judged"""
+    not_judged: str = ""
+    """why there are no bounds for what is pressed; empty where there are"""
 
     @property
     def passed(self) -> bool:
-        """Whether every error is within its bound."""
-        return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+        """Whether it is judged, and every error is within its bound."""
+        return not self.not_judged and all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    @property
+    def verdict(self) -> str:
+        """Return passed, failed or not judged."""
+        return "not judged" if self.not_judged else "passed" if self.passed else "failed"
 
     def as_json(self) -> dict[str, object]:
         """Return the numbers, rounded for people."""
-        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed}
+        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed, "verdict": self.verdict}
         return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
 
 
