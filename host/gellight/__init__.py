@@ -5,6 +5,7 @@ nothing that is not needed.
 """
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from gellight.reconstruction.contact import find_contact
     from gellight.reconstruction.integration import integrate, normals
     from gellight.reconstruction.pipeline import Reconstructor
+
+    __version__: str
 
 _HOME = {
     "Bundle": "bundle.bundle",
@@ -49,7 +52,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name from the module it lives in."""
+    """Import a public name from the module it lives in; `__version__` is that of the installed package."""
+    if name == "__version__":
+        return version("gellight")
     if name not in _HOME:
         raise AttributeError(f"module 'gellight' has no attribute {name!r}")
     return getattr(import_module(f"gellight.{_HOME[name]}"), name)

@@ -35,7 +35,7 @@ class TrainingOptions:
     threads: int = 1
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
     """The untouched gel."""
 
