@@ -13,6 +13,8 @@ VERBS = lazy_group(
     {
         "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
         "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
+        "status": ("status:command", "Show the daemons that run on this computer, and how they are."),
+        "service": ("service:app", "Let systemd run the sensor of this user."),
         "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
         "export": ("export:command", "Turn a recording into arrays, pictures, point clouds or a video."),
