@@ -27,8 +27,9 @@ EXCEPTIONS: dict[tuple[str, str], str] = {}
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 DOORS = {
     "sim_reference": (
-        "simulator/scene.py", "simulator/selfcheck.py", "simulator/simulated_camera.py", "design/", "cli/optimize.py",
-        "evaluation/synthetic.py", "evaluation/simulated_presses.py",
+        "simulator/gel_models.py", "simulator/one_press.py", "simulator/scene.py", "simulator/selfcheck.py",
+        "simulator/simulated_camera.py", "design/", "cli/optimize.py", "cli/simulate.py", "evaluation/synthetic.py",
+        "evaluation/simulated_presses.py",
     ),
     "cv2": (
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/messages.py",
