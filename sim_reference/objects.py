@@ -38,6 +38,8 @@ class ObjectParameters:
     array_pitch_mm: float = 5.0
     bevel_mm: float = 0.25
     """width of the slope at the edge of polygons"""
+    curves_as_prisms: bool = False
+    """another reading of "curved convex": prisms with curved outlines, dense as the polygons, instead of solids"""
 
 
 def ball(x: Array, y: Array, p: ObjectParameters) -> Array:
@@ -113,16 +115,18 @@ def convex_polygons(x: Array, y: Array, p: ObjectParameters) -> Array:
 
 
 def convex_curves(x: Array, y: Array, p: ObjectParameters) -> Array:
-    """Return CCONVEX: ellipsoids, half rings, cylinders and domes, sparsely placed."""
-    pitch = 6.2
+    """Return CCONVEX: ellipsoids, half rings, cylinders and domes, sparsely placed; or prisms of their outlines."""
+    pitch, scale = (4.0, 0.7) if p.curves_as_prisms else (6.2, 1.0)
     forms = (_ellipsoid, _ring, _cylinder, _dome)
     relief = np.zeros(np.broadcast(x, y).shape)
-    for row in range(-2, 3):
-        for column in range(-2, 3):
+    steps = range(-int(p.region_diameter_mm / 2 / pitch), int(p.region_diameter_mm / 2 / pitch) + 1)
+    for row in steps:
+        for column in steps:
             centre = pitch * column, pitch * row
-            if np.hypot(*centre) <= p.region_diameter_mm / 2 - 2.6:
+            if np.hypot(*centre) <= p.region_diameter_mm / 2 - 2.6 * scale:
                 u, v = _turned(x - centre[0], y - centre[1], 0.7 * (column + 2 * row))
-                relief = np.maximum(relief, forms[(5 * column + 3 * row) % 4](u, v))
+                height = forms[(5 * column + 3 * row) % 4](u / scale, v / scale)
+                relief = np.maximum(relief, height > 0 if p.curves_as_prisms else height)
     return _on_plate(relief, x, y, p)
 
 

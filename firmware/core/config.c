@@ -7,6 +7,7 @@
 #define PAGES (PORT_SECTORS * PORT_SECTOR_BYTES / PORT_PAGE_BYTES)
 #define SECTOR_PAGES (PORT_SECTOR_BYTES / PORT_PAGE_BYTES)
 #define ATTEMPTS 4u
+#define CHANNEL_USB_UA 20000u /* of a WS2812B, the most of the usual LEDs: on USB less may not be assumed */
 
 struct record {
     uint32_t magic;
@@ -44,7 +45,7 @@ void config_factory(struct config *config)
         .host_timeout_ms = 1000,
         .limit_ma = CURRENT_CAP_MA,
         .quiescent_ua = 1000,
-        .channel_ua = 20000,
+        .channel_ua = CHANNEL_USB_UA,
         .latch_us = 300,
         .policy = POLICY_REJECT,
         .name = "GelLight",
@@ -80,7 +81,7 @@ bool config_valid(const struct configuration *candidate, uint32_t *value)
     uint32_t cap_ma = candidate->external_supply ? CURRENT_CAP_EXTERNAL_MA : CURRENT_CAP_MA;
     return within(candidate->host_timeout_ms, 100, 60000, value) &&
            within(candidate->external_supply, 0, 1, value) && within(candidate->limit_ma, 100, cap_ma, value) &&
-           within(candidate->quiescent_ua, 0, 5000, value) && within(candidate->channel_ua, 1000, 60000, value) &&
+           within(candidate->quiescent_ua, 0, 5000, value) && within(candidate->channel_ua, candidate->external_supply ? 1000 : CHANNEL_USB_UA, 60000, value) &&
            within(candidate->latch_us, 50, 500, value) && within(candidate->policy, 0, POLICY_SCALE, value);
 }
 

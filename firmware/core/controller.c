@@ -172,7 +172,8 @@ static void plan_sequence(struct controller *controller)
     if (plan.start_us && plan.start_us < controller_now_us(controller))
         controller->counters.late_steps++;
     hand_over(controller);
-    controller->trigger.armed = plan.start_us == PORT_ON_TRIGGER;
+    if (plan.start_us == PORT_ON_TRIGGER)
+        trigger_arm(&controller->trigger);
 }
 
 /* ---- what is watched ---- */
@@ -204,11 +205,10 @@ static void watch_trigger(struct controller *controller)
     struct trigger *trigger = &controller->trigger;
     if (!controller->sync.timeout_us || !trigger->armed || !controller->shown_shines)
         return;
-    if ((uint32_t)controller_now_us(controller) - trigger->last_us <= controller->sync.timeout_us)
+    uint32_t last_us = trigger->last_us; /* before the clock: an edge between the two would be later than now */
+    if ((uint32_t)controller_now_us(controller) - last_us <= controller->sync.timeout_us || !trigger_disarm(trigger))
         return;
     withdraw(controller);
-    if (controller->slot.busy)
-        return;
     controller->counters.trigger_timeouts++;
     controller_show(controller, black);
     controller->dark = DARK_TRIGGER_MISSED;
@@ -317,7 +317,7 @@ static void answer(struct controller *controller, const struct packet *request)
         controller->request = *request;
         controller->request_kept = true;
     }
-    if (!port->send(port->context, controller->reply, controller->reply_count))
+    if (!port->send(port->context, controller->reply, controller->reply_count, 0))
         controller->counters.replies_dropped++;
 }
 

@@ -9,7 +9,8 @@ static void send_event(struct controller *controller, enum event type, const voi
     if (!controller->open)
         return;
     bytes_copy(packet.payload, record, count);
-    if (!controller->port->send(controller->port->context, wire, packet_encode(&packet, wire)))
+    size_t size = packet_encode(&packet, wire);
+    if (!controller->port->send(controller->port->context, wire, size, PACKET_WIRE_BYTES)) /* room for a reply is kept */
         controller->counters.events_dropped++;
 }
 

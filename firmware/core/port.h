@@ -39,8 +39,8 @@ struct port {
 
     uint64_t (*micros)(void *context);
 
-    /* Queue bytes for the host; false, and nothing queued, if they do not all fit. */
-    bool (*send)(void *context, const uint8_t *bytes, size_t count);
+    /* Queue bytes for the host; false, and nothing queued, if they do not all fit and leave `spare` bytes of room. */
+    bool (*send)(void *context, const uint8_t *bytes, size_t count, size_t spare);
 
     /* Transfer the bytes to the LEDs at start_us (in the past: at once). Only called while none is waiting. */
     void (*light)(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);

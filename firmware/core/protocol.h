@@ -306,7 +306,7 @@ struct RECORD configuration {
     uint16_t host_timeout_ms; /* silence after which the LEDs go dark, 100 to 60000 */
     uint16_t limit_ma;
     uint16_t quiescent_ua; /* of a dark LED */
-    uint16_t channel_ua; /* of one colour of one LED at 255; 20000: WS2812B, 12000: WS2812B-V5 */
+    uint16_t channel_ua; /* of one colour of one LED at 255: 20000 (WS2812B) or more; external supply: from 1000 */
     uint16_t latch_us; /* low time after which the LEDs take their data, 50 to 500 */
     uint8_t policy; /* enum policy */
     uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450 */

@@ -12,8 +12,22 @@ bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us)
         return false;
     }
     trigger->armed = false;
+    trigger->released = true;
     *start_us = now_us + trigger->delay_us;
     return true;
+}
+
+void trigger_arm(struct trigger *trigger)
+{
+    trigger->released = false;
+    trigger->armed = true;
+}
+
+/* Once nothing is armed no edge releases it any more, so the order of the two lines decides every race. */
+bool trigger_disarm(struct trigger *trigger)
+{
+    trigger->armed = false;
+    return !trigger->released;
 }
 
 void trigger_restart(struct trigger *trigger, uint64_t now_us)

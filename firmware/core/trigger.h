@@ -16,10 +16,16 @@ struct trigger {
     volatile uint32_t missed;
     volatile uint32_t last_us; /* low half of the time of the last edge */
     volatile bool armed;
+    volatile bool released; /* the armed step was released by an edge */
 };
 
 /* Note an edge; true if the armed light is to start at *start_us. */
 bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us);
+
+void trigger_arm(struct trigger *trigger);
+
+/* Take the arming back; false if an edge was first: then the light is on its way and stays so. */
+bool trigger_disarm(struct trigger *trigger);
 
 void trigger_restart(struct trigger *trigger, uint64_t now_us);
 

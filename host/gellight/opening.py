@@ -1,8 +1,9 @@
 """Cameras by URL: image files, a simulated sensor, a real one; the code that uses them cannot tell which.
 
 A file, a folder or a pattern: images. `sim://`: the simulated sensor. `auto`: the one sensor that is plugged in.
+`replay://FILE`: a recording.
 `sensor://NAME`: the sensor with this serial number or at this USB port. `v4l2:///dev/...`: that camera, its ring only
-where `?ring=` names one. docs/capture.md lists the parameters.
+where `?ring=` names one; `/dev/video0` and `/dev/v4l/...` mean the same. docs/capture.md lists the parameters.
 """
 
 from collections.abc import Mapping
@@ -12,6 +13,11 @@ from gellight.base.errors import CameraError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
+
+NODES = ("/dev/video", "/dev/v4l/")
+"""how the device nodes of cameras begin"""
+REAL = ("auto", "sensor://", "v4l2://", *NODES)
+"""how the URLs of real sensors begin"""
 
 
 def open_camera(
@@ -23,7 +29,7 @@ def open_camera(
     without one the LEDs of a real sensor stay dark, and a simulated one shows its ring full on. Raises CameraError,
     BoardError, BundleError, InputError or ConfigError with the remedy.
     """
-    text = str(url)
+    text = f"v4l2://{url}" if str(url).startswith(NODES) else str(url)
     scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:
         from gellight.simulator.simulated_camera import open_simulated
@@ -33,6 +39,10 @@ def open_camera(
         from gellight.sensor.sensor_camera import open_sensor
 
         return open_sensor(text, bundle=bundle)
+    if scheme == "replay":
+        from gellight.recording.replay_camera import open_replay
+
+        return _adopted(open_replay(text), bundle)
     if scheme == "opencv":
         from gellight.sensor.opencv_camera import open_opencv
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import maximum_elevation
+from sim_reference.optimizer.refraction import Medium, trace, window_of
 
 Array = NDArray[np.float64]
 WANTED_ELEVATION_RAD = radians(60)
@@ -23,7 +24,7 @@ class BallChoice:
     press_depth_mm: float
     elevation_rad: float
     shadow_free_rad: float
-    """slopes beyond this are in the shadow of the LEDs opposite: 90 degrees less the incident angle"""
+    """steeper slopes in the middle of the gel turn away from an LED: a right angle less the light's angle there"""
 
 
 def elevation_table(radii_mm: Array, press_depths_mm: Array) -> Array:
@@ -51,9 +52,18 @@ def choose_ball(radii_mm: Array, geometry: SensorGeometry, *, press_depth_mm: fl
             f"give one between {press_depth_mm:g} and {2 * press_depth_mm:g} mm"
         )
     radius = max(fitting)
-    return BallChoice(
-        radius, press_depth_mm, maximum_elevation(radius, press_depth_mm), np.pi / 2 - geometry.incident_angle_rad
-    )
+    elevation = maximum_elevation(radius, press_depth_mm)
+    return BallChoice(radius, press_depth_mm, elevation, np.pi / 2 - arrival_angle(geometry, window_of(geometry)))
+
+
+def arrival_angle(geometry: SensorGeometry, medium: Medium) -> float:
+    """Return the angle from the normal, rad, at which an LED's light arrives in the middle of the gel.
+
+    The tilt of the LEDs is another thing: near the ring the light arrives as places decide, and a window bends it.
+    Raises ValueError for LEDs inside the window.
+    """
+    height_mm = geometry.camera_height_mm - geometry.mounting_height_mm
+    return float(trace(np.array([geometry.ring_radius_mm]), height_mm, medium).arriving_rad[0])
 
 
 def _records(radius_mm: float, press_depth_mm: float) -> bool:

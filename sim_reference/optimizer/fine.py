@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.camera import CameraResponse, linear_grey
-from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.geometry import SensorGeometry, led_positions, pixel_grid
 from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.metrics import normalised_deviation, saturation
 from sim_reference.optimizer.near_field import Ring, ring_light_vectors
@@ -32,6 +32,8 @@ class View:
     ambient: float = 0.0
     """light between the gel and the walls, grey and even, as a share of the mean"""
     medium: Medium = VACUUM
+    falloff: bool = True
+    """light falls with the square of the distance; equation 3 as it is printed lacks that"""
 
     @property
     def extent_mm(self) -> float:
@@ -47,7 +49,7 @@ class Illumination:
     nsd: float
     saturation: float
     mean: float
-    """of the three channels, per LED intensity and mm^2: comparable between heights"""
+    """of the three channels, per LED intensity and mm^2 (without falloff per intensity): comparable between heights"""
     variation: float
     """standard deviation of the mean of the channels over its mean"""
     span: float
@@ -69,18 +71,28 @@ def plane_picture(geometry: SensorGeometry, view: View) -> tuple[Array, NDArray[
     inside = np.hypot(x, y) <= view.diameter_mm / 2
     if view.width_mm:
         inside = (np.abs(x) <= view.width_mm / 2) & (np.abs(y) <= view.height_mm / 2)
-    light = _plane_light(square, view.medium)
+    light = _plane_light(square, view)
     light += view.ambient * light[inside].mean()
     brightest = light[inside].max()  # gamma acts on the share of white
     return linear_grey(light / brightest, view.camera) * brightest, inside
 
 
-def _plane_light(square: SensorGeometry, medium: Medium) -> Array:
-    if medium.refractive_index == 1:
-        return ring_irradiance(untouched(square), square, ring_light(square))
+def _plane_light(square: SensorGeometry, view: View) -> Array:
+    """Return the light (H, W, 3) on the plane, in the unit of `imaging.led_irradiance`."""
+    colours = ring_light(square)
+    if view.medium.refractive_index == 1 and view.falloff:
+        return ring_irradiance(untouched(square), square, colours)
     x, y = np.broadcast_arrays(*pixel_grid(square))
-    ring: Ring = ring_light_vectors(square, x.ravel(), y.ravel(), medium)
-    return np.asarray((ring.vectors[..., 2].T @ ring_light(square)).reshape(*square.image_shape, 3))
+    ring: Ring = ring_light_vectors(square, x.ravel(), y.ravel(), view.medium)
+    light = ring.vectors[..., 2]
+    if not view.falloff:
+        light = light * _squared_distances(square, x.ravel(), y.ravel())
+    return np.asarray((light.T @ colours).reshape(*square.image_shape, 3))
+
+
+def _squared_distances(square: SensorGeometry, x: Array, y: Array) -> Array:
+    """Return (d / h)^2 of each LED to points of the gel, (K, P), h its height: what undoes the inverse square."""
+    return np.array([1 + ((led_x - x) ** 2 + (led_y - y) ** 2) / h**2 for led_x, led_y, h in led_positions(square)])
 
 
 def illumination(geometry: SensorGeometry, view: View) -> Illumination:
@@ -96,7 +108,7 @@ def illumination(geometry: SensorGeometry, view: View) -> Illumination:
         geometry.mounting_height_mm,
         normalised_deviation(pixels),
         saturation(pixels),
-        mean / distance**2,
+        mean / distance**2 if view.falloff else mean,
         deviation / mean,
         float(np.ptp(mean_of_channels)) / mean,
         (one, two, three),

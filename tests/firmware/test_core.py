@@ -262,6 +262,23 @@ def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoar
     assert core.lights()[-1][2] == GREEN
 
 
+@pytest.mark.parametrize("divider", [1, 2])
+@pytest.mark.parametrize("reads", range(1, 8))
+def test_an_edge_at_any_look_at_the_clock_is_no_timeout(core: VirtualBoard, reads: int, divider: int) -> None:
+    """Whether it lights the next step or is only the first of two."""
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
+    core.sync(SyncMode.EXT, divider=divider, timeout_us=50_000, delay_us=300)
+    core.ok("START")
+    for _ in range(divider):
+        core.edge()
+    core.advance(20_000)
+    core.edge_after_reads(reads)
+    core.advance(30_000)
+    core.edge_after_reads(0)
+    assert core.lights()[-1][2] == (GREEN if divider == 1 else RED)
+    assert counters(core).trigger_timeouts == 0
+
+
 def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard) -> None:
     steps = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0), p.SetStep(2, 0, 1, 10_000, 0)]
     core.load_sequence([RED, GREEN], steps)
@@ -352,11 +369,23 @@ def test_rubbish_is_counted_and_the_next_packet_is_heard(core: VirtualBoard) -> 
 
 
 def test_a_deaf_host_costs_replies_but_nothing_hangs(core: VirtualBoard) -> None:
-    core.faults(deaf=True)
+    core.faults(room=0)
     for sequence in range(100):
         core.receive(encode(Packet(p.COMMANDS["SET_LEDS"].code, sequence, RED)))
         core.advance(1000)
-    core.faults(deaf=False)
+    core.faults()
     counted = counters(core)
     assert counted.replies_dropped == 100
     assert counted.events_dropped >= 90
+
+
+def test_a_backlog_of_events_leaves_room_for_a_reply(core: VirtualBoard) -> None:
+    """The host takes nothing for a while: events are dropped, the reply that it waits for is not."""
+    core.ok("TELEMETRY", p.Telemetry(10))
+    core.faults(room=1000)
+    core.advance(2_000_000)
+    assert core.ask("CLOCK", p.ClockRequest(0))[0] == Status.OK
+    core.faults()
+    counted = counters(core)
+    assert counted.events_dropped > 100
+    assert counted.replies_dropped == 0

@@ -71,6 +71,15 @@ def test_a_configuration_out_of_range_is_refused(core: VirtualBoard, field: str)
     assert core.ask("SET_CONFIG", wrong)[0] == Status.OUT_OF_RANGE
 
 
+def test_on_usb_no_led_may_be_said_to_need_less_than_the_thirstiest(core: VirtualBoard) -> None:
+    """With 12 mA in the model a white ring of WS2812B would pass 450 mA and draw 732."""
+    modest = dataclasses.replace(named("modest"), channel_ua=12_000)
+    assert core.ask("SET_CONFIG", modest)[:2] == (Status.OUT_OF_RANGE, 12_000)
+    supplied = dataclasses.replace(modest, external_supply=1)
+    assert core.ask("SET_CONFIG", supplied)[0] == Status.OK
+    assert core.ok("GET_CONFIG") == supplied
+
+
 def test_a_power_cut_at_any_byte_loses_at_most_the_record_being_written(core: VirtualBoard) -> None:
     """Both cases: appending a record, and erasing a sector first because the other one is full."""
     for saves, span in ((3, 256), (16, 4096 + 256)):

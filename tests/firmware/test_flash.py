@@ -3,14 +3,27 @@
 import shutil
 import struct
 from pathlib import Path
+from types import SimpleNamespace
+from zlib import crc32
 
 import pytest
 
 from gellight.base.errors import BoardError, InputError
+from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.firmware import build, flash
-from gellight.ring.firmware.image import FLASH_BASE, HEADER_OFFSET, boot2_crc, flash_image, from_uf2, image_crc, to_uf2
+from gellight.ring.firmware.image import (
+    FLASH_BASE,
+    HEADER,
+    HEADER_OFFSET,
+    boot2_crc,
+    flash_image,
+    from_uf2,
+    image_crc,
+    to_uf2,
+)
+from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.boot_loader import BootRom
-from tests.helpers.bench_board import BenchBoard
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -97,8 +110,9 @@ def drive(folder: Path, name: str = "RPI-RP2") -> Path:
 def test_a_copy_goes_to_the_drive_of_a_boot_loader(image: bytes, tmp_path: Path) -> None:
     mounted = drive(tmp_path / "media/me/RPI-RP2")
     drive(tmp_path / "media/me/OTHER", "SAMD21")
-    assert flash.drives([f"{tmp_path}/media/*/*"]) == [mounted]
-    how = flash.flash_board(image, patterns=[f"{tmp_path}/media/*/*"])
+    places = list((tmp_path / "media/me").iterdir())
+    assert flash.drives(places) == [mounted]
+    how = flash.flash_board(image, places=places, backend=_NoDevice())
     assert str(mounted) in how
     assert from_uf2((mounted / "gellight-rp2040.uf2").read_bytes()) == image
     with pytest.raises(InputError, match="not the drive"):
@@ -144,7 +158,7 @@ def test_the_simulated_boot_loader_is_strict() -> None:
 
 def test_no_board_is_a_remedy(image: bytes, tmp_path: Path) -> None:
     with pytest.raises(BoardError, match="hold BOOTSEL"):
-        flash.flash_board(image, patterns=[f"{tmp_path}/*/*"], backend=_NoDevice(), wait_s=0.2)
+        flash.flash_board(image, places=[], backend=_NoDevice(), wait_s=0.2)
     with pytest.raises(BoardError, match="cannot open"):
         flash.touch(str(tmp_path / "ttyNONE"))
 
@@ -152,3 +166,73 @@ def test_no_board_is_a_remedy(image: bytes, tmp_path: Path) -> None:
 class _NoDevice(BootRom):
     def enumerate_devices(self):  # type: ignore[no-untyped-def]
         return iter(())
+
+
+class _TwoDevices(BootRom):
+    def enumerate_devices(self):  # type: ignore[no-untyped-def]
+        return iter(("board", "another board"))
+
+
+def test_nothing_is_written_where_several_boards_wait(image: bytes, tmp_path: Path) -> None:
+    first, second = drive(tmp_path / "RPI-RP2"), drive(tmp_path / "RPI-RP21")
+    with pytest.raises(BoardError, match=r"several boards.*RPI-RP2, .*RPI-RP21.*unplug all but"):
+        flash.flash_board(image, places=[first, second], backend=_NoDevice())
+    two = _TwoDevices()
+    for places in ([], [first]):
+        with pytest.raises(BoardError, match="several boards"):
+            flash.flash_board(image, places=places, backend=two)
+    assert sorted(path.name for path in tmp_path.rglob("*.uf2")) == []
+    assert set(two.flash) == {0xFF}
+    with pytest.raises(BoardError, match="2 boards are in their boot loader"):
+        flash.Picoboot(backend=two)
+
+
+def test_drives_are_found_on_every_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Letters are tried below the current folder: a path that begins with one is relative here."""
+    monkeypatch.chdir(tmp_path)
+    drive(Path("E:"))
+    assert flash.drives(flash.mount_points("win32")) == [Path("E:")]
+    seen: list[str] = []
+    monkeypatch.setattr(Path, "glob", lambda self, pattern: [seen.append(f"{self}{pattern}") or self / pattern])
+    assert flash.mount_points("darwin") == [Path("/Volumes/*")]
+    assert Path("/run/media/*/*") in flash.mount_points("linux")
+
+
+# ---- and it runs ----
+
+
+def open_port(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
+    monkeypatch.setattr(
+        flash, "board_ports", lambda: [SimpleNamespace(device="/dev/other"), SimpleNamespace(device=path)]
+    )
+
+
+def test_the_board_is_opened_again_and_its_image_compared(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    board = SimulatedBoard(pty=True)
+    open_port(monkeypatch, board.path)
+    assert flash.check_board(image, {"/dev/other"}) == board.path
+    other, (magic, count, _) = bytearray(image), HEADER.unpack_from(image, HEADER_OFFSET)
+    body = HEADER_OFFSET + HEADER.size
+    other[body] ^= 1
+    HEADER.pack_into(other, HEADER_OFFSET, magic, count, crc32(other[body : body + count]))
+    with pytest.raises(BoardError, match=f"runs image {image_crc(image):08x}, not {image_crc(bytes(other)):08x}"):
+        flash.check_board(bytes(other), {"/dev/other"})
+    board.close()
+
+
+def test_a_flash_that_holds_another_byte_is_noticed(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    damaged = bytearray(image)
+    damaged[damaged.index(b"GelLight light ring")] ^= 1
+    ring = LightRing(VirtualTransport(BenchBoard(bytes(damaged))), keep_alive_s=None)
+    monkeypatch.setattr(flash, "connect", lambda _: ring)
+    open_port(monkeypatch, "/dev/ring")
+    with pytest.raises(BoardError, match="does not hold image"):
+        flash.check_board(image, {"/dev/other"})
+
+
+def test_a_board_that_does_not_come_back_is_told(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    open_port(monkeypatch, "/dev/none")
+    with pytest.raises(BoardError, match=r"did not come back within 0 s \(no port of a board appeared\)"):
+        flash.check_board(image, {"/dev/other", "/dev/none"}, wait_s=0.2)
+    with pytest.raises(BoardError, match=r"did not come back.*there is no /dev/none"):
+        flash.check_board(image, {"/dev/other"}, wait_s=0.2)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
+from gellight.ring.board_link import RefusedError
 from gellight.ring.emulator.waveform import BITS, WINDOWS_NS
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
-from gellight.ring.light_ring import LightRing, RefusedError, Step
+from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -32,7 +33,7 @@ def test_the_leds_are_dark_before_the_board_is_on_the_bus(image: bytes) -> None:
     board.run_until(lambda: board.host.configured, 200_000)
     assert len(board.timeline) == 1
     assert not board.timeline[0].colours.any()
-    assert board.waveform.frame_starts_us[0] < 4_000 < board.now_us
+    assert board.waveform.frame_starts_us[0] < 64_000 + 2_000 < board.now_us  # the crystal takes 64 ms
 
 
 def test_every_bit_keeps_the_windows_of_the_data_sheets(board: BenchBoard, ring: LightRing) -> None:
@@ -119,14 +120,14 @@ def test_steps_keep_their_time_while_the_host_talks(board: BenchBoard, ring: Lig
     ring.set_sync(SyncMode.FREE)
     ring.telemetry(10)
     ring.start()
-    for _ in range(40):
+    for _ in range(100):
         ring.status()
         board.host.send(b"\x07rubbish\0")
         ring.counters()
     times = starts(board, since)
     assert len(times) > 6
     assert np.abs(times - times[0] - 2_300 * np.arange(len(times))).max() <= JITTER_US
-    assert ring.counters().bad_framing == 40
+    assert ring.counters().bad_framing == 100
 
 
 def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: BenchBoard, ring: LightRing) -> None:
@@ -137,7 +138,7 @@ def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: B
     ring.set_sync(SyncMode.FREE)
     ring.telemetry(10)
     ring.start()
-    for _ in range(12):
+    for _ in range(24):
         ring.counters()
         ring.configuration()
         ring.load_sequence([RED, GREEN], steps)

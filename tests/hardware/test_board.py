@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
+from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Dark, Policy, SyncMode
-from gellight.ring.light_ring import LightRing, RefusedError, Step, chip_temperature_c, connect
+from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
 from gellight.ring.transport import open_transport
 
 pytestmark = pytest.mark.hardware

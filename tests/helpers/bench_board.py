@@ -17,13 +17,14 @@ from gellight.ring.emulator.chip import (
     EmulatedBoard,
     temperature_reading,
 )
+from gellight.ring.emulator.clocks import Crystal
 from gellight.ring.emulator.registers import UsbGuard
 from gellight.ring.emulator.waveform import DARK, Light, LightTimeline, WaveformDecoder
 
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5
 SIE_STATUS, INTS = 0x50, 0x98
-SUSPENDED, SUSPEND_INTERRUPT = 1 << 4, 1 << 14
+SUSPENDED, RESUMED, SUSPEND_INTERRUPT = 1 << 4, 1 << 11, 1 << 14
 
 
 class SuspendingUsb(UsbGuard):
@@ -37,6 +38,11 @@ class SuspendingUsb(UsbGuard):
         """The host has been silent for 3 ms; or the firmware has noticed it."""
         self._suspended = suspended
         self._chip.set_interrupt(USB_INTERRUPT, suspended)
+
+    def resume(self) -> None:
+        """The host drives the bus again."""
+        self.inner._sie_status |= RESUMED
+        self.inner._sie_status_updated()
 
     def read_uint32(self, offset: int) -> int:
         value = super().read_uint32(offset)
@@ -78,8 +84,8 @@ class BenchBoard(EmulatedBoard):
         self._cut = False
         super().__init__(image, unique_id=unique_id)
 
-    def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
-        super()._start(scratch, reason)
+    def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
+        super()._start(scratch, reason, crystal)
         self.set_temperature(self.temperature_c)
 
     def power_on(self) -> None:
@@ -98,6 +104,11 @@ class BenchBoard(EmulatedBoard):
         last_us = self.timeline[-1].time_us if len(self.timeline) else 0.0
         self.timeline.append(Light(max(self.now_us, last_us), DARK))
 
+    def leave_bootloader(self) -> None:
+        """Start what is in flash, as the boot ROM does when it has written an image: by the watchdog (2.8.4)."""
+        assert self.in_bootloader
+        self._restart()
+
     def set_temperature(self, temperature_c: float) -> None:
         """Warm the chip; it stays so warm when it starts anew."""
         self.temperature_c = temperature_c
@@ -115,6 +126,10 @@ class BenchBoard(EmulatedBoard):
     def suspend(self) -> None:
         """Let the bus fall silent."""
         self.chip.peripherals[USB].suspend()
+
+    def resume(self) -> None:
+        """Wake the bus; a program that has the port open notices nothing."""
+        self.chip.peripherals[USB].resume()
 
     def _change_flash(self, number: int) -> None:
         """Erase or program; where the power fails before the end, only the bytes before that."""

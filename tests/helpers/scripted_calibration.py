@@ -89,6 +89,7 @@ class Scripted:
         self.bundles: list[ListedBundle] = []
         self.interrupted = False
         self.simulated = False
+        self.calibrating = False
         self.refusal = ""
         self.asked: list[Any] = []
 

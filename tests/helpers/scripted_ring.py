@@ -17,7 +17,7 @@ class ScriptedRing(LightRing):
     """A `LightRing` whose requests are answered here."""
 
     def __init__(self, still: np.ndarray | None = None) -> None:
-        self._lock = threading.RLock()
+        self._lock, self._lighting = threading.RLock(), threading.RLock()
         self._dark, self._heard_s, self.lit_s = None, inf, -inf
         self.events, self.event_listeners, self.ping_listeners = deque(), [], []
         self.still = still

@@ -8,7 +8,7 @@ import pytest
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.ring import light_ring
+from gellight.ring import board_link, light_ring
 from gellight.ring.emulator.waveform import Light
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.light_ring import LightRing
@@ -115,6 +115,6 @@ def virtual_sensor(monkeypatch: pytest.MonkeyPatch, **options) -> VirtualCamera:
     """A new sensor; the modules that are tested get its clock instead of the wall clock."""
     board = BenchBoard(committed_image())
     clock = HostClock(board)
-    for module in (light_ring, light_watch, set_and_light):
+    for module in (board_link, light_ring, light_watch, set_and_light):
         monkeypatch.setattr(module, "time", clock)
     return VirtualCamera(board, clock, **options)

@@ -120,7 +120,18 @@ def test_a_ball_of_4_mm_pressed_by_2_mm_records_60_degrees() -> None:
     assert degrees(maximum_elevation(4.0, 2.0)) == pytest.approx(60, abs=1e-9)
     choice = ball.choose_ball(np.arange(2.0, 8.5, 0.5), GEOMETRY)
     assert choice.radius_mm == 4.0
-    assert degrees(choice.shadow_free_rad) == pytest.approx(61)
+
+
+def test_slopes_lie_in_shadow_beyond_what_the_near_and_bent_light_reaches_not_beyond_the_tilt() -> None:
+    # An LED 21.5 mm beside and 20 mm above the middle: atan(21.5 / 20), whatever its tilt of 29 degrees is.
+    air = ball.arrival_angle(SensorGeometry(), refraction.VACUUM)
+    assert degrees(air) == pytest.approx(47.07, abs=0.005)
+    bent = ball.arrival_angle(SensorGeometry(), refraction.window_of(SensorGeometry()))
+    # Snell at the window's face, 12 mm below the LED and 8 mm above the coating.
+    outside = np.arcsin(1.41 * np.sin(bent))
+    assert 12 * np.tan(outside) + 8 * np.tan(bent) == pytest.approx(21.5)
+    choice = ball.choose_ball(np.array([4.0]), SensorGeometry())
+    assert degrees(choice.shadow_free_rad) == pytest.approx(90 - degrees(bent)) == pytest.approx(55.4, abs=0.05)
 
 
 def test_the_elevation_table_leaves_out_presses_deeper_than_the_ball() -> None:
@@ -247,3 +258,35 @@ def test_the_variants_change_one_thing_each() -> None:
     studied = sensitivity.variants(GEOMETRY)
     assert {variant.quantity for variant in studied} >= {"noise", "press", "relief", "coating", "cast shadows"}
     assert len({repr(variant) for variant in studied}) == len(studied)
+
+
+def test_equation_3_as_printed_knows_no_distance() -> None:
+    # Without 1/d^2 the light of an LED is its beam and Lambert's cosine: in the middle cos(beam)^m cos(incidence).
+    sensor, heights = SensorGeometry(), (4.0, 20.0, 32.0)
+    view = fine.View(diameter_mm=0.5, falloff=False)
+    light = [fine.illumination(fine.at_height(sensor, height), view) for height in heights]
+    above = 40 - np.array(heights)
+    distance = np.hypot(21.5, above)
+    along_axis = (21.5 * np.sin(np.radians(29)) + above * np.cos(np.radians(29))) / distance
+    expected = along_axis**sensor.emission_exponent * above / distance
+    assert [one.mean / light[0].mean for one in light] == pytest.approx((expected / expected[0]).tolist(), rel=2e-3)
+
+
+def test_the_least_error_is_that_of_the_noise_where_there_is_no_shadow() -> None:
+    # A plane under n even lights: each slope has the standard deviation sd / G sqrt(2 / n) / sin(phi), two slopes twice
+    # its square.
+    count, angle = 12, np.radians(29)
+    turns = 2 * np.pi * np.arange(count) / count
+    vectors = np.stack([np.sin(angle) * np.cos(turns), np.sin(angle) * np.sin(turns), np.full(count, np.cos(angle))], 1)
+    ring = near_field.Ring(vectors[:, None, :], turns[:, None] % (2 * np.pi), np.full((count, 1), 1 / np.tan(angle)))
+    flat = near_field.Scene("plane", 0, np.array([[0.0, 0.0, 1.0]]), np.full((near_field.HORIZONS, 1), -np.inf))
+    camera = LightGroups(noise_grey=2.0)
+    mae, _, top1 = near_field.least_error(flat, ring, np.eye(count), camera, gain=1.0)
+    s = np.sqrt(4 + 1 / 12) / camera.full_scale_grey * np.sqrt(2 / count) / np.sin(angle)
+    assert mae == top1 == pytest.approx(np.sqrt(2) * s)
+
+
+def test_a_point_that_two_colours_do_not_reach_has_no_least_error() -> None:
+    ring = near_field.Ring(np.array([[[0.5, 0.0, 0.5]]]), np.zeros((1, 1)), np.ones((1, 1)))
+    flat = near_field.Scene("plane", 0, np.array([[0.0, 0.0, 1.0]]), np.full((near_field.HORIZONS, 1), -np.inf))
+    assert near_field.least_error(flat, ring, np.eye(1), LightGroups(), gain=1.0)[0] == pytest.approx(np.pi / 2)

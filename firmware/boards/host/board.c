@@ -6,16 +6,26 @@
 
 #define TICK_US 10000u
 
+static void edge(struct board *board, bool falling);
+
+/* An interrupt may come after any reading of the clock; time has gone on by then. */
 static uint64_t port_micros(void *context)
 {
-    return ((struct board *)context)->now_us;
+    struct board *board = context;
+    uint64_t read_us = board->now_us;
+    if (board->reads_to_edge && !--board->reads_to_edge) {
+        board->now_us++;
+        edge(board, false);
+    }
+    return read_us;
 }
 
-static bool port_send(void *context, const uint8_t *bytes, size_t count)
+static bool port_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
 {
     struct board *board = context;
-    if (board->deaf || count > BOARD_OUTPUT_BYTES - board->output_count)
+    if (count + spare > board->room || count > BOARD_OUTPUT_BYTES - board->output_count)
         return false;
+    board->room -= board->room < BOARD_OUTPUT_BYTES ? (uint32_t)count : 0;
     bytes_copy(board->output + board->output_count, bytes, count);
     board->output_count += (uint32_t)count;
     return true;
@@ -170,6 +180,7 @@ struct board *board_new(const uint8_t *flash)
     if (flash)
         bytes_copy(board->flash, flash, BOARD_FLASH_BYTES);
     board->cut_after = -1;
+    board->room = BOARD_OUTPUT_BYTES;
     board->port = functions;
     board->port.context = board;
     controller_start(&board->controller, &board->port);
@@ -210,12 +221,22 @@ void board_advance(struct board *board, uint64_t duration_us)
     } while (board->now_us < end_us);
 }
 
-void board_edge(struct board *board, bool falling)
+static void edge(struct board *board, bool falling)
 {
     uint64_t start_us;
     if (board->listening && falling == board->falling &&
         trigger_edge(&board->controller.trigger, board->now_us, &start_us) && board->waiting)
         begin(board, start_us);
+}
+
+void board_edge_after_reads(struct board *board, uint32_t reads)
+{
+    board->reads_to_edge = reads;
+}
+
+void board_edge(struct board *board, bool falling)
+{
+    edge(board, falling);
     controller_poll(&board->controller);
 }
 
@@ -249,9 +270,9 @@ void board_flash(const struct board *board, uint8_t *flash)
     bytes_copy(flash, board->flash, BOARD_FLASH_BYTES);
 }
 
-void board_fault(struct board *board, bool deaf, uint32_t disturb, int32_t cut_after)
+void board_fault(struct board *board, uint32_t room, uint32_t disturb, int32_t cut_after)
 {
-    board->deaf = deaf;
+    board->room = room;
     board->disturb = disturb;
     board->cut_after = cut_after;
 }

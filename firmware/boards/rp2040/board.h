@@ -19,7 +19,7 @@ extern const struct image_header image_header;
 void vectors_install(void);
 
 /* clock.c */
-void clock_raise(void);
+void clock_raise(void); /* in flash */
 void clock_start(void);
 uint64_t clock_micros(void);
 uint16_t clock_temperature(void);
@@ -27,9 +27,11 @@ void tick_interrupt(void);
 bool tick_passed(void); /* since it was asked last */
 
 /* watchdog.c */
+void watchdog_start(void); /* in flash */
+void start_fault(void);    /* in flash */
 uint8_t watchdog_reset_reason(void);
-void watchdog_start(void);
 void watchdog_feed(void);
+void watchdog_forget(void); /* that it runs: what restarts the chip from now on is not the watchdog */
 void watchdog_pause(void); /* for the time of a flash operation */
 void watchdog_restart(uint8_t reason);
 void fault(void);
@@ -48,10 +50,11 @@ extern struct trigger *light_trigger;
 
 /* usb.c */
 void usb_start(const uint8_t unique_id[8]);
-bool usb_send(void *context, const uint8_t *bytes, size_t count);
+bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
 uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
+void usb_watch(void); /* often: notes frames, and resets a controller that hangs */
 
 /* What happened on the bus since it was asked last: bits. An opening came after all else. */
 enum usb_event {

@@ -1,6 +1,6 @@
 @ Second stage of the boot: the ROM checks the CRC of these 256 bytes, copies them to RAM and calls them. They set the
 @ flash interface to plain serial reads (03h), which every flash chip knows, and start the image at 0x10000100.
-@ clk_sys / 2 is 24 MHz once the image has raised the clock, within what the chips allow for 03h (33 MHz and more). The
+@ clk_sys / 4 is 30 MHz once the image has raised the clock, within what the chips allow for 03h (33 MHz and more). The
 @ CRC in the last word is filled in by the build.
     .syntax unified
     .cpu cortex-m0plus
@@ -11,8 +11,8 @@ boot2:
     ldr r3, =0x18000000         @ SSI
     movs r0, #0
     str r0, [r3, #0x08]         @ SSIENR: off while it is changed
-    movs r0, #2
-    str r0, [r3, #0x14]         @ BAUDR: clk_sys / 2
+    movs r0, #4
+    str r0, [r3, #0x14]         @ BAUDR: clk_sys / 4
     ldr r0, =0x001f0300         @ CTRLR0: 32-bit data frames, read after a command ("EEPROM read")
     str r0, [r3, #0x00]
     movs r0, #0

@@ -123,6 +123,7 @@ void flash_bootloader(void)
 {
     usb_boot *run = (usb_boot *)rom_function('U', 'B');
     interrupts_off();
+    watchdog_forget();
     run(0, 0);
     for (;;)
         ;

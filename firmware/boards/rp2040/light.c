@@ -16,7 +16,7 @@
 #include "registers.h"
 
 #define PROGRAM_LENGTH 4u
-#define CLOCK_DIVIDER 4u
+#define CLOCK_DIVIDER 10u
 #define ALL_LEDS ((uint32_t)LED_COUNT)
 
 enum phase {

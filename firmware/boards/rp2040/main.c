@@ -130,12 +130,12 @@ int main(void)
     port_fill();
     light_trigger = &controller.trigger;
     controller_start(&controller, &port);
-    watchdog_start();
     flash_unique_id(port.identity.unique_id);
     usb_start(port.identity.unique_id);
     for (;;) {
         follow_bus();
         serve_host();
+        usb_watch();
         controller_poll(&controller);
         if (tick_passed() && controller_healthy(&controller))
             watchdog_feed();

@@ -33,6 +33,7 @@
 #define RESET_IO_BANK0 (1u << 5)
 #define RESET_PADS_BANK0 (1u << 8)
 #define RESET_PIO0 (1u << 10)
+#define RESET_PLL_SYS (1u << 12)
 #define RESET_PLL_USB (1u << 13)
 #define RESET_TIMER (1u << 21)
 #define RESET_USBCTRL (1u << 24)
@@ -46,10 +47,12 @@
 #define XOSC_CTRL 0x40024000u
 #define XOSC_STATUS 0x40024004u
 #define XOSC_STARTUP 0x4002400cu
-#define PLL_USB_CS 0x4002c000u
-#define PLL_USB_PWR 0x4002c004u
-#define PLL_USB_FBDIV 0x4002c008u
-#define PLL_USB_PRIM 0x4002c00cu
+#define PLL_SYS_BASE 0x40028000u
+#define PLL_USB_BASE 0x4002c000u
+#define PLL_CS(base) (base)
+#define PLL_PWR(base) ((base) + 0x4u)
+#define PLL_FBDIV(base) ((base) + 0x8u)
+#define PLL_PRIM(base) ((base) + 0xcu)
 
 #define ADC_CS 0x4004c000u
 #define ADC_RESULT 0x4004c004u
@@ -65,6 +68,7 @@
 #define WATCHDOG_LOAD 0x40058004u
 #define WATCHDOG_REASON 0x40058008u
 #define WATCHDOG_SCRATCH0 0x4005800cu
+#define WATCHDOG_SCRATCH1 0x40058010u
 #define WATCHDOG_TICK 0x4005802cu
 #define PSM_WDSEL 0x40010008u
 

@@ -1,4 +1,4 @@
-/* From reset to main(): raise the clock, copy the image to RAM, clear what starts at zero; and the vectors. */
+/* From reset to main(): start the watchdog, raise the clock, copy the image to RAM, clear what starts at zero; and the vectors. */
 #include "board.h"
 #include "registers.h"
 
@@ -9,11 +9,12 @@ extern const uint32_t ram_load;
 int main(void);
 
 /*
- * Runs from flash, before anything is in RAM; so it may call nothing that is not in flash. The clock goes first: LEDs that
- * a reset left lit stay so until the image runs, and on the ring oscillator a word of flash takes 20 us.
+ * Runs from flash, before anything is in RAM; so it may call nothing that is not in flash. The clock goes before the
+ * copy: LEDs that a reset left lit stay so until the image runs, and on the ring oscillator a word of flash takes 40 us.
  */
 START_CODE __attribute__((noreturn, used)) void start(void)
 {
+    watchdog_start();
     clock_raise();
     const volatile uint32_t *from = &ram_load;
     for (volatile uint32_t *to = &ram_start; to < &ram_end;)
@@ -28,9 +29,15 @@ START_CODE __attribute__((noreturn, used)) void start(void)
 
 typedef void (*vector)(void);
 
-__attribute__((section(".start_vectors"), used)) static const vector first[2] = {
-    (vector)&stack_top,
-    (vector)start,
+/* In force from the first instruction on: no interrupt is enabled yet, but a fault may come. */
+__attribute__((section(".start_vectors"), used)) static const vector first[16] = {
+    [0] = (vector)&stack_top,
+    [1] = (vector)start,
+    [2] = start_fault,
+    [3] = start_fault,
+    [11] = start_fault,
+    [14] = start_fault,
+    [15] = start_fault,
 };
 
 /* Filled in by the build: how many bytes follow, and their CRC-32. */

@@ -20,20 +20,38 @@
 #define INTERRUPT_BUFFER (1u << 4)
 #define INTERRUPT_RESET (1u << 12)
 #define INTERRUPT_SUSPEND (1u << 14)
+#define INTERRUPT_RESUME (1u << 15)
 #define INTERRUPT_SETUP (1u << 16)
 #define INTERRUPT_SOF (1u << 17)
 /* SIE_STATUS */
 #define STATUS_SUSPENDED (1u << 4)
+#define STATUS_RESUME (1u << 11)
 #define STATUS_SETUP (1u << 17)
 #define STATUS_RESET (1u << 19)
 
 #define BAUD_TOUCH 1200u
-#define SOF_EVERY_US 100000u
+#define SOF_EVERY_US 50000u
+#define HUNG_US 1000000u
+#define UNPLUGGED_US 10000u /* long enough for any hub to notice */
+
+/*
+ * Erratum RP2040-E15: a bulk IN transfer near the end of a frame hangs the controller behind some hosts and hubs. None is
+ * armed from 800 to 998 us after the start of a frame, and packets of 48 bytes at most are over sooner. They are shorter
+ * than the endpoint allows too, so each ends a transfer, and the host never waits for the next one. A frame that was noted
+ * 60 ms ago tells its place to 40 us (USB 2.0 allows the host 500 ppm, the crystal has 100).
+ */
+#define IN_PACKET 48u
+#define FRAME_US 1000u
+#define FRAME_BEGINS_US 40u
+#define FRAME_ENDS_US 760u
 
 static struct byte_ring incoming, outgoing;
 static bool configured;
 static bool in_data1, out_data1, in_busy, out_armed;
-static volatile bool open;
+static bool in_waiting;         /* for the next frame, before its packet is armed */
+static uint32_t progress_us;    /* low half of the time when something was armed or came last */
+static bool terminal_ready; /* DTR, as the host said last */
+static volatile bool open;  /* and the bus is awake */
 static volatile uint8_t events; /* bits of enum usb_event */
 static uint64_t sof_us;         /* board clock at the start of the frame sof_number, 0: none was noted yet */
 static uint16_t sof_number;
@@ -87,58 +105,125 @@ static void take_packet(void)
     accept_packet();
 }
 
-static void send_packet(void)
+/* Frames that began meanwhile, of which none knows when, are forgotten by the reading. */
+static void await_frame(void)
 {
-    uint32_t count = ring_count(&outgoing) < PACKET ? ring_count(&outgoing) : PACKET;
+    (void)REGISTER(USB_SOF_RD);
+    SET_BITS(USB_INTE) = INTERRUPT_SOF;
+}
+
+/* One half of the clock is enough: nothing here asks about the time of an hour ago. */
+static uint32_t now_us(void)
+{
+    return REGISTER(TIMER_TIMERAWL);
+}
+
+static bool frame_noted(uint32_t within_us)
+{
+    return sof_us && now_us() - (uint32_t)sof_us < within_us;
+}
+
+static bool frame_allows(void)
+{
+    uint32_t since_us = now_us() - (uint32_t)sof_us, place_us = since_us % FRAME_US;
+    bool certain = since_us == place_us || place_us >= FRAME_BEGINS_US; /* that this frame has begun */
+    return frame_noted(SOF_EVERY_US + 10000u) && certain && place_us < FRAME_ENDS_US;
+}
+
+static void arm_packet(void)
+{
+    uint32_t count = ring_count(&outgoing) < IN_PACKET ? ring_count(&outgoing) : IN_PACKET;
+    in_waiting = false;
     in_busy = configured && count;
     if (!in_busy)
         return;
     for (uint32_t i = 0; i < count; i++)
         dpram(USB_DPRAM + IN_OFFSET)[i] = ring_get(&outgoing);
+    progress_us = now_us();
     hand_over(BUFFER_CONTROL(2, false), count | FULL | LAST | (in_data1 ? DATA1 : 0));
     in_data1 = !in_data1;
+}
+
+static void send_packet(void)
+{
+    in_busy = in_waiting = configured && ring_count(&outgoing);
+    if (!in_busy)
+        return;
+    if (frame_allows())
+        arm_packet();
+    else
+        await_frame();
+}
+
+/* The host begins anew with DATA0 (USB 2.0, 9.4.5), and what is armed has to expect it; no transfer goes on meanwhile. */
+void data_clear_halt(bool out)
+{
+    if (out) {
+        out_data1 = false;
+        if (out_armed)
+            accept_packet();
+        return;
+    }
+    in_data1 = in_busy && !in_waiting;
+    if (in_data1)
+        hand_over(BUFFER_CONTROL(2, false), (REGISTER(BUFFER_CONTROL(2, false)) & COUNT) | FULL | LAST);
+}
+
+static void open_port(void)
+{
+    if (!open)
+        usb_note(USB_OPENED);
+    open = true;
 }
 
 void data_configure(bool chosen)
 {
     configured = chosen;
-    if (!configured) {
-        close_port(USB_CLOSED);
+    terminal_ready = false;
+    close_port(USB_CLOSED);
+    if (!configured)
         return;
-    }
     REGISTER(ENDPOINT_CONTROL(1, false)) = ENABLED | INTERRUPT | NOTIFY_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, true)) = ENABLED | BULK | OUT_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, false)) = ENABLED | BULK | IN_OFFSET;
     REGISTER(BUFFER_CONTROL(2, false)) = 0; /* a packet from before must not be sent */
-    in_data1 = out_data1 = in_busy = false;
+    in_data1 = out_data1 = in_busy = in_waiting = false;
     ring_empty(&incoming);
     ring_empty(&outgoing);
     accept_packet();
 }
 
 /* Opening at 1200 baud and closing again asks for the boot loader, as on many boards. */
-void data_lines(bool terminal_ready, uint32_t baud)
+void data_lines(bool ready, uint32_t baud)
 {
-    if (terminal_ready && !open)
-        usb_note(USB_OPENED);
-    else if (!terminal_ready)
+    terminal_ready = ready;
+    if (ready)
+        open_port();
+    else
         close_port(baud == BAUD_TOUCH ? USB_BOOTLOADER : USB_CLOSED);
-    open = terminal_ready;
 }
 
 static void bus_reset(void)
 {
     control_reset();
-    configured = false;
-    close_port(USB_CLOSED);
+    data_configure(false);
 }
 
-/* One frame is noted, the interrupt is off until the next is asked for: one each millisecond would be too many. */
+/* A program that had the port open still has: the host says DTR no second time. */
+static void resume(void)
+{
+    if (terminal_ready)
+        open_port();
+}
+
+/* One frame is noted, and what waited for it is armed; then the interrupt is off until the next is asked for. */
 static void start_of_frame(void)
 {
     CLEAR_BITS(USB_INTE) = INTERRUPT_SOF;
     sof_us = clock_micros();
     sof_number = (uint16_t)(REGISTER(USB_SOF_RD) & 0x7ffu); /* reading ends the interrupt */
+    if (in_waiting)
+        arm_packet();
 }
 
 static void buffers_done(void)
@@ -158,6 +243,8 @@ static void buffers_done(void)
 void usb_interrupt(void)
 {
     uint32_t why = REGISTER(USB_INTS);
+    if (why & (INTERRUPT_BUFFER | INTERRUPT_SETUP))
+        progress_us = now_us();
     if (why & INTERRUPT_SOF) /* first: its time is what counts */
         start_of_frame();
     if (why & INTERRUPT_BUFFER)
@@ -174,29 +261,63 @@ void usb_interrupt(void)
         REGISTER(USB_SIE_STATUS) = STATUS_SUSPENDED;
         close_port(USB_SUSPENDED);
     }
+    if (why & INTERRUPT_RESUME) {
+        REGISTER(USB_SIE_STATUS) = STATUS_RESUME;
+        resume();
+    }
 }
 
 /* ---- what the board calls ---- */
 
-void usb_start(const uint8_t unique_id[8])
+static void connect(void)
 {
-    usb_serial_number(unique_id);
     for (uint32_t at = 0; at < 4096; at += 4)
         REGISTER(USB_DPRAM + at) = 0;
     REGISTER(USB_MUXING) = 1u << 0 | 1u << 3;  /* to the pins, software connect */
     REGISTER(USB_PWR) = 1u << 2 | 1u << 3;     /* VBUS is taken to be there */
     REGISTER(USB_MAIN_CTRL) = 1;               /* device */
     REGISTER(USB_SIE_CTRL) = 1u << 29;         /* interrupt for each buffer of endpoint 0 */
-    REGISTER(USB_INTE) = INTERRUPT_BUFFER | INTERRUPT_RESET | INTERRUPT_SUSPEND | INTERRUPT_SETUP;
+    REGISTER(USB_INTE) = INTERRUPT_BUFFER | INTERRUPT_RESET | INTERRUPT_SUSPEND | INTERRUPT_RESUME | INTERRUPT_SETUP;
     REGISTER(NVIC_ISER) = 1u << IRQ_USB;
     SET_BITS(USB_SIE_CTRL) = 1u << 16;         /* pull-up: here we are */
 }
 
-bool usb_send(void *context, const uint8_t *bytes, size_t count)
+void usb_start(const uint8_t unique_id[8])
+{
+    usb_serial_number(unique_id);
+    connect();
+}
+
+/*
+ * A packet waits, frames begin, but nothing comes or goes: the controller hangs, and only its reset helps (RP2040-E15). A
+ * host that just does not read is no such case as long as it says anything at all.
+ */
+void usb_watch(void)
+{
+    lock();
+    bool hung = open && in_busy && frame_noted(2u * SOF_EVERY_US) && now_us() - progress_us > HUNG_US;
+    if (open && !frame_noted(SOF_EVERY_US))
+        await_frame();
+    if (!hung) {
+        unlock();
+        return;
+    }
+    data_configure(false);
+    SET_BITS(RESETS_RESET) = RESET_USBCTRL;
+    for (uint32_t begun_us = now_us(); now_us() - begun_us < UNPLUGGED_US;)
+        ;
+    CLEAR_BITS(RESETS_RESET) = RESET_USBCTRL;
+    while (!(REGISTER(RESETS_DONE) & RESET_USBCTRL))
+        ;
+    control_reset();
+    connect();
+}
+
+bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
 {
     (void)context;
     lock();
-    bool fits = open && RING_BYTES - ring_count(&outgoing) >= count;
+    bool fits = open && RING_BYTES - ring_count(&outgoing) >= count + spare;
     for (size_t i = 0; fits && i < count; i++)
         ring_put(&outgoing, bytes[i]);
     if (fits && !in_busy)
@@ -205,7 +326,7 @@ bool usb_send(void *context, const uint8_t *bytes, size_t count)
     return fits;
 }
 
-/* What was noted last; where that is old, the next frame will be noted, for those who ask later. */
+/* What was noted last. */
 uint16_t usb_start_of_frame(void *context, uint64_t *at_us)
 {
     (void)context;
@@ -213,10 +334,6 @@ uint16_t usb_start_of_frame(void *context, uint64_t *at_us)
     uint16_t number = sof_number;
     *at_us = sof_us;
     unlock();
-    if (*at_us && clock_micros() - *at_us < SOF_EVERY_US)
-        return number;
-    (void)REGISTER(USB_SOF_RD); /* forgets the frames that began meanwhile, of which none knows when */
-    SET_BITS(USB_INTE) = INTERRUPT_SOF;
     return number;
 }
 

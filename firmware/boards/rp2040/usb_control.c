@@ -10,23 +10,33 @@
 #define TO_HOST 0x80u
 #define CLASS_OR_VENDOR 0x60u
 #define TO_DEVICE 0x00u
+#define TO_STANDARD_INTERFACE 0x01u
+#define TO_ENDPOINT 0x02u
+#define OF_INTERFACE 0x81u
 #define TO_INTERFACE 0x21u   /* a request of its class */
 #define FROM_INTERFACE 0xa1u
 
 /* bRequest */
 #define GET_STATUS 0u
+#define CLEAR_FEATURE 1u
 #define SET_ADDRESS 5u
 #define GET_DESCRIPTOR 6u
 #define GET_CONFIGURATION 8u
 #define SET_CONFIGURATION 9u
+#define GET_INTERFACE 10u
+#define SET_INTERFACE 11u
 #define SET_LINE_CODING 0x20u
 #define GET_LINE_CODING 0x21u
 #define SET_CONTROL_LINE_STATE 0x22u
+#define SEND_BREAK 0x23u
 #define RESET_TO_BOOTLOADER 1u
 #define RESET_TO_FLASH 2u
 
 #define SERIAL_INTERFACE 0u
+#define DATA_INTERFACE 1u
 #define RESET_INTERFACE 2u
+#define BULK_OUT 0x02u
+#define BULK_IN 0x82u
 
 struct setup {
     uint8_t type, request;
@@ -94,6 +104,34 @@ static void get_descriptor(void)
         control_refuse();
 }
 
+/* The only feature that is known: the halt of an endpoint, value 0. */
+static void clear_feature(void)
+{
+    if (setup.value)
+        control_refuse();
+    else
+        control_accept();
+    if (!setup.value && (setup.index == BULK_IN || setup.index == BULK_OUT))
+        data_clear_halt(setup.index == BULK_OUT);
+}
+
+/* Each interface has the one setting 0; choosing it resets the toggles of its endpoints (9.1.1.5). */
+static void interface_setting(void)
+{
+    static const uint8_t only[1];
+    if (!configuration || setup.index > RESET_INTERFACE || setup.value) {
+        control_refuse();
+    } else if (setup.request == GET_INTERFACE) {
+        control_reply(only, 1);
+    } else {
+        control_accept();
+        if (setup.index == DATA_INTERFACE) {
+            data_clear_halt(false);
+            data_clear_halt(true);
+        }
+    }
+}
+
 static void standard_request(void)
 {
     static const uint8_t nothing[2];
@@ -108,6 +146,11 @@ static void standard_request(void)
         data_configure(configuration);
     } else if (setup.type == TO_HOST && setup.request == GET_CONFIGURATION) {
         control_reply(&configuration, 1);
+    } else if (setup.type == TO_ENDPOINT && setup.request == CLEAR_FEATURE) {
+        clear_feature();
+    } else if ((setup.type == OF_INTERFACE && setup.request == GET_INTERFACE) ||
+               (setup.type == TO_STANDARD_INTERFACE && setup.request == SET_INTERFACE)) {
+        interface_setting();
     } else if (setup.request == GET_STATUS && setup.type >= 0x80 && setup.type <= 0x82) {
         control_reply(nothing, 2); /* of device, interface or endpoint: bus powered, nothing halted */
     } else {
@@ -130,6 +173,8 @@ static void interface_request(void)
     } else if (setup.type == TO_INTERFACE && setup.request == SET_CONTROL_LINE_STATE &&
                setup.index == SERIAL_INTERFACE) {
         set_control_lines();
+    } else if (setup.type == TO_INTERFACE && setup.request == SEND_BREAK && setup.index == SERIAL_INTERFACE) {
+        control_accept(); /* nobody listens to it */
     } else if (setup.type == FROM_INTERFACE && setup.request == GET_LINE_CODING && setup.index == SERIAL_INTERFACE) {
         control_reply(line_coding, sizeof line_coding);
     } else if (setup.type == TO_INTERFACE && setup.index == RESET_INTERFACE &&
@@ -141,6 +186,17 @@ static void interface_request(void)
     }
 }
 
+/* What is armed belongs to a transfer that the host has given up: it may not answer the next. */
+static void control_abort(void)
+{
+    REGISTER(BUFFER_CONTROL(0, false)) = 0;
+    REGISTER(BUFFER_CONTROL(0, true)) = 0;
+    control_count = 0;
+    control_zero = false;
+    expect_line_coding = false;
+    new_address = 0;
+}
+
 void control_setup(void)
 {
     const volatile uint8_t *bytes = dpram(USB_DPRAM);
@@ -149,10 +205,8 @@ void control_setup(void)
     setup.value = (uint16_t)(bytes[2] | bytes[3] << 8);
     setup.index = (uint16_t)(bytes[4] | bytes[5] << 8);
     setup.count = (uint16_t)(bytes[6] | bytes[7] << 8);
+    control_abort();
     control_data1 = true;
-    control_count = 0;
-    control_zero = false;
-    expect_line_coding = false;
     if (setup.type & CLASS_OR_VENDOR)
         interface_request();
     else
@@ -189,5 +243,5 @@ void control_reset(void)
 {
     REGISTER(USB_ADDR_ENDP) = 0;
     configuration = 0;
-    new_address = 0;
+    control_abort();
 }

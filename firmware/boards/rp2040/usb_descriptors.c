@@ -25,7 +25,7 @@ static const uint8_t configuration[] = {
     9, 4, 0, 0, 1, 2, 2, 0, 0,                   /* communication: abstract control model */
     5, 0x24, 0, 0x10, 1,
     5, 0x24, 1, 0, 1,
-    4, 0x24, 2, 2,                               /* line coding and control line state */
+    4, 0x24, 2, 6,                               /* line coding, control line state, break */
     5, 0x24, 6, 0, 1,
     7, 5, 0x81, 3, 8, 0, 16,                     /* notifications, never sent */
     9, 4, 1, 0, 2, 10, 0, 0, 0,                  /* data */

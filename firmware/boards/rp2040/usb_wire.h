@@ -20,7 +20,7 @@ static inline volatile uint8_t *dpram(uint32_t address)
     return (volatile uint8_t *)address;
 }
 
-/* AVAILABLE goes last and 12 cycles of clk_usb later than the rest (4.1.2.5.1). */
+/* AVAILABLE goes last, and later than the rest by a cycle of clk_usb at least, which is 2.5 of the processor (4.1.2.5.1). */
 static inline void hand_over(uint32_t control, uint32_t value)
 {
     REGISTER(control) = value;
@@ -36,7 +36,8 @@ void control_reset(void);
 
 /* usb.c, called by endpoint 0 */
 void data_configure(bool configured);
-void data_lines(bool terminal_ready, uint32_t baud);
+void data_lines(bool ready, uint32_t baud);
+void data_clear_halt(bool out);
 void usb_note(enum usb_event what);
 
 #endif

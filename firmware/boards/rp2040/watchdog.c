@@ -3,26 +3,41 @@
 #include "registers.h"
 
 #define TIMEOUT_US 100000u
+#define START_US 200000u /* for the crystal and the copy to RAM */
 #define REASON_MAGIC 0x52450000u
 #define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu
 
+/*
+ * SCRATCH0 says why the chip will start the next time, as far as is known now; SCRATCH1 why it has started. The boot ROM
+ * restarts the chip by the watchdog too (2.8.4), after a flash for instance, but leaves no note: somebody has asked for it.
+ */
 uint8_t watchdog_reset_reason(void)
 {
-    uint32_t note = REGISTER(WATCHDOG_SCRATCH0), reason = REGISTER(WATCHDOG_REASON);
-    REGISTER(WATCHDOG_SCRATCH0) = 0;
-    if ((note & 0xffff0000u) == REASON_MAGIC)
-        return (uint8_t)note;
-    return reason ? RESET_REASON_WATCHDOG : RESET_REASON_POWER;
+    uint32_t note = REGISTER(WATCHDOG_SCRATCH1);
+    if (!REGISTER(WATCHDOG_REASON))
+        return RESET_REASON_POWER;
+    return (note & 0xffff0000u) == REASON_MAGIC ? (uint8_t)note : RESET_REASON_COMMAND;
 }
 
-void watchdog_start(void)
+void watchdog_forget(void)
 {
+    REGISTER(WATCHDOG_SCRATCH0) = 0;
+}
+
+/*
+ * From flash, before the clock is raised. Its tick, which the timer uses too, is 1 us once clk_ref is the crystal; on the
+ * ring oscillator (1.8 to 12 MHz, 2.17) it is longer, never shorter. The counter falls twice a tick (RP2040-E1).
+ */
+START_CODE void watchdog_start(void)
+{
+    REGISTER(WATCHDOG_SCRATCH1) = REGISTER(WATCHDOG_SCRATCH0);
+    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_WATCHDOG;
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
-    watchdog_feed();
+    REGISTER(WATCHDOG_TICK) = 1u << 9 | 12;
+    REGISTER(WATCHDOG_LOAD) = 2u * START_US;
     SET_BITS(WATCHDOG_CTRL) = 1u << 30;
 }
 
-/* The counter falls twice a microsecond (RP2040-E1). */
 void watchdog_feed(void)
 {
     REGISTER(WATCHDOG_LOAD) = 2u * TIMEOUT_US;
@@ -32,6 +47,16 @@ void watchdog_feed(void)
 void watchdog_pause(void)
 {
     REGISTER(WATCHDOG_LOAD) = 0xffffffu;
+}
+
+/* A fault before the image is in RAM: nothing can be darkened yet, only started anew. */
+START_CODE void start_fault(void)
+{
+    REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
+    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_FAULT;
+    SET_BITS(WATCHDOG_CTRL) = 1u << 31;
+    for (;;)
+        ;
 }
 
 void watchdog_restart(uint8_t reason)

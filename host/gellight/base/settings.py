@@ -29,20 +29,26 @@ class SensorSettings(StrictModel):
     """Which sensor."""
 
     url: str = Field(
-        default="sim://",
+        default="auto",
         min_length=1,
-        description="where the camera is: `sim://`, `auto`, `sensor://NAME`, `v4l2:///dev/...` or a folder of images",
+        description="where the camera is: `auto` (the one sensor that is plugged in), `sensor://NAME`, `/dev/video0`, "
+        "`v4l2:///dev/...`, a folder of images, or `sim://`",
     )
-    calibration: str = Field(
-        default="synthetic",
+    calibration: str | None = Field(
+        default=None,
         min_length=1,
         description="calibration bundle: a folder, a .gelcal file, `synthetic`, or `auto`: the one of this sensor, "
-        "which its board names",
+        "which its board names. Not given: as `auto`, but `synthetic` for `sim://` and for a sensor that has none yet",
     )
 
 
 class GeometrySettings(StrictModel):
-    """How the sensor is built; what is not given is as in the paper. Angles are in degrees.
+    """How the sensor is built. Angles are in degrees.
+
+    What is not given is as in the paper where it gives a figure: gel 50 mm across and 5 mm thick, camera 40 mm from it,
+    12 LEDs (`RRRRGGGGBBBB`) at a mounting height of 20 mm, tilted by 29 degrees. It gives none for the ring radius
+    (ours: 21.5 mm), Poisson's ratio (0.49), the coating (0.1 mm) and the image size (640 x 480 with 0.0588 mm a pixel).
+    The beam is 120 degrees, as the data sheet of the LED has it; the paper simulates 160.
 
     A simulated sensor is built by all of these. With a real sensor the calibration uses the colours of the LEDs, and
     photometric stereo uses the ring.
@@ -118,6 +124,19 @@ class DashboardSettings(StrictModel):
     port: int = Field(default=8420, ge=0, le=65535, description="port on 127.0.0.1; 0: any free one")
 
 
+class StreamSettings(StrictModel):
+    """Frames for other programs; see docs/streaming.md."""
+
+    enabled: bool = Field(default=True, description="publish frames to other programs of this computer")
+    name: str = Field(default="", description="under which the sensor is found; empty: the sensor's own")
+    lan: bool = Field(
+        default=False, description="accept other computers too; whoever reaches the port may read and press"
+    )
+    zenoh_config: str = Field(
+        default="", description="file of zenoh's own settings, for TLS and access control; empty: none"
+    )
+
+
 class Settings(StrictModel):
     """All settings."""
 
@@ -126,6 +145,7 @@ class Settings(StrictModel):
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
+    stream: StreamSettings = Field(default_factory=StreamSettings)
 
 
 SECTIONS: dict[str, Any] = {name: field.annotation for name, field in Settings.model_fields.items()}
@@ -206,7 +226,8 @@ def reference_markdown() -> str:
 
 
 def _markdown_row(setting: Setting) -> str:
-    default = "as in the paper" if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
+    missing = "see above" if setting.section == "geometry" else "not given"
+    default = missing if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
     return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 

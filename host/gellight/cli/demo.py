@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, with_options
-from gellight.cli.run import Running, follow, served, table
+from gellight.cli.options import AsJson, simulated_settings, with_options
+from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
 
 FRAME_TIMEOUT_S = 20.0
@@ -24,15 +23,17 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
-    settings = load_settings({"sensor.url": sensor, **running.flags()})
-    with open_session(settings) as daemon, served(daemon, settings) as url:
+    settings = simulated_settings({"sensor.url": sensor, **running.flags()})
+    with (
+        running.ended_by_hand(),
+        open_session(settings) as daemon,
+        served(daemon, settings) as url,
+        published(daemon, settings),
+    ):
         if browser and not running.frames:
             open_browser(url)
-        try:
-            summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
-        except KeyboardInterrupt:
-            return
-    print(json.dumps(summary) if as_json else table(summary))
+        summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
+        print(json.dumps(summary) if as_json else table(summary))
 
 
 def open_browser(url: str) -> None:

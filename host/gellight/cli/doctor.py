@@ -1,37 +1,47 @@
 """`gellight doctor`: what stands between a sensor and good frames, each finding with its remedy."""
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gellight.cli.advice import typeable
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.doctor import examine
 from gellight.sensor.findings import Finding, Level
 from gellight.sensor.v4l2.kernel import LINUX
+from gellight.training.rehearsal import check_trainer
 
 
 def command(
     sensor: Annotated[
-        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0.", show_default="every sensor")
+        str | None, typer.Argument(help="URL, serial number, USB port, or /dev/video0.", show_default="every sensor")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check computer, USB, camera, light ring and frames.
+    """Check computer, USB, camera, light ring, frames and training.
 
     The exit status is 1 when something prevents use.
     """
     findings = []
-    for finding in examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd()):
-        findings.append(finding)
+    for finding in _findings(sensor):
+        findings.append(replace(finding, remedy=typeable(finding.remedy)))
         if not as_json:
-            print(line(finding), flush=True)
+            print(line(findings[-1]), flush=True)
     if as_json:
         print(json.dumps({"findings": [finding.as_json() for finding in findings]}))
     if any(finding.level is Level.PROBLEM for finding in findings):
-        raise typer.Exit(1)
+        raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _findings(sensor: str | None) -> Iterator[Finding]:
+    yield from examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd())
+    yield check_trainer()
 
 
 def line(finding: Finding) -> str:

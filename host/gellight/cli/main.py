@@ -1,21 +1,23 @@
-"""`gellight`: the verbs, and the one place where an error becomes a message and an exit status."""
+"""`gellight`: the verbs; `ending.py` turns an error into a message, and every end into an exit status."""
 
 import importlib.metadata
 import os
-import sys
 from typing import Annotated
 
 import typer
 
-from gellight.base.errors import GellightError
+from gellight.cli.ending import MEANINGS, end
 from gellight.cli.lazy import MARKUP, lazy_group
 
 VERBS = lazy_group(
     {
         "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
         "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
+        "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
+        "replay": ("replay:command", "Play a recording as if it were a sensor."),
+        "export": ("export:command", "Turn a recording into arrays, pictures, point clouds or a video."),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
-        "doctor": ("doctor:command", "Check computer, USB, camera, light ring and frames."),
+        "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
         "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
@@ -35,6 +37,7 @@ app = typer.Typer(
     name="gellight",
     cls=VERBS,
     rich_markup_mode=MARKUP,
+    epilog="\n\n".join(["Exit status:", *(f"{status}: {meaning}" for status, meaning in MEANINGS.items())]),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -57,12 +60,8 @@ def gellight(
 
 
 def run() -> None:
-    """Run the command line; a `GellightError` is printed in one line and exits with status 2."""
+    """Run the command line and exit with its status."""
     # NumPy's BLAS would keep a second thread spinning between our small products, and take a core from the frame path:
     # 22 instead of 28 frames a second on two cores. NumPy reads the variable when it is first imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    try:
-        app()
-    except GellightError as error:
-        print(f"gellight: {error}", file=sys.stderr)
-        sys.exit(2)
+    end(app)

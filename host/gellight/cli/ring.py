@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
+from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
 from gellight.ring.enumerations import Dark, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
@@ -18,11 +19,11 @@ app = typer.Typer(help="The light ring by hand.", no_args_is_help=True)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
 
 
-def _wait(seconds: float) -> None:
-    try:
+def _wait(lit: str, seconds: float) -> None:
+    """Say what is lit, and keep it lit for so long; 0: until Ctrl-C or SIGTERM."""
+    print(lit if seconds else f"{lit}   (Ctrl-C ends and makes the LEDs dark)", flush=True)
+    with until_interrupted():
         time.sleep(seconds or LONGEST_S)
-    except KeyboardInterrupt:
-        print()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +97,8 @@ def set_colour(
     with connect(url) as ring:
         reply = ring.set_leds(np.array(_colours(colour), np.uint8))
         ring.wait_for_light(reply.light_id)
-        print(
-            f"lit, {reply.current_ma} mA" + ("" if reply.scale == 0xFFFF else f", scaled by {reply.scale / 65535:.3f}")
-        )
-        _wait(seconds)
+        scaled = "" if reply.scale == 0xFFFF else f", scaled by {reply.scale / 65535:.3f}"
+        _wait(f"lit, {reply.current_ma} mA{scaled}", seconds)
 
 
 def _colours(text: str) -> list[list[int]]:
@@ -125,8 +124,7 @@ def group(
     colours = np.zeros((LED_COUNT, 3), np.uint8)
     colours[chosen] = np.array(_colours(colour)[0], np.uint8)
     with connect(url) as ring:
-        print(f"LEDs {chosen}, {ring.set_leds(colours).current_ma} mA")
-        _wait(seconds)
+        _wait(f"LEDs {chosen}, {ring.set_leds(colours).current_ma} mA", seconds)
 
 
 def _numbers(text: str) -> list[int]:
@@ -159,7 +157,7 @@ def sequence(
         ring.load_sequence(list(groups), [Step(group=k, dwell_us=round(dwell_ms * 1e3)) for k in range(3)])
         ring.set_sync(SyncMode.FREE)
         ring.start()
-        _wait(seconds)
+        _wait("red, green and blue in turn", seconds)
         print(f"{ring.counters().lights} lights, {ring.counters().late_steps} of them late")
 
 

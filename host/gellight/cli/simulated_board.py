@@ -6,6 +6,8 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import BoardError
+from gellight.cli.advice import typeable
+from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, Seconds
 from gellight.ring.emulator.child import SimulatedBoard
 
@@ -19,20 +21,24 @@ def command(
     Its light is printed whenever it changes.
     """
     board = SimulatedBoard(pty=pty)
-    end, shown = time.monotonic() + (seconds or LONGEST_S), 0
     try:
-        print(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`", flush=True)
-        while time.monotonic() < end:
-            while shown < len(board.timeline):
-                light = board.timeline[shown]
-                print(f"{light.time_us / 1e6:10.6f} s  " + " ".join(bytes(c).hex() for c in light.colours), flush=True)
-                shown += 1
-            if not board.running:
-                raise BoardError("the simulated board has ended: start it again")
-            time.sleep(0.02)
-    except KeyboardInterrupt:
-        print()
+        with until_interrupted():
+            show(board, seconds or LONGEST_S)
     finally:
         board.close()
     for fault in board.faults:
         print(f"fault: {fault}")
+
+
+def show(board: SimulatedBoard, seconds: float) -> None:
+    """Print the path of the board, then its light whenever it changes; BoardError where it ends before the time."""
+    end, shown = time.monotonic() + seconds, 0
+    print(typeable(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`"), flush=True)
+    while time.monotonic() < end:
+        while shown < len(board.timeline):
+            light = board.timeline[shown]
+            print(f"{light.time_us / 1e6:10.6f} s  " + " ".join(bytes(c).hex() for c in light.colours), flush=True)
+            shown += 1
+        if not board.running:
+            raise BoardError("the simulated board has ended: start it again")
+        time.sleep(0.02)

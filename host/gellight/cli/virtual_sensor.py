@@ -1,12 +1,12 @@
 """`gellight virtual-sensor`: a simulated sensor that Linux takes for a real one."""
 
-import contextlib
 import time
 from typing import Annotated
 
 import typer
 
 from gellight.base.errors import InputError
+from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, Seconds
 from gellight.simulator.usb import vhci
 from gellight.simulator.usb.device import VirtualSensor, open_virtual, sized_geometry
@@ -36,7 +36,7 @@ def command(
         vhci.choose_port(port)
     faults = parse_faults(fault or [])
     opened = open_virtual(sensor, serial_number=serial, geometry=sized_geometry(size), faults=faults)
-    with contextlib.suppress(KeyboardInterrupt), opened as device:
+    with until_interrupted(), opened as device:
         serve(device, listen, seconds) if listen else hold(device, port, seconds)
 
 

@@ -1,7 +1,7 @@
 """The running sensor: frames come in, depth goes out, and a calibration may run beside it.
 
 daemon.py               Daemon: the running sensor, whose bundle, zero and light can be changed
-stream.py               the threads that capture and reconstruct; the daemon's camera for a second reader
+frame_threads.py        the threads that capture and reconstruct; the daemon's camera for a second reader
 setting.py              how a sensor is set and lit, and how to set it the same again
 assembly.py             puts a daemon together as the settings say
 modes.py                network, photometric or hybrid

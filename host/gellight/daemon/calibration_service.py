@@ -108,10 +108,15 @@ class CalibrationService:
     def __exit__(self, *problem: object) -> None:
         """Stop a calibration that still runs, keep what it has measured, and set the sensor as its bundle says."""
         self._closing.set()
-        if self._routine is not None and not self._routine.ended:
+        if self._routine is not None and self.calibrating:
             self._routine.stop()
         if self._end is not None:
             self._end.join()
+
+    @property
+    def calibrating(self) -> bool:
+        """Whether a calibration is going on: it sets the light and wants no other presses than its own."""
+        return self._routine is not None and not self._routine.ended
 
     def state(self) -> CalibrationState:
         """Return all that the wizard shows."""
@@ -166,7 +171,7 @@ class CalibrationService:
 
     def _check_idle(self, intention: str) -> None:
         """Raise InputError while a calibration goes on, or while the sensor cannot be set as its bundle says."""
-        if self._routine is not None and not self._routine.ended:
+        if self.calibrating:
             raise InputError(f"a calibration is going on: stop it before you {intention}")
         if self._end is not None:
             self._end.join(SETTLE_S)

@@ -1,6 +1,8 @@
 """All studies of a sensor, as the report shows them, and the time that the coarse one takes."""
 
 import time
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.design import comparison, comparison_coarse, designs, output, parts, studies
-from gellight.design.comparison import Statement
+from gellight.design.comparison import Judgement
 from gellight.design.designs import DesignResult, Gain
 from gellight.design.output import BallResult
 from gellight.design.studies import BeyondResult, FineResult, Setup, VariantResult
@@ -62,6 +64,8 @@ class AllResults:
 
     setup: Setup
     coarse: CoarseResult
+    readings: dict[str, CoarseResult]
+    """the coarse study under each reading of the paper's text"""
     fine: FineResult
     ball: BallResult
     beyond: BeyondResult
@@ -90,12 +94,12 @@ class AllResults:
         """Return what each step beyond the paper gains."""
         return designs.gains(DesignResult(self.designs, self.given, self.beyond), self.chosen)
 
-    def statements(self) -> list[Statement]:
-        """Return the paper, line by line."""
+    def judgements(self) -> list[Judgement]:
+        """Return the paper, line by line, each line under its readings."""
         return [
-            *comparison_coarse.coarse_statements(self.coarse),
-            *comparison.fine_statements(self.fine, self.setup.geometry),
-            *comparison.ball_statements(),
+            *comparison_coarse.coarse_judgements(self.readings),
+            *comparison.fine_judgements(self.fine, self.setup.geometry),
+            *comparison.ball_judgements(),
         ]
 
 
@@ -114,7 +118,8 @@ def run_all_studies(
     at_once = designs.requirements((own,), geometry, one_shot=True, noise_grey=noise)
     bright = designs.requirements((own,), geometry, noise_grey=noise, exposure_limit=float("inf"))
     ball = output.ball_study(geometry, min(BALL_PRESS_MM, BALL_PRESS_SHARE * geometry.gel_thickness_mm), None)
-    coarse, beyond = studies.coarse_study(setup, groups), studies.beyond_study(setup)
+    coarse, readings = studies.coarse_study(setup, groups), studies.coarse_readings(setup, groups)
+    beyond = studies.beyond_study(setup)
     # The paper's heights, as far as the LEDs stay above the gel surface.
     heights_mm = tuple(height for height in fine.HEIGHTS_MM if height <= 0.9 * geometry.camera_height_mm)
     heights = studies.fine_study(setup, heights_mm)
@@ -124,12 +129,13 @@ def run_all_studies(
     )
     sensitivity = studies.sensitivity_study(setup)
     every: tuple[Study[Any], ...] = (
-        coarse, heights, beyond, given, best, one_shot_given, one_shot_best, bright_best, sensitivity,
+        coarse, readings, heights, beyond, given, best, one_shot_given, one_shot_best, bright_best, sensitivity,
     )  # fmt: skip
     run_all([task for study in every for task in study.tasks], options)
     return AllResults(
         setup=setup,
         coarse=run_study(coarse, options),
+        readings=run_study(readings, options),
         fine=run_study(heights, options),
         ball=ball,
         beyond=run_study(beyond, options),
@@ -148,9 +154,9 @@ def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> Swee
     pressed = [press_benchmark(name, setup.sampling, setup.geometry, setup.parameters) for name in setup.names]
     with executor(options) as pool:
         twice = 2 * options.workers  # tasks, so that every worker has had one
-        list(pool.map(_shared, pressed[:1] * twice, [replace(groups, numbers=(3,))] * twice))
+        _evaluated(pool, pressed[:1] * twice, replace(groups, numbers=(3,)))
         start = time.perf_counter()
-        shared = list(pool.map(_shared, pressed, [groups] * len(pressed)))
+        shared = _evaluated(pool, pressed, groups)
         shared_s = time.perf_counter() - start
     start, start_cpu = time.perf_counter(), time.process_time()
     plainly = [plain.evaluate(one, groups) for one in pressed]
@@ -159,6 +165,14 @@ def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> Swee
     counts = setup.sampling.size_px, len(pressed), len(groups.numbers) * len(groups.angles_rad), options.workers
     shared_cpu_s = sum(cpu for _, cpu in shared)
     return SweepTimes(*counts, shared_s, plain_s, shared_cpu_s, plain_cpu_s, float(np.degrees(difference)))
+
+
+def _evaluated(
+    pool: Executor, pressed: Sequence[PressedObject], groups: LightGroups
+) -> list[tuple[NDArray[np.float64], float]]:
+    """Return `_shared` of each. Not by `map`, which cancels when it is interrupted: see `executor`."""
+    futures = [pool.submit(_shared, one, groups) for one in pressed]
+    return [future.result() for future in futures]
 
 
 def _shared(pressed: PressedObject, groups: LightGroups) -> tuple[NDArray[np.float64], float]:

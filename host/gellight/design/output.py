@@ -199,8 +199,9 @@ def ball_text(choice: ball.BallChoice) -> str:
     """Return the recommendation in words."""
     return (
         f"ball of {choice.radius_mm:g} mm radius, pressed {choice.press_depth_mm:g} mm deep: records slopes up to "
-        f"{degrees(choice.elevation_rad):.1f} degrees; slopes beyond {degrees(choice.shadow_free_rad):.0f} degrees lie "
-        "in shadow"
+        f"{degrees(choice.elevation_rad):.1f} degrees; in the middle of the gel slopes beyond "
+        f"{degrees(choice.shadow_free_rad):.1f} degrees lie in the shadow of an LED, whose light arrives behind the "
+        f"window at {90 - degrees(choice.shadow_free_rad):.1f} degrees from the normal"
     )
 
 

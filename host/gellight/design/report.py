@@ -10,6 +10,7 @@ import numpy as np
 
 from gellight.design import comparison, designs, drawings, output, parts, renderings, studies
 from gellight.design.all_studies import AllResults
+from gellight.design.comparison import Judgement
 from gellight.design.geometry import ring_colours
 from gellight.design.output import BallResult, write_all
 from gellight.design.studies import BeyondResult, Setup, VariantResult
@@ -37,7 +38,7 @@ def report_json(results: AllResults, path: Path) -> dict[str, Any]:
     """Return the path of the page, and its statements, gains and designs."""
     return {
         "report": str(path),
-        "statements": [asdict(statement) for statement in results.statements()],
+        "statements": [_judgement_json(row) for row in results.judgements()],
         "gains": [designs.gain_json(gain) for gain in results.gains()],
         "given": designs.candidate_json(results.given),
         "chosen": designs.candidate_json(results.chosen),
@@ -46,13 +47,12 @@ def report_json(results: AllResults, path: Path) -> dict[str, Any]:
 
 def report_text(results: AllResults, path: Path) -> str:
     """Return the path of the page, the statements that are not reproduced and the gains as lines of text."""
-    rows = results.statements()
-    held = sum(row.reproduced for row in rows)
+    rows = results.judgements()
     return "\n".join(
         [
             str(path),
-            f"{held} of {len(rows)} statements of the paper reproduced; not reproduced:",
-            *(f"  {row.claim}: {row.measured}" for row in rows if not row.reproduced),
+            f"{comparison.summary(rows)}; under none:",
+            *(f"  {row.by_default.claim}: {row.by_default.measured}" for row in rows if not row.reproduced),
             "what each step beyond the paper gains in Top1:",
             *(f"  {gain.in_words()}" for gain in results.gains()),
         ]
@@ -79,7 +79,7 @@ def page(results: AllResults) -> str:
 
 def _summary(results: AllResults) -> str:
     best, given, gains = results.chosen, results.given, results.gains()
-    return html.tiles(
+    return f"<p><b>{comparison.summary(results.judgements())}.</b></p>" + html.tiles(
         [
             (_deg(results.coarse.best_angle_rad(), 0), "best incident angle of the averaged benchmark; paper: 29°"),
             (_deg(results.coarse.mean_best_angle_rad(), 1), "mean of the objects' best angles; paper: 32.2°"),
@@ -95,19 +95,43 @@ def _summary(results: AllResults) -> str:
     )
 
 
+def _judgement_json(row: Judgement) -> dict[str, Any]:
+    return {
+        **asdict(row.by_default),
+        "reproduced": row.reproduced,
+        "holds_under": row.holds_under,
+        "readings": {reading: one.measured for reading, one in row.by_reading.items()},
+    }
+
+
 def _statements(results: AllResults) -> str:
-    rows = results.statements()
-    held = sum(row.reproduced for row in rows)
-    body = ""
+    rows, body = results.judgements(), ""
     for row in rows:
+        one = row.by_default
         kind, verdict = ("yes", "reproduced") if row.reproduced else ("no", "not reproduced")
-        row_cells = [row.section, *map(escape, (row.claim, row.measured, row.holds_if, verdict, row.why))]
+        row_cells = [one.section, escape(one.claim), _under(row), escape(one.holds_if), verdict, escape(one.why)]
         body += f'<tr class="{kind}">{html.cells(row_cells)}'
     head = "<tr><th>section<th>the paper says<th>measured here<th>holds if<th>verdict<th>why"
     return section(
         "The paper, line by line",
-        f"<p>{held} of {len(rows)} statements are reproduced. The numbers decide, not the author of this page.</p>",
+        f"<p>{comparison.summary(rows)}. Where the text leaves open what was done, each reading stands with its "
+        "figure; those under which the statement holds are ticked. The numbers decide, not the author of this page. "
+        "In the coarse stage 29° comes out because the objects' measures, which the paper does not give, were chosen "
+        "so.</p>",
         box("wide", f'<table class="statements">{head}{body}</table>'),
+    )
+
+
+def _under(row: Judgement) -> str:
+    """Return what was measured, once for all readings that give the same words."""
+    readings: dict[tuple[bool, str], list[str]] = {}
+    for reading, one in row.by_reading.items():
+        readings.setdefault((one.reproduced, one.measured), []).append(reading)
+    if len(readings) == 1:
+        return escape(row.by_default.measured)
+    return "<br>".join(
+        f"{'✓' if holds else '✗'} {escape(measured)} <small>({escape(' / '.join(names))})</small>"
+        for (holds, measured), names in readings.items()
     )
 
 

@@ -6,9 +6,10 @@ import json
 import logging
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+import signal
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -177,16 +178,17 @@ def run(tasks: Sequence[Task], options: SweepOptions) -> list[Any | None]:
     done = sum(found is not None for found in results)
     if options.progress:
         options.progress(done, len(tasks), "")
-    for at, result in _computed([(at, tasks[at]) for at in missing], options):
-        options.store.put(tasks[at].key, result)
-        results[at] = result
-        done += 1
-        if options.progress:
-            options.progress(done, len(tasks), tasks[at].label)
+    with closing(_computed([(at, tasks[at]) for at in missing], options)) as computed:
+        for at, result in computed:
+            options.store.put(tasks[at].key, result)
+            results[at] = result
+            done += 1
+            if options.progress:
+                options.progress(done, len(tasks), tasks[at].label)
     return results
 
 
-def _computed(numbered: list[tuple[int, Task]], options: SweepOptions) -> Iterator[tuple[int, Any]]:
+def _computed(numbered: list[tuple[int, Task]], options: SweepOptions) -> Generator[tuple[int, Any]]:
     if not numbered:
         return
     if options.workers == 1 and options.scheduler is None:
@@ -203,9 +205,6 @@ def _computed(numbered: list[tuple[int, Task]], options: SweepOptions) -> Iterat
                 f"a worker was killed, perhaps because memory was short: use fewer --workers than {options.workers}. "
                 f"What is done is kept in {options.store.folder}; the same command goes on there"
             ) from None
-        finally:
-            for future in waiting:
-                future.cancel()
 
 
 @contextmanager
@@ -216,8 +215,20 @@ def executor(options: SweepOptions) -> Iterator[Executor]:
     """
     if options.scheduler is None:
         # Not forked: a progress bar's thread may hold a lock at that moment.
-        with ProcessPoolExecutor(options.workers, multiprocessing.get_context("forkserver")) as pool:
-            yield pool
+        context = multiprocessing.get_context("forkserver")
+        # Ctrl-C in a terminal reaches the workers too; they leave it to this process.
+        with ProcessPoolExecutor(
+            options.workers, context, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
+        ) as pool:
+            try:
+                yield pool
+            except BaseException:
+                # The pool would wait for what it computes, which may take a minute. No future may be cancelled before:
+                # a thread of the pool fails at a cancelled one when the workers are gone, and the program never ends.
+                pool.shutdown(wait=False)
+                for worker in multiprocessing.active_children():
+                    worker.kill()
+                raise
         return
     try:
         from distributed import Client

@@ -5,10 +5,11 @@ Depth is indentation in mm, positive into the sensor, 0 where the gel is at rest
 from the centre of the image.
 """
 
+import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,11 @@ class GroundTruth:
     """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
     contact: NDArray[np.bool_]
     """(H, W) where the object touches the gel (contact pressure above zero)"""
+    object_name: str = ""
+    """what is pressed; empty: nothing, or it is not known"""
+    press_depth_mm: float = 0.0
+    place_mm: tuple[float, float] = (0.0, 0.0)
+    """(x, y) of the object's middle from the image centre"""
 
 
 class LightState(StrEnum):
@@ -47,6 +53,17 @@ class LightLabel:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EncodedImage:
+    """A picture as the camera gave it, before it was decoded."""
+
+    data: bytes
+    letters: str
+    """format, as V4L2 names it: MJPG, YUYV, RGB3 or GREY"""
+    line_bytes: int
+    """of a picture line in `data`; 0: there is nothing between the lines, or the picture is compressed"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class CameraFrame:
     """One picture of the gel."""
 
@@ -64,6 +81,8 @@ class CameraFrame:
     """the light group of a sequence that lit it; None where no sequence runs"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
+    encoded: EncodedImage | None = None
+    """what `image` was decoded from, for recordings; None where it was not"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +123,21 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Patch:
+    """One of the places where the gel is touched: a connected part of the contact patch."""
+
+    centroid_mm: tuple[float, float]
+    """(x, y) from the image centre"""
+    depth_mm: float
+    """largest depth"""
+    area_mm2: float
+    volume_mm3: float
+    """the integral of the depth over the patch"""
+    slope_rad: float
+    """largest angle between the gel surface and the gel at rest"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ExposureReport:
     """What is known of a series of exposures under different lights that were put together to one tactile frame."""
 
@@ -138,6 +172,27 @@ class ExposureReport:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """With what a tactile frame was computed, when, and what is known against it."""
+
+    calibration: str
+    """identity of the calibration bundle"""
+    zero: str
+    """identity of that bundle with the reference image that was subtracted; another one after each re-zero"""
+    pixel_size_mm: tuple[float, float]
+    """(x, y) size of a pixel of the maps on the gel"""
+    unix_s: float
+    """start of the exposure on the clock of `time.time`, which other machines have too"""
+    ages_s: Mapping[str, float]
+    """time since the start of the exposure when the frame was `taken` from the camera, `reconstructed`, `published`
+    and `received`; the last two only where it came from another process"""
+    findings: tuple[str, ...] = ()
+    """kinds of what the watch has found, such as "drift" or "led_dead"; see docs/watch.md"""
+    dropped: int = 0
+    """camera frames between the last tactile frame that this reader had and this one"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class TactileFrame:
     """What the sensor feels in one camera frame."""
 
@@ -156,6 +211,16 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
+    provenance: Provenance | None = None
+    """None where no daemon ran, as for the images of `gellight reconstruct`"""
+
+    def with_dropped(self, dropped: int) -> Self:
+        """Return the same frame, whose maps are not copied, with another count of frames dropped before it."""
+        if self.provenance is None or self.provenance.dropped == dropped:
+            return self
+        other = copy.copy(self)
+        object.__setattr__(other, "provenance", replace(self.provenance, dropped=dropped))
+        return other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +231,7 @@ class SelfCheckResult:
     depth_error_mm: float
     """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
     shape_error_mm: float
-    """the same after the best constant is taken off"""
+    """the same after the best constant is taken off: no verdict rests on it"""
     normal_error_deg: float
     """mean angle between the normals over the whole map"""
     contact_normal_error_deg: float
@@ -178,16 +243,23 @@ class SelfCheckResult:
     indentation_mm: float
     true_indentation_mm: float
     bounds: Mapping[str, float]
-    """by the names of the errors they bound"""
+    """by the names of the errors they bound; none where it is not judged"""
+    not_judged: str = ""
+    """why there are no bounds for what is pressed; empty where there are"""
 
     @property
     def passed(self) -> bool:
-        """Whether every error is within its bound."""
-        return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+        """Whether it is judged, and every error is within its bound."""
+        return not self.not_judged and all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    @property
+    def verdict(self) -> str:
+        """Return passed, failed or not judged."""
+        return "not judged" if self.not_judged else "passed" if self.passed else "failed"
 
     def as_json(self) -> dict[str, object]:
         """Return the numbers, rounded for people."""
-        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed}
+        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed, "verdict": self.verdict}
         return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
 
 

@@ -1,14 +1,19 @@
 """Depth map to contact: where the gel is touched, how deep, how large."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.frames.frames import Contact
+from gellight.frames.frames import Contact, Patch
 from gellight.reconstruction.pixel_grid import pixel_size_xy
 
 THRESHOLD_MM = 0.02
 """Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""
+
+SMALLEST_PATCH_PX = 16
+"""what is smaller is a crumb that noise broke off the rim of a patch"""
 
 _NEIGHBOURS = np.ones((3, 3), np.bool_)
 
@@ -55,6 +60,41 @@ def find_contact(
     )
 
 
+def measure_patches(
+    mask: NDArray[np.bool_],
+    depth_mm: NDArray[np.floating],
+    gradient_map: NDArray[np.floating],
+    pixel_size_mm: float | tuple[float, float],
+) -> list[Patch]:
+    """Measure each connected part of a contact patch, the deepest first.
+
+    mask: (H, W) the contact patch. depth_mm: (H, W) mm. gradient_map: (H, W, 2). Pixels that touch at a corner are
+    connected. Parts smaller than `SMALLEST_PATCH_PX` are left out. NaN in depth or slope is left out of the figures.
+    """
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
+    middle = [(length - 1) / 2 for length in mask.shape]
+    labels, _ = ndimage.label(mask, structure=_NEIGHBOURS)
+    patches = []
+    for label, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
+        inside = labels[rows, columns] == label
+        count = np.count_nonzero(inside)
+        if count < SMALLEST_PATCH_PX:
+            continue
+        depths = depth_mm[rows, columns][inside]
+        slopes_x, slopes_y = (gradient_map[rows, columns, axis][inside] for axis in (0, 1))
+        x, y = (_mean_index(np.count_nonzero(inside, axis=axis)) for axis in (0, 1))
+        patches.append(
+            Patch(
+                centroid_mm=((columns.start + x - middle[1]) * size_x, (rows.start + y - middle[0]) * size_y),
+                depth_mm=float(np.nanmax(depths)),
+                area_mm2=float(count * size_x * size_y),
+                volume_mm3=float(np.nansum(depths, dtype=np.float64) * size_x * size_y),
+                slope_rad=math.atan(math.sqrt(np.nanmax(slopes_x**2 + slopes_y**2))),
+            )
+        )
+    return sorted(patches, key=lambda patch: -patch.depth_mm)
+
+
 def _check(depth_mm: NDArray[np.floating], threshold_mm: float) -> None:
     if depth_mm.ndim != 2 or depth_mm.size == 0:
         raise ValueError(f"depth map has shape {depth_mm.shape}: give (H, W)")
@@ -87,4 +127,9 @@ def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArr
 
 def _mean_place(counts: NDArray[np.intp]) -> float:
     """Mean place of what is counted along one axis, px from its middle."""
-    return float(counts @ np.arange(len(counts)) / counts.sum()) - (len(counts) - 1) / 2
+    return _mean_index(counts) - (len(counts) - 1) / 2
+
+
+def _mean_index(counts: NDArray[np.intp]) -> float:
+    """Mean index of what is counted along one axis."""
+    return float(counts @ np.arange(len(counts)) / counts.sum())

@@ -39,15 +39,25 @@ class SurfaceErrors:
 
 def surface_errors(frame: TactileFrame, true: TrueSurface) -> SurfaceErrors:
     """Compare a tactile frame with the true surface; where nothing touches, the whole map stands for the contact."""
-    where = true.contact if true.contact.any() else np.ones_like(true.contact)
     angle = angle_deg(frame.normal_map, normals(true.gradient_map))
-    depth = np.abs(frame.depth_mm - true.depth_mm)
+    depth_mm, contact_depth_mm = depth_errors(frame, true)
     return SurfaceErrors(
         normal_deg=float(angle.mean()),
-        contact_normal_deg=float(angle[where].mean()),
-        depth_mm=float(depth.mean()),
-        contact_depth_mm=float(depth[where].mean()),
+        contact_normal_deg=float(angle[_judged(true)].mean()),
+        depth_mm=depth_mm,
+        contact_depth_mm=contact_depth_mm,
     )
+
+
+def depth_errors(frame: TactileFrame, true: TrueSurface) -> tuple[float, float]:
+    """Return the mean absolute error of the depth in mm, over the whole map and over the contact, nothing taken off."""
+    error = np.abs(frame.depth_mm - true.depth_mm)
+    return float(error.mean()), float(error[_judged(true)].mean())
+
+
+def _judged(true: TrueSurface) -> NDArray[np.bool_]:
+    """(H, W) the contact; everything where nothing touches."""
+    return true.contact if true.contact.any() else np.ones_like(true.contact)
 
 
 def mean_errors(errors: Sequence[SurfaceErrors]) -> SurfaceErrors:

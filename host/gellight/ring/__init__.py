@@ -5,7 +5,8 @@ enumerations.py  their named values
 wire.py          packets: framing, checksum, records to bytes and back
 usb_numbers.py   how the board is known on USB
 transport.py     bytes to a board by URL: serial://, usb://, sim://
-light_ring.py    LightRing: typed commands, with retries
+board_link.py    requests, replies and events, with retries
+light_ring.py    LightRing: typed commands, and what keeps it lit
 light_groups.py  which LEDs shine together
 firmware/        from the C sources to the board
 emulator/        the firmware image in an emulated RP2040: sim://

@@ -1,4 +1,4 @@
-"""The light ring: typed commands over a transport, with retries; the LEDs are dark when nobody holds it open.
+"""The light ring: typed commands, and what keeps its light on; the LEDs are dark when nobody holds it open.
 
 with connect("sim://") as ring:
     ring.set_leds(np.full((12, 3), 40, np.uint8))
@@ -9,50 +9,27 @@ import logging
 import threading
 import time
 import zlib
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol
-from gellight.ring.enumerations import Capability, Dark, Edge, Policy, Status, SyncMode
+from gellight.ring.board_link import BoardLink
+from gellight.ring.enumerations import Capability, Dark, Edge, Policy, SyncMode
 from gellight.ring.transport import Transport, open_transport
-from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Packet, Record, decode, encode
+from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Record
 
 logger = logging.getLogger(__name__)
-R = TypeVar("R", bound=Record)
 
 SILENCE_S = 0.5
 """a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
 LATCH_TIMEOUT_S = 5.0
 """a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
-
-REMEDIES = {
-    Status.UNKNOWN_COMMAND: "flash the firmware that belongs to this host with `gellight firmware flash`",
-    Status.BAD_LENGTH: "flash the firmware that belongs to this host with `gellight firmware flash`",
-    Status.OUT_OF_RANGE: "see docs/protocol.md for what is allowed",
-    Status.OVER_CURRENT: "dim the LEDs, raise the limit, or choose the policy SCALE",
-    Status.BUSY: "stop the sequence or wait until the LEDs are as asked",
-    Status.NOT_RUNNING: "commit and start a sequence first",
-    Status.WRONG_MODE: "choose the mode with set_sync first",
-    Status.CHECKSUM: "send groups and steps again, then commit",
-    Status.BAD_MAGIC: "this is a mistake of the program, please report it",
-    Status.FLASH_FAILED: "the flash of the board is worn out or not powered well; its configuration was not saved",
-}
-
-
-class RefusedError(BoardError):
-    """The board refused a request; `status` says why and `value` what."""
-
-    def __init__(self, command: str, status: Status, value: int) -> None:
-        """Say what was refused and what to do."""
-        super().__init__(f"the board refused {command}: {status.name} ({value}); {REMEDIES[status]}")
-        self.status, self.value = status, value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,58 +59,30 @@ def connect(url: str) -> "LightRing":
     return LightRing(open_transport(url))
 
 
-class LightRing:
+class LightRing(BoardLink):
     """A board that has said hello. Close it, or use it in a `with` statement: then its LEDs are dark."""
 
     def __init__(self, transport: Transport, *, timeout_s: float = 0.25, attempts: int = 4,
                  keep_alive_s: float | None = 0.25) -> None:  # fmt: skip
         """Say hello; `keep_alive_s` None: the caller sends something every second, or the LEDs go dark."""
-        self.transport = transport
-        self.timeout_s, self.attempts = timeout_s, attempts
-        self.retries = 0
-        self.damaged = 0
-        """packets from the board that could not be read"""
-        self.events: deque[Record] = deque(maxlen=4096)
-        self.event_listeners: list[Callable[[Record], None]] = []
-        """called with every event in the order of the board, in the thread that received it"""
         self.ping_listeners: list[Callable[[Ping], None]] = []
         """called with the clocks after every `clock` and `status`, in the thread that asked"""
         self.still: NDArray[np.uint8] | None = None
         """(12, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
-        self._lock = threading.RLock()
-        self._sequence = 0
-        self._partial = b""
-        self._packets: deque[Packet] = deque()
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
         self.lit_s = -inf
         """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
         self._dark: Dark | None = None
         """why the board has made its LEDs dark by itself; None: it has not, or they are lit again"""
         self._heard_s = -inf
         """`time.monotonic` of the last answer"""
-        try:
-            transport.write(b"\0")  # ends whatever somebody else left half sent
-            self.hello = self._greet()
-        except BaseException:
-            transport.close()
-            raise
+        self._lighting = threading.RLock()
+        """held while a light is on its way, so that no other replaces it; taken before the lock of the requests"""
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        super().__init__(transport, timeout_s=timeout_s, attempts=attempts)
         if keep_alive_s is not None:
             self._thread = threading.Thread(target=self._keep_alive, args=(keep_alive_s,), daemon=True)
             self._thread.start()
-
-    def _greet(self) -> protocol.HelloReply:
-        hello = self._request("HELLO", protocol.HelloReply)
-        theirs, ours = (hello.protocol_major, hello.protocol_minor), protocol.VERSION
-        if hello.schema_crc != protocol.schema_crc():
-            age = "too new" if theirs > ours else "too old" if theirs < ours else "of another build"
-            update = "update GelLight, or " if theirs > ours else ""
-            raise BoardError(
-                f"the firmware of the board is {age}: it speaks protocol {theirs[0]}.{theirs[1]} (schema "
-                f"{hello.schema_crc:08x}), this host {ours[0]}.{ours[1]} (schema {protocol.schema_crc():08x}): "
-                f"{update}run `gellight firmware flash`"
-            )
-        return hello
 
     # ---- life ----
 
@@ -174,16 +123,18 @@ class LightRing:
 
     def _light_again(self) -> None:
         """Show the last still light once more where the board has made it dark by itself."""
-        with self._lock:
-            if self._dark is None:
-                return
-            why = self._dark.name.replace("_", " ").lower()
+        if self._dark is None or not self._lighting.acquire(blocking=False):
+            return  # it is lit, or a program is just lighting it
+        try:
+            why = (self._dark or Dark.NOT_DARK).name.replace("_", " ").lower()
             if self.still is None:
                 self._dark = None
                 logger.warning("the board made its LEDs dark (%s); a sequence that ran has ended", why)
             else:
                 self.light(self.still)
                 logger.warning("the board made its LEDs dark (%s); they are lit again", why)
+        finally:
+            self._lighting.release()
 
     def lit_since_s(self) -> float:
         """Return from when on (`time.monotonic`) the light of the last `light` surely was on until now.
@@ -195,66 +146,11 @@ class LightRing:
             self.clock()
         return self.lit_s
 
-    # ---- requests ----
-
-    def _request(self, name: str, reply: type[R], record: Record | None = None) -> R:
-        """Send a request until its reply comes; the board executes it once, however often it is sent."""
-        code = protocol.COMMANDS[name].code
-        with self._lock:
-            self._sequence = self._sequence + 1 & 0xFF
-            packet = Packet(code, self._sequence, record.pack() if record else b"")
-            for attempt in range(self.attempts):
-                if attempt:
-                    self.retries += 1
-                    self.transport.write(b"\0")
-                self.transport.write(encode(packet))
-                answer = self._await_reply(code | protocol.REPLY, self._sequence)
-                if answer is not None:
-                    status, value = answer.payload[0], int.from_bytes(answer.payload[1:5], "little")
-                    if status != Status.OK:
-                        raise RefusedError(name, Status(status), value)
-                    return reply.unpack(answer.payload[5:])
-        raise BoardError(
-            f"the board at {self.transport.url} did not answer {name} in {self.attempts} attempts of "
-            f"{self.timeout_s} s: unplug it and plug it in again"
-        )
-
-    def _await_reply(self, code: int, sequence: int) -> Packet | None:
-        while True:
-            while self._packets:
-                packet = self._packets.popleft()
-                if (packet.type, packet.sequence) == (code, sequence) and len(packet.payload) >= 5:
-                    return packet
-            if not self._receive(self.timeout_s):
-                return None
-
-    def _receive(self, timeout_s: float) -> bool:
-        """Take bytes from the transport and sort the packets in them; False if there were none."""
-        data = self.transport.read(timeout_s)
-        self._partial += data
-        *whole, self._partial = self._partial.split(b"\0")
-        for stuffed in filter(None, whole):
-            self._sort(stuffed)
-        return bool(data)
-
-    def _sort(self, stuffed: bytes) -> None:
-        try:
-            packet = decode(stuffed)
-        except ValueError:
-            self.damaged += 1
-            return
-        if packet.type & protocol.REPLY:
-            self._packets.append(packet)
-            return
-        for code, record in protocol.EVENTS.values():
-            if code == packet.type:
-                event = record.unpack(packet.payload)
-                if isinstance(event, protocol.DarkEvent):
-                    self._dark = Dark(event.dark)
-                    self.lit_s = inf if self.still is not None else self.lit_s
-                self.events.append(event)
-                for listener in tuple(self.event_listeners):
-                    listener(event)
+    def _take_event(self, event: Record) -> None:
+        if isinstance(event, protocol.DarkEvent):
+            self._dark = Dark(event.dark)
+            self.lit_s = inf if self.still is not None else self.lit_s
+        super()._take_event(event)
 
     # ---- commands ----
 
@@ -274,9 +170,10 @@ class LightRing:
 
     def set_leds(self, colours: NDArray[np.uint8]) -> protocol.LightReply:
         """Light the LEDs: colours (12, 3) uint8 RGB; the reply tells current and scale."""
-        reply = self._request("SET_LEDS", protocol.LightReply, protocol.SetLeds(colour_bytes(colours)))
-        self.still = np.array(colours)
-        return reply
+        with self._lighting:
+            reply = self._request("SET_LEDS", protocol.LightReply, protocol.SetLeds(colour_bytes(colours)))
+            self.still = np.array(colours)
+            return reply
 
     def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = LATCH_TIMEOUT_S) -> int:
         """Show a still light, (12, 3) uint8 RGB, and wait until the LEDs have latched it; return its number.
@@ -284,7 +181,7 @@ class LightRing:
         None ends a sequence and makes the LEDs dark. Raises BoardError where the board refuses the light, scales it to
         its current limit, or does not latch it.
         """
-        with self._lock:
+        with self._lighting:
             if colours is None:
                 self.blank()
             reply = self.set_leds(np.zeros((LED_COUNT, 3), np.uint8) if colours is None else colours)
@@ -295,16 +192,18 @@ class LightRing:
                 )
             self.still = None if colours is None else self.still
             latched = self.wait_for_light(reply.light_id, timeout_s)
-            since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
-            if not any(isinstance(event, protocol.DarkEvent) for event in since):
-                self._dark, self.lit_s = None, time.monotonic()
+            with self._lock:
+                since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
+                if not any(isinstance(event, protocol.DarkEvent) for event in since):
+                    self._dark, self.lit_s = None, time.monotonic()
             return reply.light_id
 
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
-        self.still = None
-        self._request("BLANK", protocol.Empty)
-        self._dark = None
+        with self._lighting:
+            self.still = None
+            self._request("BLANK", protocol.Empty)
+            self._dark = None
 
     def load_sequence(self, groups: Sequence[NDArray[np.uint8]], steps: Sequence[Step], *, loops: int = 0) -> None:
         """Stage groups, each (12, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless."""
@@ -329,13 +228,15 @@ class LightRing:
 
     def start(self) -> None:
         """Begin the committed sequence."""
-        self.still = None
-        self._request("START", protocol.Empty)
+        with self._lighting:
+            self.still = None
+            self._request("START", protocol.Empty)
 
     def step(self) -> protocol.LightReply:
         """Show the next step of a HOLD sequence."""
-        self.still = None
-        return self._request("STEP", protocol.LightReply)
+        with self._lighting:
+            self.still = None
+            return self._request("STEP", protocol.LightReply)
 
     def stop(self) -> None:
         """End the sequence; what is lit stays lit."""
@@ -389,14 +290,14 @@ class LightRing:
     # ---- events ----
 
     def wait_for_light(self, light_id: int, timeout_s: float = 1.0) -> protocol.LightEvent:
-        """Wait until the LEDs have latched a light; BoardError if they do not."""
-        with self._lock:
-            silences = 0
-            while silences <= max(1, round(timeout_s / self.timeout_s)):
-                for event in self.events:
-                    if isinstance(event, protocol.LightEvent) and event.light_id == light_id:
-                        return event
-                silences += not self._receive(self.timeout_s)
+        """Wait until the LEDs have latched a light, and let other threads ask the board; BoardError if they do not."""
+
+        def latched(event: Record) -> bool:
+            return isinstance(event, protocol.LightEvent) and event.light_id == light_id
+
+        event = self._wait_for_event(latched, timeout_s)
+        if isinstance(event, protocol.LightEvent):
+            return event
         raise BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
 
 

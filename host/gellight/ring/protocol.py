@@ -7,6 +7,10 @@ the reply of its first execution and is not executed twice. Events have types of
 
 Change a message here, then run ``gellight firmware generate``: a test compares the generated files. The checksum of
 the schema travels in HELLO, whose layout never changes, so that any two versions can tell that they differ.
+
+Host and board have to agree on the major version alone. A minor version adds commands, events, members of enumerations,
+and fields with a default at the end of replies and events, never of requests; limits may change. So each side ignores
+what it does not know: fields behind those it knows, and events; it refuses a command with UNKNOWN_COMMAND.
 """
 
 import zlib
@@ -248,7 +252,7 @@ class Configuration(Record):
     host_timeout_ms: Annotated[u16, "silence after which the LEDs go dark, 100 to 60000"]
     limit_ma: u16
     quiescent_ua: Annotated[u16, "of a dark LED"]
-    channel_ua: Annotated[u16, "of one colour of one LED at 255; 20000: WS2812B, 12000: WS2812B-V5"]
+    channel_ua: Annotated[u16, "of one colour of one LED at 255: 20000 (WS2812B) or more; external supply: from 1000"]
     latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 500"]
     policy: Annotated[u8, "enum policy"]
     external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]

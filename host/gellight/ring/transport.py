@@ -1,17 +1,20 @@
 """Ways to the board of the light ring, chosen by URL; they all behave alike.
 
-``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://SERIALNUMBER``: the port of the board with this number, or
-``serial://`` of the only one there is. ``usb://`` or ``usb://SERIALNUMBER``: the same endpoints through pyusb, without
-a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own.
+``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://WHICH``: the port of the board with this serial number or
+product string, or ``serial://`` of the only one there is. ``usb://`` or ``usb://WHICH``: the same endpoints through
+pyusb, without a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own.
 """
 
 import errno
 import logging
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from gellight.base.errors import BoardError
 from gellight.base.holders import holders_text
 from gellight.ring import usb_numbers as numbers
+
+if TYPE_CHECKING:
+    from serial.tools.list_ports_common import ListPortInfo
 
 logger = logging.getLogger(__name__)
 
@@ -49,16 +52,21 @@ def open_transport(url: str) -> Transport:
     raise BoardError(f"{url!r} names no board: give /dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")
 
 
-def find_port(number: str) -> str:
-    """Return the serial port of the board with a serial number, or of the only board if the number is empty."""
+def board_ports() -> "list[ListPortInfo]":
+    """Return the serial ports of all boards that are plugged in."""
     from serial.tools import list_ports
 
-    boards = [port for port in list_ports.comports() if (port.vid, port.pid) == (numbers.VENDOR, numbers.PRODUCT)]
-    chosen = [port for port in boards if not number or port.serial_number == number]
+    return [port for port in list_ports.comports() if numbers.is_board(port.vid, port.pid, port.product)]
+
+
+def find_port(which: str) -> str:
+    """Return the serial port of the board with this serial number or product string; of the only board for ""."""
+    boards = board_ports()
+    chosen = [port for port in boards if which in ("", port.serial_number, port.product)]
     if len(chosen) == 1:
         return str(chosen[0].device)
-    found = ", ".join(f"{port.serial_number} at {port.device}" for port in boards) or "none"
-    what = f"no board with serial number {number}" if number else "not exactly one board"
+    found = ", ".join(f"{port.serial_number} ({port.product}) at {port.device}" for port in boards) or "none"
+    what = f"not exactly one board with serial number or product string {which!r}" if which else "not exactly one board"
     raise BoardError(f"{what} is connected (found: {found}): check the cable, or try sim://")
 
 
@@ -111,27 +119,53 @@ def _why_closed(port: str, error: Exception) -> str:
 class UsbTransport:
     """The bulk endpoints of the board, through pyusb."""
 
-    def __init__(self, number: str, *, url: str, backend: Any = None) -> None:
+    def __init__(self, which: str, *, url: str, backend: Any = None) -> None:
         """Claim the data interface of the board and raise DTR; `backend` is pyusb's."""
         import usb.core
         import usb.util
 
         self.url = url
         self._usb = usb
-        named = {"idVendor": numbers.VENDOR, "idProduct": numbers.PRODUCT}
-        devices = list(usb.core.find(find_all=True, backend=backend, **named) or [])
-        chosen = [device for device in devices if not number or device.serial_number == number]
+        self._detached: list[int] = []
+        """interfaces that a driver of the kernel had, and gets back"""
+        devices = [device for device in usb.core.find(find_all=True, backend=backend) or [] if self._is_board(device)]
+        chosen = [device for device in devices if which in ("", device.serial_number, device.product)]
         if len(chosen) != 1:
             raise BoardError(f"{len(chosen)} of {len(devices)} connected boards are {url}: check cable and number")
         self._device = chosen[0]
         try:
-            for interface in (0, numbers.DATA_INTERFACE):
-                if self._device.is_kernel_driver_active(interface):
-                    self._device.detach_kernel_driver(interface)
-            usb.util.claim_interface(self._device, numbers.DATA_INTERFACE)
-            self._lines(numbers.DTR_AND_RTS)
+            self._claim()
         except usb.core.USBError as error:
+            self._release()
             raise BoardError(f"cannot use {url} ({error}): install the udev rule or use serial://") from error
+
+    def _is_board(self, device: Any) -> bool:
+        """Ask for its product string where the numbers do not tell; a device that may not be read is another one."""
+        if numbers.is_board(device.idVendor, device.idProduct, None):
+            return True
+        try:
+            return numbers.is_board(None, None, device.product)
+        except (self._usb.core.USBError, ValueError):
+            return False
+
+    def _claim(self) -> None:
+        for interface in (0, numbers.DATA_INTERFACE):
+            if self._device.is_kernel_driver_active(interface):
+                self._device.detach_kernel_driver(interface)
+                self._detached.append(interface)
+        self._usb.util.claim_interface(self._device, numbers.DATA_INTERFACE)
+        self._lines(numbers.DTR_AND_RTS)
+
+    def _release(self) -> None:
+        """Let go of the board, and give the kernel's driver back what it had: the serial port is there again."""
+        try:
+            self._usb.util.release_interface(self._device, numbers.DATA_INTERFACE)
+            for interface in self._detached:
+                if not self._device.is_kernel_driver_active(interface):  # the first takes the other one too
+                    self._device.attach_kernel_driver(interface)
+        except self._usb.core.USBError as error:
+            logger.debug("the kernel's driver was not attached again: %s", error)
+        self._usb.util.dispose_resources(self._device)
 
     def _lines(self, state: int) -> None:
         self._device.ctrl_transfer(0x21, numbers.SET_CONTROL_LINE_STATE, state, 0, None, USB_TIMEOUT_MS)
@@ -153,9 +187,9 @@ class UsbTransport:
             raise BoardError(f"the board at {self.url} is gone ({error}): plug it in again") from error
 
     def close(self) -> None:
-        """Drop DTR and let go of the interface."""
+        """Drop DTR and let go of the board."""
         try:
             self._lines(0)
         except self._usb.core.USBError as error:
             logger.debug("the board went before it was closed: %s", error)
-        self._usb.util.dispose_resources(self._device)
+        self._release()

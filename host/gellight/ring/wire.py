@@ -3,7 +3,7 @@
 import binascii
 import functools
 import struct
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Annotated, NamedTuple, Self, get_type_hints
 
 from gellight.base.errors import BoardError
@@ -51,13 +51,28 @@ class Record:
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read the record from exactly its bytes."""
-        if len(payload) != cls.codec().size:
+        """Read the record; BoardError where fields are missing.
+
+        A newer minor version of the protocol may have added fields at the end, which are ignored. Fields that an older
+        one does not have yet take their default; every field that a minor version adds has one.
+        """
+        rows = layout(cls)
+        sent = len(rows)
+        while struct.calcsize("<" + "".join(scalar.code for _, scalar, _ in rows[:sent])) > len(payload):
+            sent -= 1
+        if sent < len(rows) and not cls._ends_there(payload, sent):
             raise BoardError(
                 f"{cls.__name__} has {cls.codec().size} bytes, the board sent {len(payload)}: "
                 "flash the firmware that belongs to this host with `gellight firmware flash`"
             )
-        return cls(*cls.codec().unpack(payload))
+        return cls(*struct.unpack_from("<" + "".join(scalar.code for _, scalar, _ in rows[:sent]), payload))
+
+    @classmethod
+    def _ends_there(cls, payload: bytes, sent: int) -> bool:
+        """Whether the payload is the first fields, and all others have a default."""
+        size = struct.calcsize("<" + "".join(scalar.code for _, scalar, _ in layout(cls)[:sent]))
+        rest = fields(cls)[sent:]  # type: ignore[arg-type]
+        return size == len(payload) and all(field.default is not MISSING for field in rest)
 
 
 def layout(record: type[Record]) -> tuple[tuple[str, Scalar, str], ...]:

@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -40,8 +39,7 @@ def install(*, folder: Path = FOLDER, run: Callable[[Sequence[str]], None] = _ru
         write_file(target, RULE.read_bytes())
     except OSError as error:
         raise InputError(
-            f"cannot write {target} ({os.strerror(error.errno or 0)}): run `sudo {Path(sys.argv[0]).resolve()} "
-            "install-udev`"
+            f"cannot write {target} ({os.strerror(error.errno or 0)}): run `sudo gellight install-udev`"
         ) from error
     for command in COMMANDS:
         try:

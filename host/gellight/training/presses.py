@@ -1,7 +1,7 @@
 """Labelled ball presses: a csv beside its images becomes the table that GelNet is trained on.
 
 A ball of known radius gives the slope of the gel at every pixel of its contact circle, because there the gel has the
-shape of the ball (section 2.4 of the paper).
+shape of the ball (section 3.2.3 of the paper).
 """
 
 import csv

@@ -17,6 +17,7 @@ from gellight.ring.wire import COLOUR_BYTES, Packet, Record, decode, encode
 
 CHECKOUT = Path(__file__).parents[3]
 FLASH_BYTES = 8192
+OUTPUT_BYTES = 65536
 FLAGS = ["-std=c11", "-g", "-O1", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 
@@ -102,8 +103,15 @@ class VirtualBoard:
     def link(self, opened: bool, reason: int = 5) -> None:
         self.library.board_link(self._board, ctypes.c_bool(opened), ctypes.c_uint32(reason))
 
-    def faults(self, *, deaf: bool = False, disturb: int = 0, cut_after: int = -1) -> None:
-        self.library.board_fault(self._board, ctypes.c_bool(deaf), ctypes.c_uint32(disturb), ctypes.c_int32(cut_after))
+    def faults(self, *, room: int = OUTPUT_BYTES, disturb: int = 0, cut_after: int = -1) -> None:
+        """The host takes only so many bytes more; so many lights break off; so many bytes of flash change."""
+        self.library.board_fault(
+            self._board, ctypes.c_uint32(room), ctypes.c_uint32(disturb), ctypes.c_int32(cut_after)
+        )
+
+    def edge_after_reads(self, reads: int) -> None:
+        """The trigger comes right after the board has read its clock so many times."""
+        self.library.board_edge_after_reads(self._board, ctypes.c_uint32(reads))
 
     @property
     def now_us(self) -> int:
@@ -131,7 +139,7 @@ class VirtualBoard:
 
     def collect(self) -> list[Packet]:
         """Every packet that came since the last call."""
-        room = ctypes.create_string_buffer(65536)
+        room = ctypes.create_string_buffer(OUTPUT_BYTES)
         count = self.library.board_take_output(self._board, room, ctypes.c_uint32(len(room)))
         self._partial += room.raw[:count]
         *whole, rest = self._partial.split(b"\0")

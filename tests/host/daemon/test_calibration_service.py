@@ -16,7 +16,7 @@ from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.daemon import Daemon
-from gellight.daemon.stream import SharedCamera
+from gellight.daemon.frame_threads import SharedCamera
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor

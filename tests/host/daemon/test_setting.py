@@ -8,8 +8,8 @@ import pytest
 
 from gellight.base.errors import CameraError
 from gellight.daemon.setting import Setting
+from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Status
-from gellight.ring.light_ring import RefusedError
 
 LIT = np.full((12, 3), 9, np.uint8)
 

@@ -377,7 +377,9 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     assert all(row["why"] for row in answer["statements"] if not row["reproduced"])
     assert text.count("<svg") >= 20
     assert not re.findall(r'(?:src|href)="(?!data:)', text)
-    assert "not reproduced" in text
+    assert text.count(comparison.summary(results.judgements())) == 2, "it is the first line, and heads the table"
+    assert len(answer["statements"]) == 20
+    assert all(len(row["readings"]) >= 2 for row in answer["statements"])
     assert "314.863 degrees" in text
     assert (tmp_path / "out/chosen/strip.dxf").exists()
     assert (tmp_path / "out/given/gellight.toml").exists()
@@ -394,6 +396,34 @@ def test_objects_that_are_level_are_among_the_first_alike() -> None:
     verdicts = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(level)}
     assert verdicts["SCROWN and SINWAVE have a large blue region"]
     assert not verdicts["a simple form with a sharp step, TSTEP, has a large error"]
+
+
+def test_without_noise_the_mean_of_the_best_angles_is_the_papers(options: SweepOptions) -> None:
+    groups = LightGroups(numbers=(3, 12))
+    as_in_the_report = studies.setup_of(SensorGeometry(), 0.9, 1.0, 128)
+    readings = run_study(studies.coarse_readings(as_in_the_report, groups), options)
+    assert list(readings) == [
+        "noise of 1 grey levels", "noise of 1 grey levels; CCONVEX as prisms", "no noise",
+        "no noise; CCONVEX as prisms",
+    ]  # fmt: skip
+    assert np.degrees(readings["no noise"].mean_best_angle_rad()) == pytest.approx(32.2)
+    assert np.degrees(readings["noise of 1 grey levels"].best_angle_rad()) == pytest.approx(29)
+    others = [name != "CCONVEX" for name in BENCHMARK_NAMES]
+    solids, prisms = (readings[name].errors_rad for name in list(readings)[2:])
+    np.testing.assert_array_equal(solids[others], prisms[others])
+    assert (solids != prisms).any()
+
+
+def test_a_judgement_counts_the_readings_under_which_it_holds() -> None:
+    def row(claim: str, *holds: bool) -> comparison.Judgement:
+        one = {str(at): comparison.Statement(section="1", claim=claim, measured="", holds_if="", reproduced=hold)
+               for at, hold in enumerate(holds)}  # fmt: skip
+        return comparison.Judgement(one)
+
+    rows = [row("a", True, False), row("b", False, True), row("c", False, True), row("d", False, False)]
+    assert rows[1].holds_under == ["1"]
+    assert comparison.summary(rows).startswith("3 of 4 statements")
+    assert "2 under one and the same reading of each stage, 1 under that of the defaults" in comparison.summary(rows)
 
 
 def test_a_statement_that_does_not_hold_is_not_reproduced(options: SweepOptions) -> None:

@@ -14,8 +14,8 @@ from gellight.cli.bench import command
 from gellight.evaluation import bench
 from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.evaluation.bench import Times, depth_scales, frame_times
-from gellight.reconstruction import pipeline
-from gellight.reconstruction.pipeline import STAGES
+from gellight.reconstruction import stages
+from gellight.reconstruction.stages import STAGES
 from tests.helpers.linear_sensor import linear_bundle, tanh_network
 
 app = typer.Typer()
@@ -65,7 +65,7 @@ def test_ratios_are_of_the_plain_network_to_its_stages_and_to_the_whole_frame(
     bundle = linear_bundle(tmp_path / "b", (48, 64), network=tanh_network(8))
     clock = SimpleNamespace(perf_counter=itertools.count(0, 1e-3).__next__)  # every look at it takes a millisecond
     monkeypatch.setattr(bench, "time", clock)
-    monkeypatch.setattr(pipeline, "time", clock)
+    monkeypatch.setattr(stages, "time", clock)
     for times in frame_times(bundle, rounds=3):
         assert set(times.stages.values()) == {Times(1.0, 1.0)}
         # The clock is looked at when the frame begins, after each stage, and when it has ended.

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gellight.evaluation.analytic_surfaces import centred_grid, gaussian, smooth_cap
-from gellight.reconstruction.contact import find_contact
+from gellight.reconstruction.contact import find_contact, measure_patches
 
 
 def hertz(shape: tuple[int, int], radius: float, indentation: float, centre: tuple[float, float]) -> np.ndarray:
@@ -117,3 +117,37 @@ def test_nan_counts_as_untouched() -> None:
 def test_bad_arguments_are_refused(depth: np.ndarray, size: object, threshold: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         find_contact(depth, size, threshold_mm=threshold)  # type: ignore[arg-type]
+
+
+def test_each_patch_of_a_contact_is_measured_by_closed_forms() -> None:
+    """A cone of height h and foot R has the volume pi R^2 h / 3 and the slope h / R everywhere."""
+    x, y = centred_grid((240, 320))
+    size = (0.05, 0.1)
+    depth, gradient = np.zeros((240, 320)), np.zeros((240, 320, 2))
+    for (at_x, at_y), foot, height in (((-3.0, 2.0), 2.0, 1.0), ((4.0, -6.0), 3.0, 0.5)):
+        from_x, from_y = x * size[0] - at_x, y * size[1] - at_y
+        r = np.hypot(from_x, from_y)
+        inside = (r < foot) & (r > 0)
+        depth[r < foot] = (height * (1 - r / foot))[r < foot]
+        for axis, offset in enumerate((from_x, from_y)):
+            gradient[..., axis][inside] = (-height / foot * offset / np.maximum(r, 1e-9))[inside]
+    deep, shallow = measure_patches(depth > 0, depth, gradient, size)
+    for patch, centre, foot, height in ((deep, (-3.0, 2.0), 2.0, 1.0), (shallow, (4.0, -6.0), 3.0, 0.5)):
+        assert patch.centroid_mm == pytest.approx(centre, abs=0.01)
+        assert patch.depth_mm == pytest.approx(height, rel=0.03)
+        assert patch.area_mm2 == pytest.approx(np.pi * foot**2, rel=0.02)
+        assert patch.volume_mm3 == pytest.approx(np.pi * foot**2 * height / 3, rel=0.02)
+        assert patch.slope_rad == pytest.approx(np.arctan(height / foot))
+
+
+def test_crumbs_are_no_patch_and_what_has_no_depth_is_left_out() -> None:
+    mask = np.zeros((40, 40), np.bool_)
+    mask[3:6, 3:8] = True  # 15 pixels
+    assert measure_patches(mask, np.ones((40, 40)), np.zeros((40, 40, 2)), 0.1) == []
+    mask[20:30, 20:30] = True
+    depth, gradient = np.ones((40, 40)), np.zeros((40, 40, 2))
+    depth[20, 20], gradient[21, 21] = np.nan, np.nan
+    (patch,) = measure_patches(mask, depth, gradient, 0.1)
+    assert (patch.depth_mm, patch.slope_rad) == (1.0, 0.0)
+    assert patch.area_mm2 == pytest.approx(1.0)
+    assert patch.volume_mm3 == pytest.approx(0.99)

@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from typer.testing import CliRunner
 from gellight.base.errors import BoardError, InputError
 from gellight.cli import firmware as firmware_verb
 from gellight.cli import ring as ring_verb
+from gellight.ring.board_link import RefusedError
 from gellight.ring.emulator.child import SimulatedBoard
-from gellight.ring.light_ring import LightRing, RefusedError, Step, colour_bytes, connect
+from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
 
 RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))
@@ -108,12 +110,19 @@ def test_a_port_that_is_not_there_is_a_remedy() -> None:
         find_port("0000")
 
 
-def test_another_firmware_is_named_with_both_versions(
-    terminal: SimulatedBoard, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gellight.ring.protocol.schema_crc", lambda: 0x12345678)
-    with pytest.raises(BoardError, match=r"schema [0-9a-f]{8}.*12345678.*gellight firmware flash"):
-        connect(terminal.path)
+def test_a_board_is_found_by_number_and_by_product_string(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = [
+        SimpleNamespace(device="/dev/a", vid=0x1209, pid=1, serial_number="A1", product="GelLight light ring"),
+        SimpleNamespace(device="/dev/b", vid=0x1234, pid=5, serial_number="B2", product="GelLight of the left hand"),
+        SimpleNamespace(device="/dev/c", vid=0x2341, pid=0x43, serial_number="C3", product="Arduino"),
+    ]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
+    assert find_port("A1") == find_port("GelLight light ring") == "/dev/a"
+    assert find_port("B2") == find_port("GelLight of the left hand") == "/dev/b"
+    with pytest.raises(BoardError, match=r"'C3' is connected .*A1 .GelLight light ring. at /dev/a, B2"):
+        find_port("C3")
+    with pytest.raises(BoardError, match="not exactly one board is connected"):
+        find_port("")
 
 
 def test_a_port_where_nobody_answers_is_an_error() -> None:

@@ -1,6 +1,7 @@
 """`gellight calibrate` itself: the guided routine in the terminal, and by itself on the simulated sensor."""
 
 import json
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from typing import Annotated, TypedDict, cast
 
 import typer
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
@@ -18,8 +19,10 @@ from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.records import MeasuredLens, PinGrid
 from gellight.calibration.routine import Routine
 from gellight.calibration.state import Identity, Steps, discard, unfinished
+from gellight.cli.advice import typeable
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
 from gellight.daemon.installing import install, sensor_name
 from gellight.frames.camera import Camera
@@ -32,17 +35,16 @@ class Target:
     """The sensor that is calibrated, and where its bundle and its state are kept."""
 
     sensor: Sensor = None
-    name: Annotated[str | None, typer.Option(help="Name of the sensor.", show_default="serial number of its board")] = (
-        None
-    )
+    name: Annotated[str, typer.Option(help="What people call the sensor; it is known by its serial number.")] = ""
     out: Annotated[Path, typer.Option(help="Folder of the bundle to write.")] = Path("calibration")
     folder: Annotated[Path | None, typer.Option(help="Where the state is kept.", show_default="OUT.state")] = None
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted calibration.")] = False
     restart: Annotated[bool, typer.Option("--restart", help="Throw an interrupted calibration away.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
     install: Annotated[
-        bool, typer.Option("--install", help="Put what passes into service: kept, and remembered by the board.")
-    ] = False
+        bool,
+        typer.Option("--install/--no-install", help="Put what passes into service: kept, and remembered by the board."),
+    ] = True
 
     @property
     def state(self) -> Path:
@@ -128,7 +130,7 @@ def command(
     tools: Tools,
     wanted: Presses,
     how: Training,
-    auto: Annotated[bool, typer.Option("--auto", help="A virtual hand presses, on the simulated sensor.")] = False,
+    auto: Annotated[bool, typer.Option("--auto", help="A virtual hand presses: with --sensor sim://.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a sensor, and keep its bundles.
@@ -152,7 +154,7 @@ def command(
         discard(target.state)
     begun_s = time.monotonic()
     ended = _calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json)
-    _report(ended, time.monotonic() - begun_s, as_json)
+    _report(ended, target, time.monotonic() - begun_s, as_json)
 
 
 def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> Routine:
@@ -160,7 +162,7 @@ def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None
     settings = load_settings({"sensor.url": target.sensor})
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         colours = settings.geometry.led_colours or options.led_colours
-        options = replace(options, sensor=target.name or sensor_name(camera), led_colours=colours)
+        options = replace(options, sensor=sensor_name(camera), name=target.name, led_colours=colours)
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
         routine = Routine(camera, options, target.state, hand=hand, install=target.installing(camera, options))
         routine.act("start")
@@ -176,7 +178,7 @@ def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None
     return routine
 
 
-def _report(routine: Routine, seconds: float, as_json: bool) -> None:
+def _report(routine: Routine, target: Target, seconds: float, as_json: bool) -> None:
     verdict, snapshot = routine.display.verdict, routine.snapshot()
     assert verdict is not None  # it has ended well
     if as_json:
@@ -184,10 +186,16 @@ def _report(routine: Routine, seconds: float, as_json: bool) -> None:
         typer.echo(json.dumps({**kept, "seconds": round(seconds, 1)}, indent=2))
     else:
         figures = _figures_text(routine.display.figures)
-        wrote = [f"wrote {out}; its report: {Path(out) / 'report.html'}"] if (out := routine.display.bundle) else []
+        wrote = _written(Path(out), target.install) if (out := routine.display.bundle) else []
         typer.echo("\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"]))
     if not verdict.passed:
-        raise BundleError("the calibration did not pass: go on with --resume to press more")
+        print("gellight: the calibration did not pass: go on with --resume to press more", file=sys.stderr)
+        raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _written(out: Path, installed: bool) -> list[str]:
+    service = "it is in service" if installed else f"`gellight calibrate install {out}` puts it into service"
+    return [f"wrote {out}; its report: {out / 'report.html'}", typeable(service)]
 
 
 def _figures_text(steps: Steps) -> Iterator[str]:

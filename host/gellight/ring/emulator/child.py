@@ -83,7 +83,11 @@ class SimulatedBoard:
         theirs.close()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
-        self._ready.wait(START_S)
+        try:
+            self._ready.wait(START_S)
+        except BaseException:  # Ctrl-C
+            self.close()
+            raise
         if not self._started:
             self._process.kill()
             message = self._process.stderr.read() if self._process.stderr else ""

@@ -13,17 +13,21 @@ from typing import Any
 from rp2040py.rp2040 import RP2040
 from rp2040py.simulator import Simulator
 
-from gellight.ring.emulator import registers
+from gellight.ring.emulator import clocks, registers
 from gellight.ring.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.ring.emulator.usb_host import UsbHost
 from gellight.ring.emulator.waveform import LightTimeline, WaveformDecoder
-from gellight.ring.firmware.image import boot2_crc
+from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
 
 LED_PIN = 2
 FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
-PIO0, USB = 0x50200, 0x50110
+PIO0, USB, PSM = 0x50200, 0x50110, 0x40010
 """windows (address >> 12)"""
+VTOR = 0xE000ED08
+WATCHDOG_SELECTION, CRYSTAL = 0x8, 1 << 1
+"""PSM_WDSEL: what a watchdog resets"""
+CRYSTAL_WAIT_NS = 100_000.0
 NEVER_DUE = 1 << 62
 """of the emulator's PIO: no state machine runs, or all of them wait"""
 MOST_FAULTS = 50
@@ -78,7 +82,7 @@ class EmulatedBoard:
         """Virtual time since the first power-on."""
         return (self._past_ns + self._chip_ns) / 1e3
 
-    def _start(self, scratch: list[int] | None = None, reason: int = 0) -> None:
+    def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: clocks.Crystal | None = None) -> None:
         chip = self.chip = RP2040()
         chip.logger = log_of(self.fault)
         chip.load_bootrom(rom_words())
@@ -91,20 +95,26 @@ class EmulatedBoard:
         if scratch:
             chip.watchdog.scratch_data[:] = scratch
         chip.watchdog._reason = reason
-        self._cycle_ns = 1e9 / registers.RING_OSCILLATOR_HZ
+        self._cycle_ns, self._skipped_ns = 1e9 / clocks.RING_OSCILLATOR_HZ, 0.0
+        self._raised = False
+        crystal = crystal or clocks.Crystal(lambda: self.now_us, self._pass_over)
+        self.clocks = clocks.ClockTree(crystal, self.fault, self._reclock)
         self._install_registers(chip)
         self._pio_ns, self._pio_busy, self._pio_behind = 0.0, True, 0
         chip.gpio[LED_PIN].add_listener(lambda new, _old: self._pin_changed(int(new)))
-        self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_enabled)
+        self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_hz > 0)
         self._boot()
 
     def _install_registers(self, chip: Any) -> None:
-        self.resets_block = registers.Resets()
-        self.pll = registers.Pll(self._reclock)
-        self.clocks = registers.Clocks(self._reclock)
+        self.resets_block = registers.Resets(lambda: self.host.unplugged())
         blocks = chip.peripherals
-        blocks[0x4000C], blocks[0x40008], blocks[0x4002C] = self.resets_block, self.clocks, self.pll
-        flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id)
+        blocks[0x4000C], blocks[0x40008], blocks[0x40024] = (
+            self.resets_block,
+            self.clocks.generators,
+            self.clocks.crystal,
+        )
+        blocks[0x40028], blocks[0x4002C] = self.clocks.pll_sys, self.clocks.pll_usb
+        flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id, self.clocks.set_flash_divider)
         chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
@@ -119,7 +129,25 @@ class EmulatedBoard:
         return self._held(registers.RESET_BITS[PIO0])
 
     def _reclock(self) -> None:
-        self._cycle_ns = 1e9 / self.clocks.system_hz(self.pll)
+        self._cycle_ns = 1e9 / self.clocks.system_hz
+        if self.clocks.raised and not self._raised:
+            self._raised = True
+            self._check_safety()
+
+    def _check_safety(self) -> None:
+        """Before the clock is raised a hang or a fault must already lead to a new start."""
+        if not self.chip.watchdog.timer.enable:
+            self.fault("the clock is raised before the watchdog runs")
+        vectors = self.chip.read_uint32(VTOR)
+        for number, name in ((2, "NMI"), (3, "HardFault")):
+            handler = self.chip.read_uint32(vectors + 4 * number)
+            code = FLASH_BASE < handler < FLASH_BASE + FLASH_BYTES or RAM_BASE < handler < RAM_END
+            if not (handler & 1 and code):
+                self.fault(f"the clock is raised while the vector of {name} holds 0x{handler:08x}, which is no code")
+
+    def _pass_over(self) -> None:
+        """Let time pass while the firmware waits for the crystal, instead of executing its loop for 64 ms."""
+        self._skipped_ns, self._halted = CRYSTAL_WAIT_NS, True
 
     def _boot(self) -> None:
         """Do what the boot ROM does: accept boot2 by its checksum, copy it to RAM and call it."""
@@ -196,8 +224,17 @@ class EmulatedBoard:
             self._chip_ns = chip_ns = chip_ns + elapsed_ns
             if asleep or chip_ns >= end_ns or self._halted:
                 break
+        if self._skipped_ns:
+            self._skip()
         if self._watchdog_fired:
             self._restart()
+
+    def _skip(self) -> None:
+        self._halted = self.in_bootloader
+        self.chip.clock.tick(self._skipped_ns)
+        self._chip_ns += self._skipped_ns
+        self._pio_behind += round(self._skipped_ns / self._cycle_ns)
+        self._skipped_ns = 0.0
 
     def _sleep_cycles(self, core: Any, pio: Any, end_ns: float) -> int:
         if core.pending_interrupts & core.enabled_interrupts:
@@ -229,10 +266,11 @@ class EmulatedBoard:
             self._pio_behind = 0
 
     def _restart(self) -> None:
-        """Start a new chip after the watchdog: flash and scratch registers stay, and so do the LEDs."""
+        """Start a new chip after the watchdog: flash and scratch registers stay, and so do LEDs and crystal."""
         self.resets += 1
+        crystal = None if self.chip.read_uint32(PSM << 12 | WATCHDOG_SELECTION) & CRYSTAL else self.clocks.crystal
         self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
         scratch, reason = list(self.chip.watchdog.scratch_data), self.chip.watchdog.read_uint32(0x08)
         self._past_ns += self._chip_ns
         self._chip_ns = 0.0
-        self._start(scratch, reason or 1)
+        self._start(scratch, reason or 1, crystal)

@@ -119,6 +119,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the parent still has to make the LEDs dark
     board = EmulatedBoard(committed_image(), unique_id=chosen.unique_id)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")

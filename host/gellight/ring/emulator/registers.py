@@ -3,15 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
-CRYSTAL_HZ = 12e6
-RING_OSCILLATOR_HZ = 6.5e6
 FRAME_NS = 1e6
 SOF = 1 << 17
 """start of frame in INTR, INTE and INTS of the USB controller"""
 IO_QSPI, PADS_QSPI, SYSCFG, SYSINFO = 6, 9, 18, 19
 ALL_RESETS = 0x1FFFFFF
-RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x4002C: 13, 0x40054: 21, 0x40034: 22,
-              0x50110: 24, 0x4004C: 0}  # fmt: skip
+RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x40028: 12, 0x4002C: 13, 0x40054: 21,
+              0x40034: 22, 0x50110: 24, 0x4004C: 0}  # fmt: skip
 """window (address >> 12) -> bit of RESETS"""
 
 
@@ -42,9 +40,10 @@ class Window:
 class Resets(Window):
     """Which blocks are held in reset; those that the boot ROM releases are free from the start."""
 
-    def __init__(self) -> None:
-        """Hold everything but what the boot ROM needs."""
+    def __init__(self, usb_held: Callable[[], None]) -> None:
+        """Hold everything but what the boot ROM needs; `usb_held` hears when the USB controller is put into reset."""
         super().__init__()
+        self._usb_held = usb_held
         self.held = ALL_RESETS & ~(1 << IO_QSPI | 1 << PADS_QSPI | 1 << SYSCFG | 1 << SYSINFO)
 
     def read_uint32(self, offset: int) -> int:
@@ -54,68 +53,12 @@ class Resets(Window):
     def write_uint32(self, offset: int, value: int) -> None:
         """Hold or release."""
         if offset == 0:
+            newly = value & ~self.held
             self.held = value & ALL_RESETS
+            if newly >> RESET_BITS[0x50110] & 1:
+                self._usb_held()
         else:
             super().write_uint32(offset, value)
-
-
-class ClockWindow(Window):
-    """Registers on which the frequency of clk_sys depends."""
-
-    def __init__(self, changed: Callable[[], None], initial: dict[int, int] | None = None) -> None:
-        """Call `changed` whenever the frequency may have changed."""
-        super().__init__(initial)
-        self._changed = changed
-
-    def write_uint32(self, offset: int, value: int) -> None:
-        """Set a register and recompute."""
-        super().write_uint32(offset, value)
-        self._changed()
-
-
-class Pll(ClockWindow):
-    """PLL_USB: locks when it has power and a feedback divider."""
-
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """Be off, as after a reset."""
-        super().__init__(changed, {0x0: 1, 0x4: 0x2D, 0xC: 0x77000})
-
-    def read_uint32(self, offset: int) -> int:
-        """CS carries the lock bit."""
-        locked = offset == 0 and not self.values[4] & 0x21 and self.values.get(8)
-        return super().read_uint32(offset) | (1 << 31 if locked else 0)
-
-    @property
-    def hz(self) -> float:
-        """Output frequency, 0 while it is off."""
-        if self.values[4] & 0x29 or not self.values.get(8):
-            return 0.0
-        post = (self.values[0xC] >> 16 & 7) * (self.values[0xC] >> 12 & 7)
-        return CRYSTAL_HZ / (self.values[0] & 63) * self.values[8] / post if post else 0.0
-
-
-class Clocks(ClockWindow):
-    """Clock generators: every switch succeeds at once."""
-
-    def read_uint32(self, offset: int) -> int:
-        """SELECTED shows the source that was chosen."""
-        if offset == 0x38:
-            return int(1 << (self.values.get(0x30, 0) & 3))
-        if offset == 0x44:
-            return int(1 << (self.values.get(0x3C, 0) & 1))
-        return super().read_uint32(offset)
-
-    def system_hz(self, pll: Pll) -> float:
-        """Frequency of clk_sys; a stopped source leaves the ring oscillator, as the data sheet's resuscitation."""
-        control = self.values.get(0x3C, 0)
-        if control & 1:
-            return (pll.hz if control >> 5 & 7 == 1 else 0.0) or RING_OSCILLATOR_HZ
-        return CRYSTAL_HZ if self.values.get(0x30, 0) & 3 == 2 else RING_OSCILLATOR_HZ
-
-    @property
-    def usb_enabled(self) -> bool:
-        """clk_usb runs."""
-        return bool(self.values.get(0x54, 0) >> 11 & 1)
 
 
 class Guard:
@@ -193,9 +136,10 @@ class UsbGuard(Guard):
 class FlashBus(Window):
     """The serial interface to the flash as far as the firmware drives it by itself: command 4Bh, the unique number."""
 
-    def __init__(self, unique_id: bytes) -> None:
-        """Answer 4Bh with this number."""
+    def __init__(self, unique_id: bytes, divided: Callable[[int], None]) -> None:
+        """Answer 4Bh with this number; `divided` hears by what the clock of the flash is divided."""
         super().__init__()
+        self._divided = divided
         self._unique_id = unique_id
         self._sent = 0
         self._command = 0
@@ -217,6 +161,8 @@ class FlashBus(Window):
     def write_uint32(self, offset: int, value: int) -> None:
         """DR0 sends a byte, and one comes back."""
         super().write_uint32(offset, value)
+        if offset == 0x14:
+            self._divided(value)
         if offset != 0x60:
             return
         if self._sent == 0:

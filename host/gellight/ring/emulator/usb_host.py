@@ -4,12 +4,18 @@ import struct
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from gellight.ring import usb_numbers as numbers
 
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
-ENDPOINT0_BYTES = 64
+SET_INTERFACE = 11
+ENDPOINT0_BYTES, ENDPOINTS = 64, 16
+BULK_BYTES, READ_BYTES = 64, 128
+"""of a packet, and of one read of Linux' cdc_acm, which a shorter packet ends"""
+FRAME_NS, HANGS_NS = 1e6, (800e3, 998e3)
+"""after the start of a frame no bulk IN may be armed in this time (erratum RP2040-E15)"""
 SIE_CTRL, PULL_UP = 0x4C, 1 << 16
 ADDRESS = 7
 
@@ -43,7 +49,16 @@ class UsbHost:
         self._usb, self._report, self._clocked = controller, report, clocked
         self._queue: deque[Transfer] = deque()
         self._current: Transfer | None = None
+        self.latency_us = 0.0
+        """how long it takes until the host fetches what the device has armed"""
+        self.hangs = False
+        """the controller answers nothing any more until it is reset (erratum RP2040-E15)"""
+        self._read = bytearray()
         self._toggles: dict[int, int] = {}
+        """of the IN endpoints"""
+        self._out_toggle, self._out_data1 = 0, False
+        """of the bulk OUT endpoint: what the host sends next, and what the device expects"""
+        self._fetches = [controller.rp2040.clock.create_alarm(partial(self._fetch, k)) for k in range(ENDPOINTS)]
         self._status_armed = False
         self._out_room = 0
         self.in_endpoint = self.out_endpoint = -1
@@ -57,13 +72,8 @@ class UsbHost:
 
     def _connect_callbacks(self) -> None:
         usb = self._usb
-        original = usb.dpram_updated
-
-        def updated(offset: int, value: int) -> None:
-            self._buffer_control(offset, value)
-            original(offset, value)
-
-        usb.dpram_updated = updated
+        self._take = usb.dpram_updated
+        usb.dpram_updated = self._buffer_control
         usb.on_usb_enabled = usb.reset_device
         usb.on_reset_received = self._enumerate
         usb.on_endpoint_write = self._device_sent
@@ -97,6 +107,25 @@ class UsbHost:
     def _set_lines(self, state: int) -> None:
         self.control(0x21, numbers.SET_CONTROL_LINE_STATE, state, 0, 0, lambda _: self._set_opened(bool(state)))
 
+    def abandon(self) -> None:
+        """Cut the control transfer that is under way short; the next one begins at once."""
+        self._finish(None)
+
+    def reset_bus(self) -> None:
+        """Reset the device, whatever is under way, and enumerate it again."""
+        self._queue.clear()
+        self._current, self.configured = None, False
+        self._usb.reset_device()
+
+    def unplugged(self) -> None:
+        """The device has gone from the bus, by a reset of its controller."""
+        self.hangs = self.configured = self.opened = False
+        self._queue.clear()
+        self._current = None
+        self.unsent.clear()
+        self._read.clear()
+        self._usb.reset()
+
     def _set_opened(self, opened: bool) -> None:
         self.opened = opened
         if opened:
@@ -108,7 +137,10 @@ class UsbHost:
         if not self._clocked():
             self._report("USB: clk_usb is off, a real controller would not answer")
         self.configured = self.opened = False
+        self._queue.clear()
+        self._current = None
         self._toggles = {2: 0}
+        self._out_toggle, self._out_room = 0, 0
         self._descriptor("first", numbers.DEVICE, 0, 64)
         self.control(0, numbers.SET_ADDRESS, ADDRESS, 0, 0, lambda _: None)
         self._descriptor("device", numbers.DEVICE, 0, 18)
@@ -142,15 +174,43 @@ class UsbHost:
     # ---- the bus ----
 
     def _buffer_control(self, offset: int, value: int) -> None:
+        """The device hands a buffer over or takes it back."""
         if not 0x80 <= offset < 0x100:
+            self._take(offset, value)
             return
         endpoint, device_sends = (offset - 0x80) >> 3, not offset & 4
-        if value & AVAILABLE and device_sends and endpoint in self._toggles:
+        if value & AVAILABLE and device_sends and endpoint == self.in_endpoint:
+            self._check_frame()
+        if self.hangs:
+            return
+        if value & AVAILABLE and device_sends and self.latency_us:
+            self._fetches[endpoint].schedule(self.latency_us * 1e3)
+        elif value & AVAILABLE and device_sends:
+            self._fetch(endpoint)
+        else:
+            if endpoint == self.out_endpoint and not device_sends:
+                self._out_data1 = bool(value & DATA1)
+            self._take(offset, value)
+        if value & STALL and offset == 0x80 and self._current:
+            self._finish(None)
+
+    def _check_frame(self) -> None:
+        place_ns = self._usb.rp2040.clock.nanos % FRAME_NS
+        if HANGS_NS[0] <= place_ns < HANGS_NS[1]:
+            self._report(f"USB: bulk IN armed {place_ns / 1e3:.0f} us after the start of a frame (erratum RP2040-E15)")
+            self.hangs = True
+
+    def _fetch(self, endpoint: int) -> None:
+        """Take what an IN endpoint has, unless the device has taken it back meanwhile."""
+        offset = 0x80 + 8 * endpoint
+        value = int.from_bytes(self._usb.rp2040.usb_dpram[offset : offset + 4], "little")
+        if self.hangs or not value & AVAILABLE:
+            return
+        if endpoint in self._toggles:
             if bool(value & DATA1) != bool(self._toggles[endpoint]):
                 self._report(f"USB: wrong data toggle on endpoint {endpoint} IN")
             self._toggles[endpoint] ^= 1
-        if value & STALL and offset == 0x80 and self._current:
-            self._finish(None)
+        self._take(offset, value)
 
     def _next(self) -> None:
         self._current = self._queue.popleft() if self._queue else None
@@ -159,6 +219,9 @@ class UsbHost:
         self._toggles[0] = 1
         self._status_armed = False
         self._current.stage = "in" if self._current.reads else ("out" if self._current.data else "status in")
+        if self.hangs:
+            return
+        self._follow_toggles(self._current.setup)
         self._usb.send_setup_packet(self._current.setup)
 
     def _finish(self, result: bytes | None) -> None:
@@ -168,9 +231,22 @@ class UsbHost:
         if self._current is None:
             self._next()
 
+    def _follow_toggles(self, setup: bytes) -> None:
+        """CLEAR_FEATURE(ENDPOINT_HALT) and SET_INTERFACE begin anew with DATA0."""
+        index = int.from_bytes(setup[4:6], "little")
+        chosen = setup[:4] == bytes((1, SET_INTERFACE, 0, 0)) and index == 1
+        halt = setup[:2] == bytes((2, numbers.CLEAR_FEATURE))
+        if chosen or (halt and index == 0x80 | self.in_endpoint):
+            self._toggles[self.in_endpoint] = 0
+        if chosen or (halt and index == self.out_endpoint):
+            self._out_toggle = 0
+
     def _device_sent(self, endpoint: int, buffer: bytes) -> None:
         if endpoint == self.in_endpoint:
-            self.received += bytes(buffer)
+            self._read += bytes(buffer)
+            if len(buffer) < BULK_BYTES or len(self._read) >= READ_BYTES:
+                self.received += self._read
+                self._read.clear()
             return
         transfer = self._current
         if endpoint or not transfer:
@@ -202,9 +278,12 @@ class UsbHost:
             self._status_out()
 
     def _pump(self) -> None:
-        if self.configured and self._out_room and self.unsent:
+        if self.configured and self._out_room and self.unsent and not self.hangs:
             count = min(self._out_room, len(self.unsent))
             packet = bytes(self.unsent[:count])
             del self.unsent[:count]
             self._out_room = 0
+            if bool(self._out_toggle) != self._out_data1:
+                self._report(f"USB: wrong data toggle on endpoint {self.out_endpoint} OUT")
+            self._out_toggle ^= 1
             self._usb.endpoint_read_done(self.out_endpoint, packet)

@@ -1,20 +1,24 @@
-"""Bring an image onto a board: into its boot loader, then by UF2 copy or by PICOBOOT through pyusb."""
+"""Bring an image onto a board: into its boot loader, by UF2 copy or by PICOBOOT, and see that it runs."""
 
 import logging
 import os
+import string
 import struct
+import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from gellight.base.errors import BoardError, InputError
+from gellight.ring.enumerations import Check
 from gellight.ring.firmware.image import FLASH_BASE, image_crc, to_uf2
+from gellight.ring.light_ring import LightRing, connect
+from gellight.ring.transport import board_ports
 
 logger = logging.getLogger(__name__)
 
-DRIVES = ("/media/*/*", "/run/media/*/*", "/Volumes/*")
 MARK = "INFO_UF2.TXT"
 BOARD_MARK = "RPI-RP2"
 VENDOR, PRODUCT = 0x2E8A, 0x0003
@@ -27,15 +31,25 @@ WAIT_S = 10.0
 TOUCH_BAUD = 1200
 
 
-def drives(patterns: Iterable[str] = DRIVES) -> list[Path]:
+def mount_points(platform: str = sys.platform) -> list[Path]:
+    """Return where the system mounts drives that are plugged in: folders, or letters on Windows."""
+    if platform == "win32":
+        return [Path(f"{letter}:/") for letter in string.ascii_uppercase]
+    patterns = ("Volumes/*",) if platform == "darwin" else ("media/*/*", "run/media/*/*", "media/*")
+    return [path for pattern in patterns for path in sorted(Path("/").glob(pattern))]
+
+
+def drives(places: Iterable[Path] | None = None) -> list[Path]:
     """Return where boards in their boot loader are mounted."""
-    return [path for pattern in patterns for path in Path("/").glob(pattern.lstrip("/")) if _is_boot_loader(path)]
+    return [path for path in (mount_points() if places is None else places) if _is_boot_loader(path)]
 
 
 def _is_boot_loader(drive: Path) -> bool:
     """Whether a drive is that of an RP2040 in its boot loader."""
-    mark = drive / MARK
-    return mark.is_file() and BOARD_MARK in mark.read_text(errors="replace")
+    try:
+        return BOARD_MARK in (drive / MARK).read_text(errors="replace")
+    except OSError:  # no such file, or a drive without a medium or without leave to look
+        return False
 
 
 def copy_uf2(image: bytes, drive: Path) -> None:
@@ -71,9 +85,10 @@ class Picoboot:
         import usb.util
 
         self._usb = usb
-        self._device = usb.core.find(idVendor=VENDOR, idProduct=PRODUCT, backend=backend)
-        if self._device is None:
-            raise BoardError("no board is in its boot loader: hold BOOTSEL while you plug it in")
+        found = waiting_boards(backend)
+        if len(found) != 1:
+            raise BoardError(f"{len(found)} boards are in their boot loader: hold BOOTSEL while you plug one in")
+        self._device = found[0]
         self._token = 0
         try:
             usb.util.claim_interface(self._device, INTERFACE)
@@ -121,31 +136,81 @@ class Picoboot:
         self._usb.util.dispose_resources(self._device)
 
 
-def flash_board(image: bytes, *, port: str | None = None, patterns: Sequence[str] = DRIVES, backend: Any = None,
+def waiting_boards(backend: Any = None) -> list[Any]:
+    """Return the devices of pyusb that are boards in their boot loader; none where pyusb finds no libusb."""
+    import usb.core
+
+    try:
+        return list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend) or [])
+    except usb.core.NoBackendError as error:
+        logger.debug("no PICOBOOT: %s", error)
+        return []
+
+
+def flash_board(image: bytes, *, port: str | None = None, places: Iterable[Path] | None = None, backend: Any = None,
                 wait_s: float = WAIT_S) -> str:  # fmt: skip
-    """Flash the board behind a serial port, or the one that waits in its boot loader; return how it was done."""
+    """Flash the board behind a serial port, or the only one that waits in its boot loader; return how it was done.
+
+    Raises BoardError where none appears, or where several wait: then nothing is written.
+    """
     if port:
         touch(port)
+    places = None if places is None else list(places)
     end = time.monotonic() + wait_s
     while time.monotonic() < end:
-        mounted = drives(patterns)
+        mounted, waiting = drives(places), waiting_boards(backend)
+        if max(len(mounted), len(waiting)) > 1:
+            names = ", ".join(map(str, mounted)) or f"{len(waiting)} on USB"
+            raise BoardError(f"several boards wait in their boot loader ({names}): unplug all but the one to flash")
         if mounted:
             copy_uf2(image, mounted[0])
             return f"copied to {mounted[0]}"
-        board = _picoboot(backend)
-        if board is not None:
-            with closing(board):
-                board.flash(image)
-                board.reboot()
+        if waiting and _write(image, backend):
             return "written by PICOBOOT"
         time.sleep(0.1)
     raise BoardError(f"no boot loader of a board appeared within {wait_s:.0f} s: hold BOOTSEL while you plug it in")
 
 
-def _picoboot(backend: Any) -> Picoboot | None:
-    """Return the board that waits in its boot loader, None while there is none that can be used."""
+def _write(image: bytes, backend: Any) -> bool:
+    """Write by PICOBOOT; False where the board may not be used, since its drive may still appear."""
     try:
-        return Picoboot(backend=backend)
-    except Exception as error:  # pyusb raises its own NoBackendError where libusb is missing
+        board = Picoboot(backend=backend)
+    except BoardError as error:
         logger.debug("no PICOBOOT: %s", error)
-        return None
+        return False
+    with closing(board):
+        board.flash(image)
+        board.reboot()
+    return True
+
+
+def check_board(image: bytes, before: Collection[str], *, wait_s: float = WAIT_S) -> str:
+    """Open the board that has come back, and compare its image with this one; return where it is.
+
+    `before` are the ports of other boards. The board adds its own flash up again, so that a UF2 that was copied is read
+    back too. BoardError where it does not come back, does not answer, or holds another image.
+    """
+    with _open_returned(before, wait_s) as ring:
+        runs, wanted, failed = ring.hello.image_crc, image_crc(image), ring.self_test().failed
+        if runs != wanted:
+            raise BoardError(f"the board runs image {runs:08x}, not {wanted:08x} that was written: flash it again")
+        if failed & Check.IMAGE:
+            raise BoardError(f"the flash of the board does not hold image {wanted:08x} undamaged: flash it again")
+        return ring.transport.url
+
+
+def _open_returned(before: Collection[str], wait_s: float) -> LightRing:
+    """Open the board at a port that was not there before; it may take a moment until everyone may use it."""
+    end, why = time.monotonic() + wait_s, "no port of a board appeared"
+    while time.monotonic() < end:
+        for port in board_ports():
+            try:
+                if port.device not in before:
+                    return connect(port.device)
+            except BoardError as error:
+                why = str(error)
+        time.sleep(0.1)
+    raise BoardError(
+        f"the image was written, but the board did not come back within {wait_s:.0f} s ({why}): unplug it, plug it in, "
+        "and see whether `gellight ring info` shows it"
+    )

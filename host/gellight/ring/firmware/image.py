@@ -17,8 +17,8 @@ _BLOCK_MAGIC = (0x0A324655, 0x9E5D5157)
 _BLOCK_END = 0x0AB16F30
 _FAMILY_PRESENT = 0x2000
 BOOT2_BYTES = 256
-HEADER_OFFSET = BOOT2_BYTES + 8
-"""after stack pointer and start address"""
+HEADER_OFFSET = BOOT2_BYTES + 64
+"""after the first 16 vectors"""
 HEADER = struct.Struct("<3I")
 HEADER_MAGIC = 0x474C494D
 _ELF_HEAD = struct.Struct("<16sHHIIIIIHHHHHH")

@@ -19,7 +19,8 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
-from gellight.ring.enumerations import Edge, State, SyncMode
+from gellight.ring.board_link import RefusedError
+from gellight.ring.enumerations import Edge, State, Status, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.hold import Hold
@@ -214,12 +215,18 @@ class SequencedCamera(CameraWrapper):
         self._lock.note_frame(frame.sequence, frame.time_s)
         changes = self.watch.changes()
         trim = self._lock.trim(changes[-1].latched_s, self.watch.clock.drift) if changes else None
-        if trim is not None:
-            self._trimmed_light = changes[-1].light_id
-            assert self._started_on is not None
+        if trim is None:
+            return
+        assert self._started_on is not None
+        try:
             self._started_on.trim(phase_us=trim.phase_us, period=trim.period)
-            self._trim = trim
-            self.counters.trims += 1
+        except RefusedError as error:
+            if error.status is not Status.NOT_RUNNING:
+                raise
+            return  # another thread has just ended the sequence, and no light of it is left to be moved
+        self._trimmed_light = changes[-1].light_id
+        self._trim = trim
+        self.counters.trims += 1
 
     @property
     def timing(self) -> CameraTiming:

@@ -1,7 +1,7 @@
 """What a pressed ball does to the colours of the gel: a pattern of few parameters, linear in the response of the light.
 
 Inside the contact the gel has the shape of the ball, so at a distance r from the centre its normal leans by an angle
-phi with sin(phi) = r / R (section 2.4 of the paper); R is known. Outside, the gel leaves the ball: the slope falls in
+phi with sin(phi) = r / R (section 3.2.3 of the paper); R is known. Outside, the gel leaves the ball: the slope falls in
 a sharp step at the rim and a long skirt, here two exponentials. Which colour a normal has is not known before the
 first calibration; it is taken to be a low polynomial of the normal (Lambert's law is its linear part) and of the
 depth (a gel that is lit white darkens with it), with unknown coefficients for each channel. The fit is

@@ -18,9 +18,9 @@ from gellight.opening import open_camera
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_groups import colour_triples
-from gellight.ring.light_ring import Step
+from gellight.ring.light_ring import Ping, Step
 from gellight.sensor.lighting import light_watch
-from gellight.sensor.lighting.clock import ClockMap, Interval
+from gellight.sensor.lighting.clock import MOST_DRIFT, TICK_US, WANDER, ClockMap, Interval
 from gellight.sensor.lighting.label import label_frame
 from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.sequenced import SequencedCamera
@@ -33,17 +33,28 @@ TIMING = CameraTiming(pulse_period_s=0.0005)
 
 
 def test_the_clock_of_the_emulated_board_is_known_to_the_length_of_a_ping(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ping bounds the clock by its length, both ticks and both slips; until the next the drift widens the bounds."""
     camera = virtual_sensor(monkeypatch)
+    pings: list[Ping] = []
+    camera.ring.ping_listeners.append(pings.append)
     watch = LightWatch(camera.ring, TIMING)
+
+    def width_us(ping: Ping) -> float:
+        return (ping.host_received_s - ping.host_sent_s) * 1e6 * (1 + 2 * MOST_DRIFT) + 2 * TICK_US
+
     for _ in range(25):
         camera.board.run(200_000)
         now_s, truth_us = camera.clock.monotonic(), camera.board.now_us
         low_us, high_us = board_us(watch.clock, now_s)
         assert low_us <= truth_us <= high_us
-        assert high_us - low_us < 300
+        drift = watch.clock.drift.high - watch.clock.drift.low
+        assert high_us - low_us <= width_us(pings[-1]) + drift * (now_s - pings[-1].host_sent_s) * 1e6
         camera.ring.clock()
+    first, last = min(pings[:5], key=width_us), min(pings[-3:], key=width_us)
+    apart_us = (last.host_sent_s - first.host_received_s) * 1e6
     assert watch.clock.drift.low <= camera.clock.drift <= watch.clock.drift.high
-    assert watch.clock.drift.error < 45e-6  # a ping of 0.2 ms over 5 s, and what crystals wander
+    assert watch.clock.drift.error <= (width_us(first) + width_us(last)) / 2 / apart_us + WANDER
+    assert watch.clock.drift.error < MOST_DRIFT / 2
     camera.close()
 
 

@@ -1,0 +1,62 @@
+"""The start of the committed image: clocks that keep the data sheet, and a new start when it hangs or breaks down."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.ring.emulator.chip import VTOR
+from gellight.ring.enumerations import ResetReason
+from gellight.ring.light_ring import LightRing
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
+
+RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
+WAITS_FOR_THE_CRYSTAL_US, COPIES_US, LATE_US = (1_500, 40_000), (64_700, 65_300), (65_800, 70_000)
+FAULT_VECTOR = 12
+
+
+def hang(board: BenchBoard) -> None:
+    """No instruction gets through any more, and no interrupt."""
+    board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)  # b . ; b .
+    board.chip.core.pc, board.chip.core.pm, board.chip.core.waiting = 0x2003FF00, True, False
+
+
+def break_down(board: BenchBoard) -> None:
+    """Enter what the vector of HardFault points to."""
+    vectors = board.chip.read_uint32(VTOR)
+    board.chip.core.pc = board.chip.read_uint32(vectors + FAULT_VECTOR) & ~1
+    board.chip.core.waiting = False
+
+
+@pytest.mark.parametrize("after_us", [*WAITS_FOR_THE_CRYSTAL_US, *COPIES_US, *LATE_US])
+@pytest.mark.parametrize(
+    ("disturb", "reason"), [(hang, ResetReason.WATCHDOG), (break_down, ResetReason.FAULT)], ids=["hang", "fault"]
+)
+def test_what_goes_wrong_while_starting_starts_anew(
+    board: BenchBoard, disturb: Callable[[BenchBoard], None], reason: ResetReason, after_us: float
+) -> None:
+    board.run(after_us)
+    disturb(board)
+    assert board.run_until(lambda: board.resets, 500_000)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        assert ring.hello.reset_reason == reason
+    assert board.resets == 1
+
+
+def test_after_the_watchdog_nothing_waits_for_the_crystal(board: BenchBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    board.run(2_000)
+    hang(board)
+    assert board.run_until(lambda: board.resets, 150_000)
+    assert board.timeline.at(board.now_us).any()
+    board.run(4_000)
+    assert not board.timeline.at(board.now_us).any()
+
+
+def test_a_start_after_flashing_does_not_pass_for_a_bite_of_the_watchdog(board: BenchBoard, ring: LightRing) -> None:
+    assert ring.hello.reset_reason == ResetReason.POWER
+    ring.enter_bootloader()
+    assert board.run_until(lambda: board.in_bootloader, 100_000)
+    board.leave_bootloader()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.hello.reset_reason == ResetReason.COMMAND

@@ -1,0 +1,131 @@
+"""The life of the committed image on the bus: suspended and resumed, halted, reset and cut short by its host."""
+
+import numpy as np
+import pytest
+
+from gellight.ring.emulator.usb_host import ADDRESS
+from gellight.ring.enumerations import Dark
+from gellight.ring.light_ring import LightRing
+from tests.helpers import usb_requests as usb
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
+
+RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
+
+
+def lit(board: BenchBoard) -> np.ndarray:
+    return board.timeline.at(board.now_us)
+
+
+def test_after_a_resume_the_open_port_answers_again(board: BenchBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    board.run(3_000)
+    board.suspend()
+    board.run(20_000)
+    assert not lit(board).any()
+    board.resume()
+    assert ring.status().dark == Dark.SUSPENDED
+    ring.set_leds(RED)
+    board.run(3_000)
+    np.testing.assert_array_equal(lit(board), RED)
+
+
+def test_a_resume_opens_no_port_that_was_closed(board: BenchBoard, ring: LightRing) -> None:
+    ring.close()
+    board.suspend()
+    board.run(5_000)
+    board.resume()
+    board.run(5_000)
+    board.host.send(b"\x01\x01\0")
+    board.run(5_000)
+    assert not board.host.received
+
+
+@pytest.mark.parametrize("packets", [0, 1])
+@pytest.mark.parametrize("request_", [usb.CLEAR_HALT_IN, usb.CLEAR_HALT_OUT, usb.SET_INTERFACE])
+def test_a_cleared_halt_begins_anew_with_data0(
+    board: BenchBoard, ring: LightRing, request_: usb.Request, packets: int
+) -> None:
+    for _ in range(packets):
+        ring.clock()
+    assert usb.ask(board, request_) == b""
+    for _ in range(3):
+        ring.clock()
+
+
+@pytest.mark.parametrize("packets", [0, 1])
+def test_a_halt_cleared_while_a_packet_waits_loses_nothing(board: BenchBoard, ring: LightRing, packets: int) -> None:
+    for _ in range(packets):
+        ring.clock()
+    board.host.latency_us = 3_000.0
+    before = ring.retries
+    ring.timeout_s = 0.2
+    board.host.control(*usb.CLEAR_HALT_IN, lambda _: None)
+    ring.clock()
+    board.host.latency_us = 0.0
+    ring.clock()
+    assert ring.retries == before
+
+
+def test_requests_about_the_interfaces_are_answered(board: BenchBoard, ring: LightRing) -> None:
+    assert usb.ask(board, usb.GET_INTERFACE) == b"\0"
+    assert usb.ask(board, usb.SET_OTHER_SETTING) is None
+    assert usb.ask(board, usb.SEND_BREAK) == b""
+    assert ring.status().state == 0
+
+
+@pytest.mark.parametrize("abandoned", [usb.GET_CONFIGURATION, usb.SET_ADDRESS, usb.GET_INTERFACE, usb.SEND_BREAK])
+def test_a_transfer_cut_short_does_not_answer_the_next(
+    board: BenchBoard, ring: LightRing, abandoned: usb.Request
+) -> None:
+    device = board.host.descriptors["device"]
+    assert usb.ask_after_abandoning(board, abandoned, usb.GET_DEVICE) == device
+    assert board.chip.read_uint32(usb.ADDRESS_REGISTER) == ADDRESS
+    assert ring.status().state == 0
+
+
+def test_a_controller_that_hangs_is_reset_in_the_dark(board: BenchBoard, ring: LightRing) -> None:
+    """Erratum RP2040-E15: nothing is answered until the firmware resets the controller; the host enumerates it anew."""
+    ring.set_leds(RED)
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.hangs = True
+    assert board.run_until(lambda: not board.host.configured, 1_500_000)
+    assert board.run_until(lambda: board.host.configured, 200_000)
+    board.run(3_000)
+    assert not lit(board).any()
+    assert board.resets == 0
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        again.set_leds(RED)
+        board.run(3_000)
+        assert lit(board).any()
+
+
+def test_no_packet_keeps_the_host_waiting_for_the_next(board: BenchBoard, ring: LightRing) -> None:
+    """Linux ends a read by a packet shorter than 64 bytes; 40 answers of all lengths come without another."""
+    for count in range(40):
+        board.host.send(b"\x01" * count + b"\0")
+        ring.clock()
+        ring.counters()
+        board.run(170)
+    assert ring.retries == 0
+
+
+@pytest.mark.parametrize("after_us", [20, 400, 700, 1_100])
+def test_a_reset_in_mid_transfer_enumerates_anew(image: bytes, after_us: float) -> None:
+    board = BenchBoard(image)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        ring.set_leds(RED)
+        board.run(2_000)
+        board.host.latency_us = 300.0
+        board.host.control(*usb.GET_CONFIGURATION, lambda _: None)
+        board.run(after_us)
+        board.host.reset_bus()
+        board.host.latency_us = 0.0
+        assert board.run_until(lambda: board.host.configured, 200_000)
+        board.run(3_000)
+        assert not lit(board).any()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        again.set_leds(RED)
+        board.run(2_000)
+        assert lit(board).any()
+    assert board.faults == []

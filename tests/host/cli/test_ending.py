@@ -1,0 +1,96 @@
+"""Exit statuses, and advice that can be typed where it is read."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.cli import ending
+from gellight.cli.advice import program, typeable
+from gellight.cli.ending import MEANINGS, Ending, end, until_interrupted
+from tests.helpers.places import CHECKOUT
+
+
+@pytest.fixture(autouse=True)
+def restored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests go on handling signals as they did."""
+    monkeypatch.setattr(ending, "_received", [])
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+
+
+def raising(error: BaseException) -> Callable[[], None]:
+    def command() -> None:
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("command", "status"),
+    [
+        (raising(SystemExit(1)), Ending.JUDGED_BAD),
+        (raising(InputError("no")), Ending.REFUSED),
+        (raising(ZeroDivisionError()), Ending.FAULT),
+        (raising(KeyboardInterrupt()), Ending.INTERRUPTED),
+        (raising(SystemExit(130)), Ending.INTERRUPTED),
+    ],
+)
+def test_every_end_has_its_status(command: Callable[[], None], status: int) -> None:
+    with pytest.raises(SystemExit) as ended:
+        end(command)
+    assert ended.value.code == status
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(130), InputError("stopped")])
+def test_a_termination_is_told_from_ctrl_c(error: BaseException) -> None:
+    ending._received.append(signal.SIGTERM)
+    with pytest.raises(SystemExit) as ended:
+        end(raising(error))
+    assert ended.value.code == Ending.TERMINATED == 143
+
+
+def test_what_runs_until_it_is_ended_takes_ctrl_c_for_its_end() -> None:
+    with until_interrupted():
+        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt), until_interrupted(False):
+        raise KeyboardInterrupt
+
+
+def test_the_document_and_the_help_list_every_status() -> None:
+    text = (CHECKOUT / "docs/configuration.md").read_text()
+    assert set(MEANINGS) == set(Ending)
+    for status, meaning in MEANINGS.items():
+        assert f"| {status} | {meaning} |\n" in text
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A program in an environment with a space in its path, which the shell does not find."""
+    place = tmp_path / "my env/bin/gellight"
+    place.parent.mkdir(parents=True)
+    place.write_text("#!/bin/sh\n")
+    place.chmod(0o755)
+    monkeypatch.setattr(sys, "argv", [str(place), "find"])
+    monkeypatch.setenv("PATH", "/nowhere")
+    return place
+
+
+def test_advice_names_the_program_by_its_path_where_the_shell_does_not_find_it(installed: Path) -> None:
+    assert program() == installed
+    told = typeable("may not use it: run `sudo gellight install-udev`; `gellight find` lists all, gellight is here")
+    assert told == (
+        f"may not use it: run `sudo '{installed}' install-udev`; `'{installed}' find` lists all, gellight is here"
+    )
+
+
+def test_sudo_gets_the_path_also_where_the_shell_finds_the_program(
+    installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", f"/nowhere{os.pathsep}{installed.parent}")
+    assert typeable("`sudo gellight install-udev`, then `gellight find`") == (
+        f"`sudo '{installed}' install-udev`, then `gellight find`"
+    )

@@ -1,0 +1,153 @@
+"""Ctrl-C and SIGTERM: every verb that runs long ends soon, with its status, without children, its LEDs dark."""
+
+import os
+import signal
+import time
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from subprocess import PIPE, STDOUT
+
+import pytest
+
+from tests.helpers.children import GELLIGHT, started
+
+GUARD_S = 10.0
+"""2 s are promised of a machine that is not busy with other tests; the time is printed"""
+READY_S = 60.0
+UNTIL_THEN = {signal.SIGINT: 0, signal.SIGTERM: 0}
+"""status of a verb that runs until it is ended"""
+BEFORE_DONE = {signal.SIGINT: 130, signal.SIGTERM: 143}
+
+
+def family(mark: str) -> set[int]:
+    """Return the processes that have `mark` in their environment; one that has ended has none any more."""
+    found = set()
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            if mark in (place / "environ").read_text(errors="replace"):
+                found.add(int(place.name))
+        except OSError:
+            continue
+    return found
+
+
+@dataclass(frozen=True)
+class Running:
+    """A verb that runs: the processes that it started count, too."""
+
+    process: int
+    mark: str
+    shown: Path
+
+
+Ready = Callable[[Running], bool]
+
+
+def printed(words: str) -> Ready:
+    return lambda verb: words in verb.shown.read_text(errors="replace")
+
+
+def children(count: int) -> Ready:
+    return lambda verb: len(family(verb.mark)) > count
+
+
+def written(file: str) -> Ready:
+    return lambda verb: (verb.shown.parent / file).exists()
+
+
+def loaded(library: str) -> Ready:
+    return lambda verb: library in Path(f"/proc/{verb.process}/maps").read_text()
+
+
+CASES = [
+    (("demo", "--port", "0", "--no-browser"), UNTIL_THEN, printed("dashboard: ")),
+    (("demo", "--port", "0", "--frames", "100000"), BEFORE_DONE, printed("dashboard: ")),
+    (("run", "--sensor", "sim://?board=0", "--no-dashboard", "--json"), UNTIL_THEN, printed('"frames"')),
+    (("ring", "set", "ff0000", "--url", "sim://"), UNTIL_THEN, printed("lit")),
+    (("ring", "sequence", "--url", "sim://"), UNTIL_THEN, printed("in turn")),
+    (("sim",), UNTIL_THEN, printed("a simulated board at")),
+    (("virtual-sensor", "--listen", "127.0.0.1:0"), UNTIL_THEN, printed("offered")),
+    (("selfcheck", "--sensor", "sim://?board=0"), BEFORE_DONE, printed("ok")),
+    (("bench", "presses"), BEFORE_DONE, loaded("onnxruntime")),
+    (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),
+    (("optimize", "timing", "--workers", "2"), BEFORE_DONE, children(4)),
+    (("calibrate", "--auto", "--sensor", "sim://?board=0"), BEFORE_DONE, written("calibration.state/presses")),
+    (("calibrate", "synthetic", "--out", "made"), BEFORE_DONE, children(1)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    ("arguments", "statuses", "ready"), CASES, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
+)
+def test_a_signal_ends_a_verb(
+    arguments: tuple[str, ...], statuses: dict[int, int], ready: Ready, number: int, tmp_path: Path
+) -> None:
+    mark, shown = f"gellight-{uuid.uuid4().hex}", tmp_path / "shown"
+    environment = os.environ | {"TEST_MARK": mark, "PYTHONUNBUFFERED": "1"}
+    environment |= {f"XDG_{kind}_HOME": str(tmp_path / kind) for kind in ("CACHE", "DATA", "STATE")}
+    with (
+        shown.open("wb") as output,
+        started(
+            [*GELLIGHT, *arguments], stdin=PIPE, stdout=output, stderr=STDOUT, env=environment, cwd=tmp_path
+        ) as verb,
+    ):
+        end_s = time.monotonic() + READY_S
+        while not ready(Running(verb.pid, mark, shown)):
+            assert verb.poll() is None, shown.read_text()
+            assert time.monotonic() < end_s, shown.read_text()
+            time.sleep(0.05)
+        time.sleep(0.2)
+        begun_s = time.monotonic()
+        verb.send_signal(number)
+        status = verb.wait(GUARD_S)
+        print(f"{' '.join(arguments)}: ended after {time.monotonic() - begun_s:.2f} s")
+        text = shown.read_text(errors="replace")
+        assert status == statuses[number], text
+        assert "Traceback" not in text
+        assert "Error:" not in text
+        assert gone(mark), "children are left"
+
+
+def gone(mark: str) -> bool:
+    """Whether no process of the family is left, at once or a moment later: a child may be ending."""
+    end_s = time.monotonic() + 1
+    while family(mark) and time.monotonic() < end_s:
+        time.sleep(0.02)
+    return not family(mark)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "verb", [("set", "102030"), ("group", "0-3"), ("sequence", "--dwell-ms", "20")], ids=lambda verb: verb[0]
+)
+def test_a_signal_makes_the_leds_of_a_board_dark(verb: tuple[str, ...], number: int, tmp_path: Path) -> None:
+    """The board is another process, which prints what its LEDs show."""
+    shown = tmp_path / "shown"
+    with shown.open("wb") as output, started([*GELLIGHT, "sim"], stdout=output) as board:
+        wait_for(lambda: "a simulated board at " in shown.read_text() and "\n" in shown.read_text())
+        path = shown.read_text().split()[4].rstrip(":")
+        with started([*GELLIGHT, "ring", *verb, "--url", path], stdout=PIPE, text=True) as ring:
+            wait_for(lambda: lit(shown))
+            assert "Ctrl-C ends" in ring.stdout.readline()
+            ring.send_signal(number)
+            assert ring.wait(GUARD_S) == 0
+        # Not by the rule that a board darkens its LEDs when the computer is silent: that takes a second.
+        wait_for(lambda: not lit(shown))
+        board.send_signal(signal.SIGTERM)
+        assert board.wait(GUARD_S) == 0
+
+
+def lit(shown: Path) -> bool:
+    """Whether the last line that a simulated board printed shows light."""
+    colours = shown.read_text().rstrip("\n").splitlines()[-1].partition(" s  ")[2]
+    return bool(set(colours) - set("0 "))
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + READY_S
+    while not condition():
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
