@@ -37,7 +37,7 @@ def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[TorchTrainer, N
     """Both trainers with the same weights."""
     by_torch, by_numpy = TorchTrainer(seed=1), NumpyTrainer(seed=1)
     by_torch.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=width, recipe=recipe)
-    by_numpy.start(by_torch.parameters(), recipe)
+    by_numpy.begin_with(by_torch.parameters(), recipe)
     return by_torch, by_numpy
 
 
@@ -161,11 +161,11 @@ def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.
 def test_dropout_is_left_out_of_answers_and_repeats_with_the_seed() -> None:
     table = pressed(per_image=100)
     pixels, gradient = table.rows[:, :5].copy(), table.rows[:, 5:].copy()
+    network = pair(RECIPES["paper"], table)[1].parameters()
     losses = []
     for seed in (1, 1, 2):
-        _, trainer = pair(RECIPES["paper"], table)
-        trainer.start(trainer.parameters(), RECIPES["paper"])
-        trainer._random = np.random.default_rng(seed)
+        trainer = NumpyTrainer(seed=seed)
+        trainer.begin_with(network, RECIPES["paper"])
         losses.append(trainer.loss(pixels, gradient)[0])
         assert (trainer.answer(pixels) == trainer.answer(pixels)).all()
     assert losses[0] == losses[1] != losses[2]
