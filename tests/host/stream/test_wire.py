@@ -31,7 +31,7 @@ def test_every_map_and_figure_arrives_as_it_was_sent() -> None:
     assert np.array_equal(got.camera_frame.image, sent.camera_frame.image)
     assert np.array_equal(got.contact.mask, sent.contact.mask)
     assert got.contact.mask.dtype == np.bool_
-    assert replace(got.contact, mask=sent.contact.mask) == sent.contact
+    assert {**vars(got.contact), "mask": None} == {**vars(sent.contact), "mask": None}
     assert np.array_equal(got.camera_frame.light, sent.camera_frame.light)
     for name in ("time_s", "sequence", "source", "label"):
         assert getattr(got.camera_frame, name) == getattr(sent.camera_frame, name)
