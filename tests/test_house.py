@@ -29,18 +29,18 @@ TORCH_FILES = {"network.py", "torch_trainer.py"}
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 DOORS = {
     "sim_reference": (
-        "simulator/scene.py", "simulator/selfcheck.py", "simulator/simulated_camera.py",
-        "simulator/stage.py", "design/", "cli/optimize.py",
-        "evaluation/synthetic.py", "evaluation/simulated_presses.py",
+        "simulator/gel_models.py", "simulator/one_press.py", "simulator/scene.py", "simulator/selfcheck.py",
+        "simulator/selfcheck_bounds.py", "simulator/simulated_camera.py", "simulator/stage.py", "design/",
+        "cli/optimize.py", "cli/simulate.py", "evaluation/synthetic.py", "evaluation/simulated_presses.py",
     ),
     "cv2": (
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",
         "frames/image_files.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
-        "reconstruction/linearised.py", "reconstruction/smoothing.py", "report/pictures.py",
+        "reconstruction/linearised.py", "reconstruction/smoothing.py", "report/pictures.py", "report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
     ),
     "google": ("reconstruction/onnx_messages.py",),
-    "onnxruntime": ("reconstruction/network_session.py", "evaluation/bench.py"),
+    "onnxruntime": ("reconstruction/network_session.py", "evaluation/frame_bench.py"),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),

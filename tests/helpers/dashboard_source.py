@@ -143,6 +143,7 @@ class FormulaSource:
             "stage_ms": {"gelnet": 8.1, "integration": 3.2, "contact": 0.6},
             "selfcheck": {
                 "passed": True,
+                "verdict": "passed",
                 "sequence": 1200,
                 "depth_error_mm": 0.0042,
                 "normal_error_deg": 0.183,

@@ -11,13 +11,14 @@ The file is written in chunks of `CHUNK_BYTES`. What ends the writing at once, s
 chunk and the index, and what is left can be read.
 """
 
+import os
 import struct
 import time
 from collections.abc import Iterator
 from enum import StrEnum
 from io import BufferedReader
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
@@ -173,6 +174,16 @@ def depth_image(depth_mm: NDArray[np.float32], kind: DepthKind) -> RosImage:
 # ---- reading ----
 
 
+class _Bounded:
+    """A file of which nobody reads more at once than there is: a damaged length would take all memory."""
+
+    def __init__(self, file: BufferedReader) -> None:
+        self._file, self._size = file, os.fstat(file.fileno()).st_size
+
+    def read(self, length: int) -> bytes:
+        return self._file.read(max(min(length, self._size - self._file.tell()), 0))
+
+
 class Recording:
     """A recording that is read from its beginning to its end, as often as asked."""
 
@@ -258,7 +269,8 @@ class Recording:
 
     def _records(self, file: BufferedReader) -> Iterator[McapRecord]:
         """Yield the records, those in chunks too; a file that is cut off ends with its last whole chunk."""
-        reader = iter(StreamReader(file, emit_chunks=True, record_size_limit=MOST_RECORD_BYTES).records)
+        bounded: Any = _Bounded(file)
+        reader = iter(StreamReader(bounded, emit_chunks=True, record_size_limit=MOST_RECORD_BYTES).records)
         self.whole = False
         while True:
             try:

@@ -45,6 +45,8 @@ class ReplayCamera(Camera):
         self.image_shape = (info.height, info.width)
         self._closing = threading.Event()
         self._last, self._offset = -1, 0
+        self.zero = info.zero
+        """identity of the bundle with the zero that the last frame was taken under"""
         self._begin()
 
     def _begin(self) -> None:
@@ -70,7 +72,7 @@ class ReplayCamera(Camera):
         info = record.info
         image = record.image(str(self._recording.path))
         due_s = self._wait(info.unix_s)
-        self._last = info.sequence + self._offset
+        self._last, self.zero = info.sequence + self._offset, info.zero
         light = None if info.light is None else np.array(info.light, np.uint8).reshape(-1, 3)
         return CameraFrame(
             image=image, time_s=due_s, sequence=self._last, source=self.url, light=light, label=info.label

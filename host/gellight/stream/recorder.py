@@ -16,6 +16,7 @@ from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import DepthKind, RecordingWriter
+from gellight.stream.publisher import name_of_sensor
 
 logger = logging.getLogger(__name__)
 BACKLOG = 64
@@ -33,6 +34,7 @@ class RecordingStatus:
     """How far a recording is."""
 
     frames: int = 0
+    depths: int = 0
     size_bytes: int = 0
     lost: int = 0
     """camera frames that the disk was too slow for"""
@@ -45,15 +47,23 @@ class RecordingStatus:
 class Recorder:
     """Records a daemon that runs; a context manager that finishes the file."""
 
-    def __init__(self, daemon: Daemon, path: Path, name: str, *, depth: DepthKind = DepthKind.NONE) -> None:
-        """Begin the file at `path`; InputError where that cannot be, or where the disk is nearly full."""
-        self._daemon = daemon
-        path.parent.mkdir(parents=True, exist_ok=True)
+    def __init__(self, daemon: Daemon, path: Path, *, name: str = "", depth: DepthKind = DepthKind.NONE) -> None:
+        """Begin the file at `path`; InputError where that cannot be, or where the disk is nearly full.
+
+        name: of the sensor, by default its own.
+        """
+        self._daemon, self.path = daemon, path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path.parent} cannot be made ({error.strerror}): choose another folder") from error
         free = _free_bytes(path.parent)
         if free < 2 * RESERVE_BYTES:
             raise InputError(f"{path.parent} has {free / 1e6:.0f} MB left: free some space, or record elsewhere")
-        self._writer = RecordingWriter(path, name, depth=depth)
+        self._writer = RecordingWriter(path, name or name_of_sensor(daemon.camera), depth=depth)
         self.status = RecordingStatus()
+        self._first: int | None = None
+        """sequence number of the first frame that was written"""
         self._ended = threading.Event()
         self._until = ExitStack()
 
@@ -118,17 +128,20 @@ class Recorder:
         zeroed = self._daemon.zeroed_bundle
         unix_s = time.time() - (time.monotonic() - frame.time_s)
         self._writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=zeroed.identity), zeroed)
+        self._first = frame.sequence if self._first is None else self._first
         self.status.frames += 1
         return taken
 
     def _take_depth(self, delivered: Mailbox[TactileFrame], number: int) -> int:
         """Write the depth of all frames that were reconstructed meanwhile; return the number of the last one."""
-        while self._writer.depth is not DepthKind.NONE:
+        while self._writer.depth is not DepthKind.NONE and self._first is not None:
             try:
                 number, frame = delivered.take(number, 0)
             except Exception:  # none is there, or the frames have ended
                 break
-            self._writer.add_depth(frame)
+            if frame.camera_frame.sequence >= self._first:
+                self._writer.add_depth(frame)
+                self.status.depths += 1
         return number
 
     def _look(self, since_s: float) -> None:

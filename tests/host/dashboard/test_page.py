@@ -97,10 +97,13 @@ def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: 
 
 
 def test_a_failed_self_check_is_shown_as_failed(opened: Open, source: FormulaSource) -> None:
-    source.figures["selfcheck"] = {"passed": False, "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
+    source.figures["selfcheck"] = {"verdict": "failed", "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
     page = opened()
     expect(page.get_by_test_id("verdict")).to_have_class("verdict failed")
     expect(page.get_by_test_id("check-depth_error_mm")).to_have_class("failed")
+    source.figures["selfcheck"] = {"verdict": "not judged", "not_judged": "not judged beyond 2 mm", "bounds": {}}
+    expect(page.get_by_test_id("verdict")).to_have_text("not judged")
+    expect(page.get_by_test_id("verdict")).to_have_attribute("title", "not judged beyond 2 mm")
     source.figures["selfcheck"] = None
     expect(page.get_by_test_id("checks")).to_have_text("no reference to compare with")
     expect(page.get_by_test_id("verdict")).to_be_empty()

@@ -68,7 +68,7 @@ function showStages(stages) {
 // Of the self-check: what the daemon calls it, what people call it, its unit, and units in one of the daemon's.
 const CHECKS = [
   ["depth_error_mm", "depth error", "µm", 1000],
-  ["shape_error_mm", "shape error", "µm", 1000],
+  ["shape_error_mm", "depth error, constant off", "µm", 1000],
   ["normal_error_deg", "normal error", "°", 1],
   ["contact_normal_error_deg", "in contact", "°", 1],
   ["integral_error_mm", "integration", "µm", 1000],
@@ -77,8 +77,9 @@ const CHECKS = [
 
 function showChecks(selfcheck) {
   const verdict = element("verdict");
-  verdict.textContent = selfcheck ? (selfcheck.passed ? "passed" : "failed") : "";
-  verdict.className = `verdict ${selfcheck?.passed ? "passed" : "failed"}`;
+  verdict.textContent = selfcheck?.verdict ?? "";
+  verdict.title = selfcheck?.not_judged ?? "";
+  verdict.className = `verdict ${(selfcheck?.verdict ?? "").replace(" ", "-")}`;
   write("checked", selfcheck?.sequence === undefined ? "" : `frame ${selfcheck.sequence}`);
   const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
   const nothing = node("td", "no reference to compare with", "dim");
