@@ -1,7 +1,7 @@
 """What a model of the gel takes and gives (section 2.2.1): an object's height map in, the gel's surface out.
 
-Any `GelModel` can replace the model of the gel: pass it as `surface.press_object(..., model=...)`. The default is
-`gel.press`, an elastic layer of small strain.
+Any `GelModel` can be passed as `surface.press_object(..., model=...)`: `gel.press`, an elastic layer of small strain,
+is the default; `fem.gel.FemGel` is the finite-element gel.
 """
 
 from dataclasses import dataclass

@@ -9,14 +9,16 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gellight.base.errors import GellightError
+    from gellight.base.errors import GellightError, StreamError
     from gellight.bundle.bundle import Bundle, load_bundle
     from gellight.daemon.daemon import Daemon
-    from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+    from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
     from gellight.opening import open_camera
     from gellight.reconstruction.contact import find_contact
     from gellight.reconstruction.integration import integrate, normals
     from gellight.reconstruction.pipeline import Reconstructor
+    from gellight.stream.sensor import Sensor, connect
+    from gellight.stream.subscription import Subscription, subscribe
 
     __version__: str
 
@@ -27,12 +29,18 @@ _HOME = {
     "find_contact": "reconstruction.contact",
     "Daemon": "daemon.daemon",
     "GellightError": "base.errors",
+    "StreamError": "base.errors",
     "CameraFrame": "frames.frames",
     "Contact": "frames.frames",
+    "Provenance": "frames.frames",
     "TactileFrame": "frames.frames",
     "Reconstructor": "reconstruction.pipeline",
     "integrate": "reconstruction.integration",
     "normals": "reconstruction.integration",
+    "Sensor": "stream.sensor",
+    "connect": "stream.sensor",
+    "Subscription": "stream.subscription",
+    "subscribe": "stream.subscription",
 }
 
 __all__ = [
@@ -41,13 +49,19 @@ __all__ = [
     "Contact",
     "Daemon",
     "GellightError",
+    "Provenance",
     "Reconstructor",
+    "Sensor",
+    "StreamError",
+    "Subscription",
     "TactileFrame",
+    "connect",
     "find_contact",
     "integrate",
     "load_bundle",
     "normals",
     "open_camera",
+    "subscribe",
 ]
 
 

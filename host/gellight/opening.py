@@ -1,6 +1,7 @@
 """Cameras by URL: image files, a simulated sensor, a real one; the code that uses them cannot tell which.
 
 A file, a folder or a pattern: images. `sim://`: the simulated sensor. `auto`: the one sensor that is plugged in.
+`replay://FILE`: a recording.
 `sensor://NAME`: the sensor with this serial number or at this USB port. `v4l2:///dev/...`: that camera, its ring only
 where `?ring=` names one; `/dev/video0` and `/dev/v4l/...` mean the same. docs/capture.md lists the parameters.
 """
@@ -39,6 +40,10 @@ def open_camera(
         from gellight.sensor.sensor_camera import open_sensor
 
         return open_sensor(text, bundle=bundle)
+    if scheme == "replay":
+        from gellight.recording.replay_camera import open_replay
+
+        return _adopted(open_replay(text), bundle)
     if scheme == "opencv":
         from gellight.sensor.opencv_camera import open_opencv
 

@@ -1,20 +1,21 @@
-"""From torch to ONNX: a small file that is the same every time, and proven equal to what was trained."""
+"""To ONNX: a small file that is the same every time, and proven equal to what was trained."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import onnx
 import onnxruntime
-import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
-from gelnet.network import INPUTS, GelNet
+from gelnet.parameters import INPUTS, Floats, Parameters
 
+Answer = Callable[[Floats], Floats]
+"""(N, 2) gradients of (N, 5) pixels, as the trainer computes them"""
 SCHEMA = "gelnet/1"
 BOUND = 2e-4
-"""Largest difference of the slope angle between ONNX Runtime and torch, rad (0.011 degrees)."""
+"""Largest difference of the slope angle between ONNX Runtime and the trainer, rad (0.011 degrees)."""
 _OPSET, _IR_VERSION = 17, 8
 _ROWS_PER_RUN = 65536
 
@@ -24,20 +25,22 @@ class ExportError(RuntimeError):
 
 
 def export(
-    network: GelNet,
+    network: Parameters,
     path: Path,
     *,
-    rows: NDArray[np.float32],
+    rows: Floats,
+    answer: Answer,
     summary: Mapping[str, str] | None = None,
 ) -> float:
-    """Write the network to an ONNX file and return its largest difference from torch, rad.
+    """Write the network to an ONNX file and return its largest difference from what was trained, rad.
 
-    rows: (N, 5) pixels as the network will see them, compared together with random ones. summary: text for the
-    metadata of the file. Raises ExportError, and removes the file, when the angles differ by more than `BOUND`.
+    rows: (N, 5) pixels as the network will see them, compared together with random ones. answer: what the trainer
+    answers to them. summary: text for the metadata of the file. Raises ExportError, and removes the file, when the
+    angles differ by more than `BOUND`.
     """
     path.write_bytes(to_onnx(network, summary or {}).SerializeToString(deterministic=True))
     try:
-        difference = largest_difference(network, path, rows)
+        difference = largest_difference(answer, path, rows)
     except Exception as error:
         path.unlink(missing_ok=True)
         raise ExportError(f"{path.name} cannot be run by ONNX Runtime ({error})") from error
@@ -49,7 +52,7 @@ def export(
     return difference
 
 
-def to_onnx(network: GelNet, summary: Mapping[str, str]) -> onnx.ModelProto:
+def to_onnx(network: Parameters, summary: Mapping[str, str]) -> onnx.ModelProto:
     """Write down the trained network, with the normalisation folded into the first layer.
 
     W (p - c) / s + b = (W / s) p + (b - W c / s): five numbers a pixel fewer to move, the same answer.
@@ -57,12 +60,12 @@ def to_onnx(network: GelNet, summary: Mapping[str, str]) -> onnx.ModelProto:
     nodes: list[onnx.NodeProto] = []
     weights: list[onnx.TensorProto] = []
     value = "pixels"
-    for i, (weight, bias) in enumerate(_layers(network), start=1):
+    for i, (weight, bias) in enumerate(_folded(network), start=1):
         weights += [_tensor(f"weight_{i}", weight), _tensor(f"bias_{i}", bias)]
         nodes.append(helper.make_node("Gemm", [value, f"weight_{i}", f"bias_{i}"], [f"layer_{i}"], transB=1))
         nodes.append(helper.make_node("Tanh", [f"layer_{i}"], [f"tanh_{i}"]))
         value = f"tanh_{i}"
-    weights.append(_tensor("steepest_rad", network.steepest_rad.numpy()))
+    weights.append(_tensor("steepest_rad", np.float32(network.steepest_rad)))
     nodes.append(helper.make_node("Mul", [value, "steepest_rad"], ["angle"]))
     nodes.append(helper.make_node("Tan", ["angle"], ["gradient"]))
     graph = helper.make_graph(
@@ -79,7 +82,7 @@ def to_onnx(network: GelNet, summary: Mapping[str, str]) -> onnx.ModelProto:
     return model
 
 
-def _properties(network: GelNet) -> dict[str, str]:
+def _properties(network: Parameters) -> dict[str, str]:
     return {
         "schema": SCHEMA,
         "inputs": "dR dG dB (image minus reference, grey levels), x y (px: column, row)",
@@ -88,35 +91,29 @@ def _properties(network: GelNet) -> dict[str, str]:
     }
 
 
-def _layers(network: GelNet) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    layers = [
-        (layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy())
-        for layer in (*network.hidden, network.output)
-        if isinstance(layer, torch.nn.Linear)
-    ]
+def _folded(network: Parameters) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return weight and bias of each layer, the normalisation inside the first."""
+    layers = [(layer.weight.astype(np.float64), layer.bias.astype(np.float64)) for layer in network.layers]
     weight, bias = layers[0]
-    weight = weight / network.scale.double().numpy()
-    layers[0] = weight, bias - weight @ network.centre.double().numpy()
-    return layers
+    weight = weight / network.scale.astype(np.float64)
+    return [(weight, bias - weight @ network.centre.astype(np.float64)), *layers[1:]]
 
 
-def _tensor(name: str, value: NDArray[np.floating]) -> onnx.TensorProto:
+def _tensor(name: str, value: NDArray[np.floating] | np.float32) -> onnx.TensorProto:
     return numpy_helper.from_array(np.ascontiguousarray(value, dtype=np.float32), name)
 
 
-def largest_difference(network: GelNet, path: Path, rows: NDArray[np.float32]) -> float:
-    """Return the largest difference of slope angles between the file and the network, rad, on rows and random pixels.
+def largest_difference(answer: Answer, path: Path, rows: Floats) -> float:
+    """Return the largest difference of slope angles between the file and the trainer, rad, on rows and random pixels.
 
     Angles, because a slope near the vertical is a large number of which the last digits mean nothing.
     """
     session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
-    network.eval()
     worst = 0.0
     everything = np.concatenate([rows, _random_pixels(rows)])
     for start in range(0, len(everything), _ROWS_PER_RUN):
         block = everything[start : start + _ROWS_PER_RUN]
-        with torch.no_grad():
-            trained = network(torch.from_numpy(block)).numpy()
+        trained = answer(block)
         exported = session.run(["gradient"], {"pixels": block})[0]
         if not np.isfinite(exported).all():
             return float("inf")
@@ -124,7 +121,7 @@ def largest_difference(network: GelNet, path: Path, rows: NDArray[np.float32]) -
     return worst
 
 
-def _random_pixels(rows: NDArray[np.float32], count: int = 4096) -> NDArray[np.float32]:
+def _random_pixels(rows: Floats, count: int = 4096) -> Floats:
     """Pixels all over the image with any colour change a camera can show."""
     random = np.random.default_rng(0)
     colour = random.uniform(-255, 255, (count, 3))

@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 import onnx
 import scipy
-import torch
 from numpy.typing import NDArray
 
 from gelnet.export import ExportError
-from gelnet.network import GelNet
+from gelnet.recipes import RECIPES
 from gelnet.table import Table, TableError, checked
-from gelnet.train import RECIPES, normal_error_deg, print_progress, record_of, train, write
+from gelnet.train import add_training_options
+from gelnet.trainers import make_trainer
+from gelnet.training import Trainer, normal_error_deg, print_progress, record_of, train, write
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance, ring_light
@@ -149,7 +150,7 @@ def geometry_hash(geometry: SensorGeometry, response: CameraResponse) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def make(options: Options, *, width: int, seed: int, out: Path) -> dict[str, Any]:
+def make(options: Options, trainer: Trainer, *, width: int, seed: int, out: Path) -> dict[str, Any]:
     """Press, train, measure on validation presses and write the files; returns the provenance."""
     sensor = simulated_sensor(SensorGeometry(), seed=seed)
     training, validation = (
@@ -160,7 +161,7 @@ def make(options: Options, *, width: int, seed: int, out: Path) -> dict[str, Any
         )
     )
     recipe = replace(RECIPES["fast"], epochs=options.epochs, least_visits=0, place_jitter=0.0)
-    trained = train(training, recipe, width=width, seed=seed, progress=print_progress)
+    trained = train(training, recipe, trainer, width=width, progress=print_progress)
     record = record_of("fast", recipe, width, seed, trained, training, validation)
     provenance = _provenance(options, sensor, trained.network, validation, width=width, seed=seed)
     with tempfile.TemporaryDirectory(prefix=".synthetic-", dir=_made(out)) as place:
@@ -179,10 +180,10 @@ def _made(folder: Path) -> Path:
 
 
 def _provenance(
-    options: Options, sensor: Sensor, network: GelNet, validation: Table, *, width: int, seed: int
+    options: Options, sensor: Sensor, network: Trainer, validation: Table, *, width: int, seed: int
 ) -> dict[str, Any]:
     return {
-        "command": f"python -m gelnet.synthetic --width {width} --seed {seed}",
+        "command": f"python -m gelnet.synthetic --trainer {network.version.split()[0]} --width {width} --seed {seed}",
         "options": asdict(options),
         "sensor_sha256": geometry_hash(sensor.geometry, sensor.response),
         "geometry": asdict(sensor.geometry),
@@ -194,18 +195,15 @@ def _provenance(
             "python": platform.python_version(),
             "numpy": np.__version__,
             "scipy": scipy.__version__,
-            "torch": torch.__version__,
             "onnx": onnx.__version__,
         },
+        "trainer": network.version,
     }
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m gelnet.synthetic", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
-    parser.add_argument("--width", type=int, default=32, help="units in each hidden layer")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of torch")
+    add_training_options(parser)
     for name in ("presses", "rows_per_press", "epochs"):
         parser.add_argument(f"--{name.replace('_', '-')}", type=int, default=getattr(Options, name))
     return parser.parse_args(arguments)
@@ -214,11 +212,10 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     chosen = _arguments(arguments)
-    torch.set_num_threads(chosen.threads)
-    torch.use_deterministic_algorithms(True)
+    trainer = make_trainer(chosen.trainer, seed=chosen.seed, threads=chosen.threads)
     options = Options(presses=chosen.presses, rows_per_press=chosen.rows_per_press, epochs=chosen.epochs)
     try:
-        make(options, width=chosen.width, seed=chosen.seed, out=chosen.out)
+        make(options, trainer, width=chosen.width, seed=chosen.seed, out=chosen.out)
     except (TableError, ExportError, ValueError, OSError) as error:
         print(f"gelnet.synthetic: {error}", file=sys.stderr)
         return 2

@@ -1,6 +1,7 @@
 """The decoder of the dashboard's messages, which tests them."""
 
 import json
+import zlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,16 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.dashboard.messages import (
-    DEPTH_OFFSET_MM,
-    DEPTH_UNIT_MM,
-    DIFFERENCE_OFFSET,
-    MAGIC,
-    NO_DEPTH,
-    NORMAL_UNIT,
-    PREFIX,
-    VERSION,
-)
+from gellight.dashboard.messages import MAGIC, PREFIX, VERSION
+from gellight.dashboard.view import DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH, RAW_DEFLATE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,10 +20,6 @@ class View:
     header: dict[str, Any]
     image: NDArray[np.uint8]
     """(h, w, 3) RGB"""
-    difference: NDArray[np.float32]
-    """(h, w, 3) grey levels"""
-    normal_map: NDArray[np.float32]
-    """(h, w, 3) unit normals"""
     depth_mm: NDArray[np.float32]
     """(h, w) mm, NaN where there is no depth"""
     contact: NDArray[np.bool_]
@@ -51,36 +40,33 @@ def decode(message: bytes) -> View:
         for plane in header["planes"]
     }
     width, height = header["view_px"]
+    bits = np.unpackbits(np.frombuffer(inflate(planes["contact"]), np.uint8), count=height * width)
     truth = planes.get("truth")
-    bits = np.unpackbits(np.frombuffer(planes["contact"], np.uint8), count=height * width)
     return View(
         header=header,
-        image=_decode_image(planes["image"]),
-        difference=_plane(planes["difference"], np.uint8, (height, width, 3)) - np.float32(DIFFERENCE_OFFSET),
-        normal_map=_decode_normals(_plane(planes["normal"], np.int8, (height, width, 2))),
-        depth_mm=_decode_depth(_plane(planes["depth"], np.uint16, (height, width))),
+        image=decode_image(planes["image"]),
+        depth_mm=_decode_depth(planes["depth"], height, width),
         contact=bits.reshape(height, width).astype(bool),
-        truth_mm=None if truth is None else _decode_depth(_plane(truth, np.uint16, (height, width))),
+        truth_mm=None if truth is None else _decode_depth(truth, height, width),
     )
 
 
-def _decode_image(jpeg: bytes) -> NDArray[np.uint8]:
-    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+def inflate(plane: bytes) -> bytes:
+    return zlib.decompress(plane, RAW_DEFLATE)
+
+
+def decode_image(file: bytes) -> NDArray[np.uint8]:
+    """Decode a JPEG or WebP as RGB."""
+    bgr = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ValueError("the image of the message is not a JPEG")
+        raise ValueError("that is no picture")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
-def _decode_normals(codes: NDArray[np.int8]) -> NDArray[np.float32]:
-    xy = codes * np.float32(NORMAL_UNIT)
-    z = np.sqrt(np.maximum(1 - (xy**2).sum(axis=2, keepdims=True), 0))
-    return np.concatenate([xy, z], axis=2)
-
-
-def _decode_depth(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+def _decode_depth(plane: bytes, height: int, width: int) -> NDArray[np.float32]:
+    low, high = np.frombuffer(inflate(plane), np.uint8).reshape(2, height, width).astype(np.int64)
+    small = low + 256 * high
+    steps = np.where(small % 2 == 0, small // 2, -(small // 2) - 1)
+    codes = np.cumsum(np.cumsum(steps, axis=0), axis=1) % 65536
     depth = codes.astype(np.float32) * np.float32(DEPTH_UNIT_MM) - np.float32(DEPTH_OFFSET_MM)
     return np.where(codes == NO_DEPTH, np.float32(np.nan), depth)
-
-
-def _plane(block: bytes, dtype: type[np.generic], shape: tuple[int, ...]) -> NDArray[Any]:
-    return np.frombuffer(block, np.dtype(dtype).newbyteorder("<")).reshape(shape)

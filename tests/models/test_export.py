@@ -6,12 +6,14 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
-import torch
 from onnx import numpy_helper
 
 import gelnet.export
 from gelnet.export import BOUND, ExportError, export, to_onnx
-from gelnet.network import GelNet
+from gelnet.parameters import Parameters
+from gelnet.recipes import RECIPES
+from gelnet.trainers import NAMES, make_trainer
+from gelnet.training import Trainer
 
 
 @pytest.fixture
@@ -20,17 +22,21 @@ def rows() -> np.ndarray:
     return random.uniform([-60, -60, -60, 0, 0], [60, 60, 60, 639, 479], (3000, 5)).astype(np.float32)
 
 
-@pytest.fixture
-def network(rows: np.ndarray) -> GelNet:
-    torch.manual_seed(0)
-    made = GelNet(16)
-    made.fit_range(torch.from_numpy(rows), torch.full((len(rows), 2), 1.5))
-    return made.eval()
+@pytest.fixture(params=NAMES)
+def network(request: pytest.FixtureRequest, rows: np.ndarray) -> Trainer:
+    """What either trainer begins with."""
+    made = make_trainer(request.param, seed=0)
+    made.begin(rows, np.full((len(rows), 2), 1.5, np.float32), width=16, recipe=RECIPES["fast"])
+    return made
 
 
-def test_the_file_keeps_the_contract_with_the_host(network: GelNet, rows: np.ndarray, tmp_path: Path) -> None:
+def written(network: Trainer, path: Path, rows: np.ndarray, **summary: str) -> float:
+    return export(network.parameters(), path, rows=rows, answer=network.answer, summary=summary)
+
+
+def test_the_file_keeps_the_contract_with_the_host(network: Trainer, rows: np.ndarray, tmp_path: Path) -> None:
     path = tmp_path / "network.onnx"
-    assert export(network, path, rows=rows, summary={"seed": "7"}) <= BOUND
+    assert written(network, path, rows, seed="7") <= BOUND
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     (given,), (answered,) = session.get_inputs(), session.get_outputs()
     assert (given.name, given.shape, given.type) == ("pixels", ["N", 5], "tensor(float)")
@@ -44,23 +50,21 @@ def test_the_file_keeps_the_contract_with_the_host(network: GelNet, rows: np.nda
     assert "d(depth)/dx" in properties["outputs"]
 
 
-def test_it_answers_what_torch_answers(network: GelNet, rows: np.ndarray, tmp_path: Path) -> None:
+def test_it_answers_what_the_trainer_answers(network: Trainer, rows: np.ndarray, tmp_path: Path) -> None:
     path = tmp_path / "network.onnx"
-    export(network, path, rows=rows)
+    written(network, path, rows)
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    with torch.no_grad():
-        trained = network(torch.from_numpy(rows)).numpy()
-    np.testing.assert_allclose(session.run(None, {"pixels": rows})[0], trained, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(session.run(None, {"pixels": rows})[0], network.answer(rows), rtol=1e-4, atol=1e-5)
 
 
-def test_the_same_network_gives_the_same_bytes(network: GelNet, rows: np.ndarray, tmp_path: Path) -> None:
+def test_the_same_network_gives_the_same_bytes(network: Trainer, rows: np.ndarray, tmp_path: Path) -> None:
     for name in ("a", "b"):
-        export(network, tmp_path / name, rows=rows, summary={"z": "1", "a": "2"})
+        written(network, tmp_path / name, rows, z="1", a="2")
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 def tampered(layer: int, change: float):
-    def write(network: GelNet, summary: dict[str, str]) -> onnx.ModelProto:
+    def write(network: Parameters, summary: dict[str, str]) -> onnx.ModelProto:
         model = to_onnx(network, summary)
         weight = numpy_helper.to_array(model.graph.initializer[2 * layer]).copy()
         weight.flat[0] += change
@@ -74,21 +78,21 @@ def tampered(layer: int, change: float):
 def test_a_file_that_differs_is_refused_and_removed(
     layer: int,
     change: float,
-    network: GelNet,
+    network: Trainer,
     rows: np.ndarray,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(gelnet.export, "to_onnx", tampered(layer, change))
     with pytest.raises(ExportError, match=r"differs from the trained network by .* rad"):
-        export(network, tmp_path / "network.onnx", rows=rows)
+        written(network, tmp_path / "network.onnx", rows)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_that_cannot_run_is_removed(
-    network: GelNet, rows: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    network: Trainer, rows: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gelnet.export, "to_onnx", lambda network, summary: onnx.ModelProto())
     with pytest.raises(ExportError, match="cannot be run"):
-        export(network, tmp_path / "network.onnx", rows=rows)
+        written(network, tmp_path / "network.onnx", rows)
     assert list(tmp_path.iterdir()) == []

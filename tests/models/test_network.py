@@ -4,7 +4,8 @@ import pytest
 import torch
 from torch import nn
 
-from gelnet.network import STEEPEST_RAD, GelNet
+from gelnet.network import GelNet
+from gelnet.parameters import STEEPEST_RAD
 
 
 def pixels(count: int, seed: int = 0) -> torch.Tensor:

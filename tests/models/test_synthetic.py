@@ -15,6 +15,7 @@ from gellight.simulator import scene as gellight_scene
 from gellight.simulator.scene import Press, Scene
 from gelnet import synthetic
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
+from gelnet.trainers import NAMES
 from sim_reference.camera import CameraResponse, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
@@ -67,9 +68,12 @@ def test_a_seed_repeats_its_presses_and_validation_presses_are_no_training_press
     assert not training & validation
 
 
-def test_the_command_writes_everything_the_bundle_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("trainer", NAMES)
+def test_the_command_writes_everything_the_bundle_needs(
+    trainer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "made"
-    arguments = ["--presses", "4", "--rows-per-press", "200", "--epochs", "2", "--width", "8"]
+    arguments = ["--trainer", trainer, "--presses", "4", "--rows-per-press", "200", "--epochs", "2", "--width", "8"]
     assert main(["--out", str(out), *arguments]) == 0
     assert sorted(path.name for path in out.iterdir()) == [
         "network.onnx",
@@ -80,13 +84,15 @@ def test_the_command_writes_everything_the_bundle_needs(tmp_path: Path, capsys: 
     assert [json.loads(line)["epoch"] for line in capsys.readouterr().out.splitlines()] == [1, 2]
     provenance = json.loads((out / "provenance.json").read_text())
     assert provenance["options"]["presses"] == 4
+    assert provenance["trainer"].split()[0] == trainer
     assert provenance["validation_normal_error_deg"]["mean"] > 0
     assert len(provenance["light"]) == 12
     assert np.load(out / "reference.npy").shape == (480, 640, 3)
 
 
 def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    assert main(["--out", str(tmp_path / "made"), "--presses", "1", "--rows-per-press", "50", "--epochs", "1"]) == 2
+    few = ["--presses", "1", "--rows-per-press", "50", "--epochs", "1"]
+    assert main(["--trainer", "numpy", "--out", str(tmp_path / "made"), *few]) == 2
     assert not (tmp_path / "made").exists()
 
 

@@ -29,5 +29,9 @@ class ServerError(GellightError):
     """The dashboard cannot be served (for example: the port is in use)."""
 
 
+class StreamError(GellightError):
+    """Frames cannot be published or received, or what was received is no frame of this version."""
+
+
 class BoardError(GellightError):
     """The board of the light ring cannot be reached, speaks another protocol, or refuses what was asked."""

@@ -124,6 +124,19 @@ class DashboardSettings(StrictModel):
     port: int = Field(default=8420, ge=0, le=65535, description="port on 127.0.0.1; 0: any free one")
 
 
+class StreamSettings(StrictModel):
+    """Frames for other programs; see docs/streaming.md."""
+
+    enabled: bool = Field(default=True, description="publish frames to other programs of this computer")
+    name: str = Field(default="", description="under which the sensor is found; empty: the sensor's own")
+    lan: bool = Field(
+        default=False, description="accept other computers too; whoever reaches the port may read and press"
+    )
+    zenoh_config: str = Field(
+        default="", description="file of zenoh's own settings, for TLS and access control; empty: none"
+    )
+
+
 class Settings(StrictModel):
     """All settings."""
 
@@ -132,6 +145,7 @@ class Settings(StrictModel):
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
+    stream: StreamSettings = Field(default_factory=StreamSettings)
 
 
 SECTIONS: dict[str, Any] = {name: field.annotation for name, field in Settings.model_fields.items()}

@@ -159,12 +159,21 @@ def load_bundle(path: str | Path) -> Bundle:
         return _load(str(place), lambda name: (place / name).read_bytes())
     if not place.exists():
         raise BundleError(f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'")
+    return _unpacked(place, str(place))
+
+
+def unpack_bundle(content: bytes, source: str) -> Bundle:
+    """Load and check a bundle from the content of a `.gelcal` file that came from `source`; raises BundleError."""
+    return _unpacked(io.BytesIO(content), source)
+
+
+def _unpacked(packed: Path | io.BytesIO, source: str) -> Bundle:
     try:
-        with zipfile.ZipFile(place) as archive:
-            _check_archive(archive, place)
-            return _load(str(place), archive.read)
+        with zipfile.ZipFile(packed) as archive:
+            _check_archive(archive, source)
+            return _load(source, archive.read)
     except (zipfile.BadZipFile, EOFError, OSError) as error:
-        raise BundleError(f"{place} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
+        raise BundleError(f"{source} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
 
 
 class Description(TypedDict, total=False):
@@ -248,16 +257,21 @@ def pack_bundle(bundle: Bundle, path: str | Path, *, overwrite: bool = False) ->
         raise BundleError(f"{target} does not end in {SUFFIX}: give {target.with_suffix(SUFFIX)}")
     if target.exists() and not overwrite:
         raise BundleError(f"{target} exists: choose another name or allow overwriting")
+    try:
+        write_file(target, packed_bundle(bundle))
+    except OSError as error:
+        raise _not_written(target, error) from error
+    return target
+
+
+def packed_bundle(bundle: Bundle) -> bytes:
+    """Return the content of a `.gelcal` file."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(MANIFEST, manifest_toml(bundle.manifest))
         for name, content in bundle.files.items():
             archive.writestr(name, content)
-    try:
-        write_file(target, packed.getvalue())
-    except OSError as error:
-        raise _not_written(target, error) from error
-    return target
+    return packed.getvalue()
 
 
 def _synthetic_folder() -> Path:
@@ -310,7 +324,7 @@ def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str)
     return content
 
 
-def _check_archive(archive: zipfile.ZipFile, place: Path) -> None:
+def _check_archive(archive: zipfile.ZipFile, place: str) -> None:
     """Refuse names that leave the bundle and archives that would fill the memory."""
     for entry in archive.infolist():
         try:

@@ -10,6 +10,7 @@ presses     pressing.py, coverage.py, live_error.py     ball presses, found and 
 fit         fitting.py                                  the network, in a child process
 verify      verifying.py                                fresh presses, and the verdict
 
-`records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py`
-makes a page of it. `run.py` is what the steps share. `lens/` and `lights/` measure the lens and the light of each LED.
+`readiness.py` checks before the first step what all of them need. `records.py` says what is measured, `state.py` and
+`folder.py` keep it on disk, `display.py` shows it, `report.py` makes a page of it. `run.py` is what the steps share.
+`lens/` and `lights/` measure the lens and the light of each LED.
 """

@@ -24,7 +24,6 @@ def fit(run: CalibrationRun) -> None:
     losses: list[float] = []
 
     def report(epoch: int, epochs: int, loss: float) -> None:
-        run.next_action()  # raises where the user aborts, which ends the child
         losses.append(loss)
         run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 
@@ -39,5 +38,6 @@ def fit(run: CalibrationRun) -> None:
         table_options=TABLE,
         overwrite=True,
         progress=report,
+        check=run.check_stopped,
     )
     run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": losses}))

@@ -203,6 +203,8 @@ class TrainingRecord(Record):
 
     images: int
     cpu_seconds: float
+    trainer: str = "torch"
+    """the library that trained, and its version; a calibration begun by an older version has none of this: torch"""
     held_out_images: tuple[int, ...]
     held_out_normal_error_deg: ErrorSpread
 

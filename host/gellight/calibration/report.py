@@ -273,9 +273,9 @@ def _training(found: Fit) -> str:
     curve = Series("loss", range(1, len(found.losses) + 1), found.losses)
     return section(
         "Network",
-        f"<p>Trained on {training.images} presses in {training.cpu_seconds:.1f} CPU seconds; error of single "
-        f"pixels on {len(training.held_out_images)} presses held out: {training.held_out_normal_error_deg.mean:.2f} "
-        "degrees.</p>",
+        f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
+        f"seconds; error of single pixels on {len(training.held_out_images)} presses held out: "
+        f"{training.held_out_normal_error_deg.mean:.2f} degrees.</p>",
         box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
     )
 

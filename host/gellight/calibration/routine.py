@@ -29,6 +29,7 @@ from gellight.calibration.untouched import compare_with_reference, take_referenc
 from gellight.calibration.verifying import verify
 from gellight.frames.camera import Camera
 from gellight.simulator.virtual_hand import VirtualHand
+from gellight.training.rehearsal import rehearse
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +55,7 @@ class Routine:
 
         folder: where the state is kept; what an interrupted routine left there is taken up. hand: presses where nobody
         does. install: puts a bundle that passed into service.
-        Raises InputError or BundleError at once for a folder or a bundle of another sensor.
+        Raises InputError or BundleError at once for what could not be written at the end, see `readiness`.
         """
         self._calibration = CalibrationRun(camera, options, folder, hand=hand)
         self._install = install
@@ -152,6 +153,9 @@ class Routine:
 
 def _run_steps(run: CalibrationRun) -> Bundle | None:
     """Go through all steps and return the bundle that passed, None where the verdict was bad."""
+    if run.folder.done("fit") is None:
+        run.display.update(instruction="Whether a network can be trained here is tried out first.")
+        rehearse(run.options.training.trainer, check=run.check_stopped)
     for step, first, again in (
         ("prepare", prepare, prepare_again),
         ("reference", take_reference, compare_with_reference),

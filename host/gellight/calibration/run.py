@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gellight.base.errors import BundleError, CameraError, GellightError, InputError
-from gellight.bundle.bundle import load_bundle
+from gellight.base.errors import CameraError, GellightError
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.display import STEPS, Display
 from gellight.calibration.folder import Folder
+from gellight.calibration.readiness import check_target
 from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
@@ -27,8 +27,8 @@ class CalibrationRun:
     def __init__(
         self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: VirtualHand | None = None
     ) -> None:
-        """Open the state in `folder`; InputError or BundleError for the folder or bundle of another sensor."""
-        _check_target(options, camera.image_shape)
+        """Open the state in `folder`; InputError or BundleError for a folder or a bundle that cannot be written."""
+        check_target(options, folder, camera.image_shape)
         if camera.stage is not None:
             camera.stage.take_over()
         self.camera = camera
@@ -58,10 +58,14 @@ class CalibrationRun:
             raise Aborted
         return action, arguments
 
-    def frame(self) -> CameraFrame:
-        """Wait for the next frame; Aborted if the user stops meanwhile, CameraError if no more come."""
+    def check_stopped(self) -> None:
+        """Raise Aborted if the user wants to stop."""
         if self._stopped.is_set():
             raise Aborted
+
+    def frame(self) -> CameraFrame:
+        """Wait for the next frame; Aborted if the user stops meanwhile, CameraError if no more come."""
+        self.check_stopped()
         try:
             return self.camera.read()
         except EndOfStream as error:
@@ -111,22 +115,3 @@ def _identity(camera: Camera, options: RoutineOptions) -> Identity:
         cylinder_diameter_mm=options.cylinder_diameter_mm,
         pin_pitch_mm=options.pin_pitch_mm,
     )
-
-
-def _check_target(options: RoutineOptions, image_shape: tuple[int, int]) -> None:
-    """Refuse before any work what could not be written at its end."""
-    if not options.out.exists():
-        return
-    if not options.overwrite:
-        raise InputError(f"{options.out} exists: choose another name or allow overwriting")
-    old = load_bundle(options.out)
-    if old.manifest.sensor != options.sensor:
-        raise BundleError(
-            f"{options.out} is the bundle of sensor {old.manifest.sensor!r}, not of {options.sensor!r}: "
-            "choose another name for the new one"
-        )
-    if old.image_shape != image_shape:
-        raise BundleError(
-            f"{options.out} is for pictures of {old.image_shape[1]} x {old.image_shape[0]} px, the camera delivers "
-            f"{image_shape[1]} x {image_shape[0]} px: choose another name for the new one"
-        )

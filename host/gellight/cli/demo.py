@@ -10,7 +10,7 @@ import typer
 
 from gellight.cli.advice import activation
 from gellight.cli.options import AsJson, simulated_settings, with_options
-from gellight.cli.run import Running, follow, served, table
+from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
 
 FRAME_TIMEOUT_S = 20.0
@@ -25,7 +25,12 @@ def command(
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
     settings = simulated_settings({"sensor.url": sensor, **running.flags()})
-    with running.ended_by_hand(), open_session(settings) as daemon, served(daemon, settings) as url:
+    with (
+        running.ended_by_hand(),
+        open_session(settings) as daemon,
+        served(daemon, settings) as url,
+        published(daemon, settings),
+    ):
         if browser and not running.frames:
             open_browser(url)
         summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)

@@ -1,6 +1,7 @@
 """`gellight doctor`: what stands between a sensor and good frames, each finding with its remedy."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ from gellight.sensor.connection import Surroundings
 from gellight.sensor.doctor import examine
 from gellight.sensor.findings import Finding, Level
 from gellight.sensor.v4l2.kernel import LINUX
+from gellight.training.rehearsal import check_trainer
 
 
 def command(
@@ -22,12 +24,12 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check computer, USB, camera, light ring and frames.
+    """Check computer, USB, camera, light ring, frames and training.
 
     The exit status is 1 when something prevents use.
     """
     findings = []
-    for finding in examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd()):
+    for finding in _findings(sensor):
         findings.append(replace(finding, remedy=typeable(finding.remedy)))
         if not as_json:
             print(line(findings[-1]), flush=True)
@@ -35,6 +37,11 @@ def command(
         print(json.dumps({"findings": [finding.as_json() for finding in findings]}))
     if any(finding.level is Level.PROBLEM for finding in findings):
         raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _findings(sensor: str | None) -> Iterator[Finding]:
+    yield from examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd())
+    yield check_trainer()
 
 
 def line(finding: Finding) -> str:

@@ -52,6 +52,7 @@ def flash(
     drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
 ) -> None:
     """Flash the board at a port, or the one that waits in its boot loader; then open it and compare the image."""
+    # the driver of the ring needs NumPy, which the other verbs do without
     from gellight.ring.firmware.flash import check_board, copy_uf2, flash_board
     from gellight.ring.transport import board_ports, find_port
 

@@ -13,8 +13,11 @@ VERBS = lazy_group(
     {
         "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
         "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
+        "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
+        "replay": ("replay:command", "Play a recording as if it were a sensor."),
+        "export": ("export:command", "Turn a recording into arrays, pictures, point clouds or a video."),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
-        "doctor": ("doctor:command", "Check computer, USB, camera, light ring and frames."),
+        "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
         "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,6 +25,8 @@ from gellight.daemon.daemon import Daemon
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.opening import REAL
+from gellight.stream.network import LAN_PORT
+from gellight.stream.publisher import Publisher
 
 STATUS_S = 1.0
 WAIT_S = 0.5
@@ -42,6 +45,12 @@ class Running:
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
+    publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
+        None
+    )
+    name: Annotated[str | None, typer.Option(help="Name to publish under.", show_default="that of the sensor")] = None
+    lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
+    zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
     def flags(self) -> dict[str, object]:
@@ -50,7 +59,15 @@ class Running:
         A run of a number of frames is for programs, several of which may run at once: its port is a free one.
         """
         port = 0 if self.frames and self.port is None else self.port
-        return {"sensor.calibration": self.calibration, "dashboard.port": port, "reconstruction.mode": self.mode}
+        return {
+            "sensor.calibration": self.calibration,
+            "dashboard.port": port,
+            "reconstruction.mode": self.mode,
+            "stream.enabled": self.publish,
+            "stream.name": self.name,
+            "stream.lan": self.lan,
+            "stream.zenoh_config": self.zenoh_config,
+        }
 
     def ended_by_hand(self) -> AbstractContextManager[None]:
         """Return what takes Ctrl-C and SIGTERM for the proper end, unless a number of frames was asked for."""
@@ -73,8 +90,17 @@ def command(
 
     While it is unplugged the status is served, and the sensor is looked for.
     """
-    settings = load_settings({"sensor.url": sensor, **running.flags()})
-    with running.ended_by_hand(), open_session(settings) as daemon, served(daemon, settings, dashboard):
+    run_sensor(load_settings({"sensor.url": sensor, **running.flags()}), running, dashboard=dashboard, as_json=as_json)
+
+
+def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
+    """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
+    with (
+        running.ended_by_hand(),
+        open_session(settings) as daemon,
+        served(daemon, settings, dashboard),
+        published(daemon, settings),
+    ):
         summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
         print(json.dumps(summary) if as_json else table(summary))
 
@@ -93,6 +119,20 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
         )
     if told:
         print(typeable(f"gellight: the bundle `synthetic` is of {told}"), file=sys.stderr)
+
+
+@contextmanager
+def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
+    """Publish the frames to other programs, unless the settings say no."""
+    chosen = settings.stream
+    if not chosen.enabled:
+        yield
+        return
+    config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
+    with Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config) as publisher:
+        there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
+        print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+        yield
 
 
 @contextmanager

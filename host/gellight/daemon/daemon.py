@@ -6,16 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gellight.base.errors import CameraError, GellightError, InputError
+from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
+from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.setting import Setting
-from gellight.daemon.stream import SharedCamera, Stream
 from gellight.frames.camera import Camera, PressStage
-from gellight.frames.frames import FrameJudge, SelfCheckResult, TactileFrame
+from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
+VERIFIED = ("presses", "depth_mm", "true_depth_mm", "normal_deg")
+"""what the status says of the verification of the bundle: see `calibration.records.Verification`"""
 CALIBRATING_PAUSE_S = 0.3
 """between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
 nothing"""
@@ -30,6 +36,27 @@ class _InUse:
     reconstructor: FramePath
     watch: SensorWatch | None
     selfcheck: FrameJudge | None
+
+    @property
+    def verified(self) -> dict[str, object] | None:
+        """The mean errors of the bundle on fresh presses; None where none were made, or it says nothing of them."""
+        figures = self.bundle.metrics.get("verification")
+        return {name: value for name, value in figures.items() if name in VERIFIED} if figures else None
+
+    def reconstruct(self, frame: CameraFrame) -> TactileFrame:
+        """Reconstruct a frame, and say with what that was done."""
+        taken_s = time.monotonic()
+        felt = self.reconstructor.reconstruct(frame)
+        zeroed, now_s = self.reconstructor.bundle, time.monotonic()
+        provenance = Provenance(
+            calibration=self.bundle.identity,
+            zero=zeroed.identity,
+            pixel_size_mm=zeroed.pixel_size_mm,
+            unix_s=time.time() - (now_s - frame.time_s),
+            ages_s={"taken": taken_s - frame.time_s, "reconstructed": now_s - frame.time_s},
+            findings=tuple(finding.kind for finding in self.watch.findings()) if self.watch else (),
+        )
+        return replace(felt, provenance=provenance)
 
 
 class Daemon:
@@ -58,20 +85,20 @@ class Daemon:
         self._changing = threading.RLock()
         """held while bundle, zero or light are changed"""
         self._selfcheck_result: SelfCheckResult | None = None
-        self._stream = Stream(camera, lambda frame: self._in_use.reconstructor.reconstruct(frame))
+        self._threads = FrameThreads(camera, lambda frame: self._in_use.reconstruct(frame))
         if selfcheck:
-            self._stream.also(self.check, SELFCHECK_PERIOD_S)
+            self._threads.also(self.check, SELFCHECK_PERIOD_S)
         if watch:
-            self._stream.also(self._watch_now_and_then, PERIOD_S)
+            self._threads.also(self._watch_now_and_then, PERIOD_S)
 
     def __enter__(self) -> Self:
         """Start the threads."""
-        self._stream.start()
+        self._threads.start()
         return self
 
     def __exit__(self, *problem: object) -> None:
         """Stop the threads and close the camera, which makes the LEDs dark."""
-        self._stream.stop()
+        self._threads.stop()
         with self._changing:  # nobody lights the LEDs after that
             self._camera.close()
 
@@ -96,9 +123,14 @@ class Daemon:
         return self._in_use.bundle
 
     @property
+    def zeroed_bundle(self) -> Bundle:
+        """The bundle in use with the zero in use."""
+        return self._in_use.reconstructor.bundle
+
+    @property
     def camera(self) -> Camera:
         """The camera as another reader sees it: its newest frames, controls and ring; closing it does nothing."""
-        return SharedCamera(self._camera, self._stream.captured)
+        return SharedCamera(self._camera, self._threads.captured)
 
     @property
     def watch(self) -> SensorWatch | None:
@@ -141,11 +173,11 @@ class Daemon:
 
         Raises CameraError once the daemon is stopped, else as `Setting.apply`.
         """
-        if self._stream.ended:
+        if self._threads.ended:
             raise CameraError(f"{self._camera.url} was stopped: its LEDs stay dark")
         before = setting.apply(self._camera)
-        self._stream.note("setting", None)
-        self._stream.throw_away()
+        self._threads.note("setting", None)
+        self._threads.throw_away()
         return before
 
     def lend(self) -> None:
@@ -155,7 +187,7 @@ class Daemon:
         """
         with self._changing:
             self._lent = Setting.of(self._camera)
-            self._stream.pause_s = CALIBRATING_PAUSE_S
+            self._threads.pause_s = CALIBRATING_PAUSE_S
             if self.watch is not None:
                 self.watch.paused = True
 
@@ -165,17 +197,30 @@ class Daemon:
         What goes wrong stands in the status until it has been done. After the daemon was stopped nothing is lit.
         """
         with self._changing:
-            if self._lent is None or self._stream.ended:
+            if self._lent is None or self._threads.ended:
                 return True
             try:
                 self._set(Setting.said_by(self._in_use.bundle).over(self._lent))
             except GellightError as error:
-                self._stream.note("setting", f"the sensor is not set as its bundle says: {error}")
+                self._threads.note("setting", f"the sensor is not set as its bundle says: {error}")
                 return False
-            self._lent, self._stream.pause_s = None, 0.0
+            self._lent, self._threads.pause_s = None, 0.0
             if self.watch is not None:
                 self.watch.paused = False
             return True
+
+    def light(self, colours: NDArray[np.uint8] | None) -> None:
+        """Show (12, 3) uint8 RGB on the LEDs from now on, or the light of the bundle again (None).
+
+        Depth means something only under the light of the bundle. Raises InputError while a calibration goes on or
+        where the sensor has no ring, else as `Camera.adopt`.
+        """
+        with self._changing:
+            if self._lent is not None:
+                raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
+            if self._camera.ring is None:
+                raise InputError(f"{self._camera.url} has no light ring that can be driven")
+            self._set(Setting(controls={}, colours=self.bundle.colours if colours is None else colours))
 
     def rezero(self, *, asked: bool = True) -> None:
         """Set the zero of the depth to the gel as it is now; the stream goes on.
@@ -194,6 +239,16 @@ class Daemon:
 
     # ---- what comes out ----
 
+    @property
+    def captured(self) -> Mailbox[CameraFrame]:
+        """The newest camera frame; `copied` gives them all."""
+        return self._threads.captured
+
+    @property
+    def delivered(self) -> Mailbox[TactileFrame]:
+        """The newest tactile frame; `copied` gives them all."""
+        return self._threads.delivered
+
     def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
         """Wait for a tactile frame whose camera sequence number is greater than `after_sequence`.
 
@@ -202,7 +257,7 @@ class Daemon:
         deadline = time.monotonic() + timeout_s
         number = 0
         while True:
-            number, frame = self._stream.delivered.take(number, max(deadline - time.monotonic(), 0.0))
+            number, frame = self._threads.delivered.take(number, max(deadline - time.monotonic(), 0.0))
             if frame.camera_frame.sequence > after_sequence:
                 return frame
 
@@ -219,18 +274,22 @@ class Daemon:
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
         mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
-        same names), calibration {sensor, identity}, watch (None, or see `SensorWatch.status`), error (text or None) and
-        camera (what the camera says).
+        same names), calibration {sensor, identity, verified: None, or its errors on fresh presses}, watch (None, or
+        see `SensorWatch.status`), error (text or None) and camera (what the camera says).
         """
         result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {
             "sensor": self._camera.url,
             **used.reconstructor.status(),
-            **self._stream.statistics.as_json(time.monotonic()),
+            **self._threads.statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
-            "calibration": {"sensor": used.bundle.manifest.sensor, "identity": used.bundle.identity},
+            "calibration": {
+                "sensor": used.bundle.manifest.sensor,
+                "identity": used.bundle.identity,
+                "verified": used.verified,
+            },
             "watch": used.watch.status() if used.watch else None,
-            "error": self._stream.problem or camera.get("why"),
+            "error": self._threads.problem or camera.get("why"),
             "camera": camera,
         }
 

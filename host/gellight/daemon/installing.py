@@ -165,9 +165,12 @@ def _configure(ring: LightRing, configuration: Configuration) -> None:
 def bundle_of(camera: Camera, store: BundleStore, *, default: str | None = None) -> Bundle:
     """Return the bundle of the sensor behind a camera: the one its board names, else the one in service for it.
 
+    That of a recording came with its frames.
     default: names the bundle of a sensor that has none yet; for the simulated sensor it is the one that comes with
     GelLight. Raises BundleError where there is none, or where the bundle that the board names is of another sensor.
     """
+    if camera.bundle is not None:
+        return camera.bundle
     sensor = sensor_name(camera)
     identity = camera.ring.configuration().bundle if camera.ring is not None else b""
     if any(identity) and set(identity) != {0xFF}:

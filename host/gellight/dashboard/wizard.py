@@ -20,7 +20,8 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import GellightError
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
 from gellight.dashboard.commands import explain
-from gellight.dashboard.messages import jpeg, without_nan
+from gellight.dashboard.messages import without_nan
+from gellight.dashboard.view import jpeg
 
 logger = logging.getLogger(__name__)
 

@@ -15,6 +15,7 @@ from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press, Scene
 from gellight.training.child import Progress, run_module, silent
+from gellight.training.trainer import TrainerName, chosen_trainer
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
@@ -116,7 +117,14 @@ def _jacobian(scene: Scene, surface: Surface, step: float = 1e-4) -> Array:
 
 
 def make_synthetic(
-    out: Path, *, width: int, seed: int = 0, threads: int = 1, overwrite: bool = False, progress: Progress = silent
+    out: Path,
+    *,
+    width: int,
+    seed: int = 0,
+    threads: int = 1,
+    trainer: TrainerName = "auto",
+    overwrite: bool = False,
+    progress: Progress = silent,
 ) -> Bundle:
     """Train GelNet on simulated presses in a child process, write the bundle and measure it on test presses.
 
@@ -124,8 +132,8 @@ def make_synthetic(
     """
     with tempfile.TemporaryDirectory(prefix="gellight-synthetic-") as folder:
         place = Path(folder)
-        arguments = ["--out", folder, "--width", str(width), "--seed", str(seed), "--threads", str(threads)]
-        run_module("gelnet.synthetic", arguments, progress)
+        arguments = ["--out", folder, "--width", str(width), "--seed", str(seed)]
+        run_module("gelnet.synthetic", arguments, progress, trainer=chosen_trainer(trainer), threads=threads)
         training = json.loads((place / "training.json").read_text())
         draft = _written(place, place / "draft", {"training": training})
         # Measured through the bundle as it will be loaded, then written once with what was measured.

@@ -7,10 +7,11 @@ from the centre of the image.
 What holds arrays is equal to itself alone: comparing arrays gives no single answer.
 """
 
+import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,11 @@ class GroundTruth:
     """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
     contact: NDArray[np.bool_]
     """(H, W) where the object touches the gel (contact pressure above zero)"""
+    object_name: str = ""
+    """what is pressed; empty: nothing, or it is not known"""
+    press_depth_mm: float = 0.0
+    place_mm: tuple[float, float] = (0.0, 0.0)
+    """(x, y) of the object's middle from the image centre"""
 
     def __repr__(self) -> str:
         """Return size and largest depth in one line."""
@@ -57,6 +63,17 @@ class LightLabel:
     """index of the group; None unless the frame is clean"""
 
 
+@dataclass(frozen=True, kw_only=True)
+class EncodedImage:
+    """A picture as the camera gave it, before it was decoded."""
+
+    data: bytes
+    letters: str
+    """format, as V4L2 names it: MJPG, YUYV, RGB3 or GREY"""
+    line_bytes: int
+    """of a picture line in `data`; 0: there is nothing between the lines, or the picture is compressed"""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFrame:
     """One picture of the gel."""
@@ -75,6 +92,8 @@ class CameraFrame:
     """the light group of a sequence that lit it; None where no sequence runs"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
+    encoded: EncodedImage | None = None
+    """what `image` was decoded from, for recordings; None where it was not"""
 
     def __repr__(self) -> str:
         """Return size, number, time and light in one line."""
@@ -179,6 +198,27 @@ class ExposureReport:
         }
 
 
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """With what a tactile frame was computed, when, and what is known against it."""
+
+    calibration: str
+    """identity of the calibration bundle"""
+    zero: str
+    """identity of that bundle with the reference image that was subtracted; another one after each re-zero"""
+    pixel_size_mm: tuple[float, float]
+    """(x, y) size of a pixel of the maps on the gel"""
+    unix_s: float
+    """start of the exposure on the clock of `time.time`, which other machines have too"""
+    ages_s: Mapping[str, float]
+    """time since the start of the exposure when the frame was `taken` from the camera, `reconstructed`, `published`
+    and `received`; the last two only where it came from another process"""
+    findings: tuple[str, ...] = ()
+    """kinds of what the watch has found, such as "drift" or "led_dead"; see docs/watch.md"""
+    dropped: int = 0
+    """camera frames between the last tactile frame that this reader had and this one"""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TactileFrame:
     """What the sensor feels in one camera frame."""
@@ -198,6 +238,16 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
+    provenance: Provenance | None = None
+    """None where no daemon ran, as for the images of `gellight reconstruct`"""
+
+    def with_dropped(self, dropped: int) -> Self:
+        """Return the same frame, whose maps are not copied, with another count of frames dropped before it."""
+        if self.provenance is None or self.provenance.dropped == dropped:
+            return self
+        other = copy.copy(self)
+        object.__setattr__(other, "provenance", replace(self.provenance, dropped=dropped))
+        return other
 
     def __repr__(self) -> str:
         """Return size, number, time and contact in one line."""
@@ -214,7 +264,7 @@ class SelfCheckResult:
     depth_error_mm: float
     """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
     shape_error_mm: float
-    """the same after the best constant is taken off"""
+    """the same after the best constant is taken off: no verdict rests on it"""
     normal_error_deg: float
     """mean angle between the normals over the whole map"""
     contact_normal_error_deg: float
@@ -226,16 +276,23 @@ class SelfCheckResult:
     indentation_mm: float
     true_indentation_mm: float
     bounds: Mapping[str, float]
-    """by the names of the errors they bound"""
+    """by the names of the errors they bound; none where it is not judged"""
+    not_judged: str = ""
+    """why there are no bounds for what is pressed; empty where there are"""
 
     @property
     def passed(self) -> bool:
-        """Whether every error is within its bound."""
-        return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+        """Whether it is judged, and every error is within its bound."""
+        return not self.not_judged and all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    @property
+    def verdict(self) -> str:
+        """Return passed, failed or not judged."""
+        return "not judged" if self.not_judged else "passed" if self.passed else "failed"
 
     def as_json(self) -> dict[str, object]:
         """Return the numbers, rounded for people."""
-        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed}
+        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed, "verdict": self.verdict}
         return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
 
 

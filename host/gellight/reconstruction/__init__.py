@@ -1,7 +1,14 @@
 """Arrays in, depth out; no device.
 
 pipeline.py      Reconstructor: the way from a camera frame to a tactile frame
-gelnet.py        the network in ONNX Runtime: difference image to gradient map
+numpy_path.py    that way in NumPy, SciPy and OpenCV
+stages.py        the names and times of its stages, and the frame at its end
+gelnet.py        difference image to gradient map, pixel by pixel; which pixels are touched
+linearised.py    the same from the network and its Jacobian at the means of cells, which is faster
+network_session.py  the network in ONNX Runtime
+jacobian.py      the network that also answers its Jacobian, made from the file of the bundle
+onnx_messages.py    ONNX files, read and extended
+at_rest.py       where the gel is at rest
 pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it
@@ -9,6 +16,7 @@ smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched
+native/          the frame path in C, for the processors it is built for
 lens/            the distortion of a lens, taken out of the gradient map
 photometric/     slopes measured from several exposures instead of learnt
 """

@@ -14,21 +14,19 @@ answer is its slope. Three things make a frame cheap and quiet:
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.base.errors import BundleError
+from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
 Floats = NDArray[np.float32]
 
 BLOCK_ROWS = 4096
-_CELL = 4
-_COARSE = 8
+CELL_PX = 4
+COARSE_PX = 8
 """pixels a side over which the difference is averaged where it is not significant"""
-_SIGNIFICANT = 6.0
-_REMEDY = "train the network again with this GelLight and write a new bundle"
+SIGNIFICANT = 6.0
 
 
 class GradientNetwork:
@@ -64,26 +62,28 @@ class GradientNetwork:
         if threads < 1 or not noise_grey >= 0:
             raise ValueError(f"threads {threads}, noise_grey {noise_grey} out of range")
         self.image_shape = image_shape
-        self._source = source
-        self._session = _session(network, threads, source)
+        self.session = NetworkSession(network, threads=threads, source=source)
         # Rounding to whole grey levels adds 1/12 to the variance of a camera that is otherwise quiet.
-        self._noise = float(np.sqrt(noise_grey**2 + 1 / 12))
+        self.noise = float(np.sqrt(noise_grey**2 + 1 / 12))
         self._rows = np.zeros((BLOCK_ROWS, 5), np.float32)
         rows, columns = np.indices(image_shape, dtype=np.float32)
-        self._position = np.stack([columns.ravel(), rows.ravel()], axis=1)  # (H * W, 2) x, y in px
-        self._zero = self._infer(np.zeros((len(self._position), 3), np.float32), self._position)
-        self._coarse_position, *self._to_pixels = _coarse_grid(image_shape)
-        self._coarse_zero = self._infer(np.zeros((len(self._coarse_position), 3), np.float32), self._coarse_position)
+        self.position = np.stack([columns.ravel(), rows.ravel()], axis=1)  # (H * W, 2) x, y in px
+        self.zero = self.infer(np.zeros((len(self.position), 3), np.float32), self.position)
+        self.coarse_position, *self._to_pixels = _coarse_grid(image_shape)
+        self.coarse_zero = self.infer(np.zeros((len(self.coarse_position), 3), np.float32), self.coarse_position)
 
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels whose (H, W, 3) difference image is significant, as the class documents it."""
+        return spread_blocks(self.touched_cells(difference), CELL_PX, self.image_shape)
+
+    def touched_cells(self, difference: Floats) -> NDArray[np.bool_]:
+        """Mark the (ceil(H / 4), ceil(W / 4)) cells that `touched` spreads to pixels."""
         self._check(difference)
-        means = _cell_means(difference, _CELL)
-        limit = _SIGNIFICANT * self._noise / _CELL
+        means = cell_means(difference, CELL_PX)
+        limit = SIGNIFICANT * self.noise / CELL_PX
         around = ndimage.uniform_filter(means, size=(3, 3, 1), mode="nearest")
         cells = ((np.abs(means) > limit) | (np.abs(around) > limit / 3)).any(axis=2)
-        cells = ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_))
-        return spread_blocks(cells, _CELL, self.image_shape)
+        return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
         """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.
@@ -94,25 +94,23 @@ class GradientNetwork:
         self._check(difference)
         pixels = difference.reshape(-1, 3)
         if mask is None or mask.all():
-            return (self._infer(pixels, self._position) - self._zero).reshape(*self.image_shape, 2)
+            return (self.infer(pixels, self.position) - self.zero).reshape(*self.image_shape, 2)
         if not mask.any():
             return np.zeros((*self.image_shape, 2), np.float32)
-        slopes = self._gentle_slopes(difference)
+        slopes = self.gentle_slopes(difference)
         inside = np.flatnonzero(mask)
-        slopes.reshape(-1, 2)[inside] = self._infer(pixels, self._position, inside) - np.take(
-            self._zero, inside, axis=0
-        )
+        slopes.reshape(-1, 2)[inside] = self.infer(pixels, self.position, inside) - np.take(self.zero, inside, axis=0)
         return slopes
 
-    def _gentle_slopes(self, difference: Floats) -> Floats:
+    def gentle_slopes(self, difference: Floats) -> Floats:
         """Slopes (H, W, 2) from the means of 8 x 8 pixels, linear in between."""
-        means = _cell_means(difference, _COARSE)
-        slopes = self._infer(means.reshape(-1, 3), self._coarse_position) - self._coarse_zero
+        means = cell_means(difference, COARSE_PX)
+        slopes = self.infer(means.reshape(-1, 3), self.coarse_position) - self.coarse_zero
         to_rows, to_columns = self._to_pixels
         tall: Floats = to_rows @ slopes.reshape(means.shape[0], -1)
         return to_columns @ tall.reshape(len(to_rows), means.shape[1], 2)
 
-    def _infer(self, pixels: Floats, position: Floats, chosen: NDArray[np.intp] | None = None) -> Floats:
+    def infer(self, pixels: Floats, position: Floats, chosen: NDArray[np.intp] | None = None) -> Floats:
         """Run (N, 3) differences at (N, 2) positions, or the chosen ones of them, in blocks."""
         count = len(pixels) if chosen is None else len(chosen)
         slopes = np.empty((count, 2), np.float32)
@@ -122,15 +120,8 @@ class GradientNetwork:
             for columns, values in ((rows[:, :3], pixels), (rows[:, 3:], position)):
                 # np.take gathers rows at twice the speed of indexing.
                 columns[:] = values[block] if chosen is None else np.take(values, chosen[block], axis=0)
-            slopes[block] = self._answer(rows)
+            slopes[block] = self.session.slopes(rows)
         return slopes
-
-    def _answer(self, rows: Floats) -> Floats:
-        answer: Floats = self._session.run(["gradient"], {"pixels": rows})[0]
-        if answer.shape != (len(rows), 2) or not np.isfinite(answer).all():
-            what = "NaN or infinite slopes" if answer.shape == (len(rows), 2) else f"shape {answer.shape}"
-            raise BundleError(f"{self._source}: the network answers {what} to {len(rows)} pixels: {_REMEDY}")
-        return answer
 
     def _check(self, difference: Floats) -> None:
         if difference.shape != (*self.image_shape, 3) or difference.dtype != np.float32:
@@ -139,45 +130,13 @@ class GradientNetwork:
             )
 
 
-def _session(network: bytes | Path, threads: int, source: str) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.log_severity_level = 3
-    # A thread that spins between the blocks takes the core from the camera and the dashboard.
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    content = network if isinstance(network, bytes) else str(network)
-    try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # ONNX Runtime has no base class for its errors
-        reason = str(error).splitlines()[0][:200]
-        raise BundleError(f"{source}: the network cannot be loaded ({reason}): {_REMEDY}") from error
-    _check_contract(session, source)
-    return session
-
-
-def _check_contract(session: onnxruntime.InferenceSession, source: str) -> None:
-    """One input "pixels" (N, 5) float32, one output "gradient" (N, 2) float32, N free."""
-    for kind, found, wanted, columns in (
-        ("input", session.get_inputs(), "pixels", 5),
-        ("output", session.get_outputs(), "gradient", 2),
-    ):
-        values = [(value.name, value.type, list(value.shape)) for value in found]
-        right = len(values) == 1 and values[0][:2] == (wanted, "tensor(float)")
-        shape = values[0][2] if right else []
-        if not right or len(shape) != 2 or isinstance(shape[0], int) or shape[1] != columns:
-            raise BundleError(
-                f"{source}: the network has the {kind} {values}, expected {wanted!r} float32 (N, {columns}): {_REMEDY}"
-            )
-
-
 def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
     """Positions (N, 2) of the centres of the coarse cells, px, and the matrices that interpolate them to pixels."""
     matrices, centres = [], []
     for pixels in image_shape:
-        cells = -(-pixels // _COARSE)
-        centres.append(np.arange(cells, dtype=np.float32) * _COARSE + (_COARSE - 1) / 2)
-        weights = 1 - np.abs(np.arange(pixels)[:, None] - centres[-1][None]) / _COARSE
+        cells = -(-pixels // COARSE_PX)
+        centres.append(np.arange(cells, dtype=np.float32) * COARSE_PX + (COARSE_PX - 1) / 2)
+        weights = 1 - np.abs(np.arange(pixels)[:, None] - centres[-1][None]) / COARSE_PX
         # Beyond the outermost centres the last value continues.
         weights = np.maximum(weights, 0)
         matrices.append((weights / weights.sum(axis=1, keepdims=True)).astype(np.float32))
@@ -185,7 +144,7 @@ def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
     return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
 
 
-def _cell_means(difference: Floats, size: int) -> Floats:
+def cell_means(difference: Floats, size: int) -> Floats:
     """(ceil(H / size), ceil(W / size), 3) mean of each cell; a cut cell is filled up with its border pixels."""
     height, width = difference.shape[:2]
     if height % size or width % size:

@@ -62,7 +62,7 @@ def integrate(
     slopes = _checked(gradient_map)
     size_x, size_y = pixel_size_xy(pixel_size_mm)
     depth = _poisson(_divergence(slopes, size_x, size_y))
-    depth -= _rest_level(depth, at_rest, bulge)
+    depth -= rest_level(depth, at_rest, bulge)
     return depth
 
 
@@ -179,17 +179,26 @@ def _poisson(divergence: Floats) -> Floats:
     return depth
 
 
-def _rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None, bulge: float) -> np.floating:
-    """Depth of the gel at rest, as `integrate` documents it."""
-    # An odd step, started so that the sample lies evenly about the image centre: a tilted plane keeps its middle at 0.
-    step = 1 + 2 * round(max(0.0, float(np.sqrt(depth.size / _ZERO_SAMPLES)) - 1) / 2)
-    grid = tuple(slice((n - 1) % step // 2, None, step) for n in depth.shape)
-    sample = depth[grid]
+def rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None, bulge: float) -> np.floating:
+    """Return the depth of the gel at rest, mm, as `integrate` documents it."""
+    grid = sample_grid(depth.shape)
     if at_rest is None:
-        return np.median(sample)
+        return np.median(depth[grid])
     if at_rest.shape != depth.shape:
         raise ValueError(f"at_rest has shape {at_rest.shape}, the depth map {depth.shape}: they must be equal")
-    resting = sample[at_rest[grid]]
+    return level_of_sample(depth, depth[grid][at_rest[grid]], bulge)
+
+
+def sample_grid(shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """Return the regular subset of a depth map of this shape whose median is taken."""
+    # An odd step, started so that the sample lies evenly about the image centre: a tilted plane keeps its middle at 0.
+    step = 1 + 2 * round(max(0.0, float(np.sqrt(np.prod(shape) / _ZERO_SAMPLES)) - 1) / 2)
+    return tuple(slice((n - 1) % step // 2, None, step) for n in shape)
+
+
+def level_of_sample(depth: Floats, resting: Floats, bulge: float) -> np.floating:
+    """Return the depth of the gel at rest, mm, from the (N,) depths of the subset that are at rest."""
+    sample = depth[sample_grid(depth.shape)]
     if resting.size >= _LEAST_AT_REST * sample.size:
         return np.median(resting)
     border = np.median(np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]]))

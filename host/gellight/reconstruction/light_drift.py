@@ -24,4 +24,14 @@ def light_drift(difference: Floats) -> Floats:
 
     It is the light's as long as less than half of the view is touched; beyond that the touch itself is taken for it.
     """
-    return np.median(difference[::STEP_PX, ::STEP_PX].reshape(-1, 3), axis=0).astype(np.float32)
+    return _median(difference[::STEP_PX, ::STEP_PX])
+
+
+def drift_of(image: NDArray[np.uint8], reference: Floats) -> Floats:
+    """Return the (3,) `light_drift` without the whole difference image."""
+    sample = slice(None, None, STEP_PX)
+    return _median(np.subtract(image[sample, sample], reference[sample, sample], dtype=np.float32))
+
+
+def _median(sample: Floats) -> Floats:
+    return np.median(sample.reshape(-1, 3), axis=0).astype(np.float32)

@@ -11,8 +11,9 @@ across it. The wider the window the less noise is left, and the wider a contact 
   nothing is changed there.
 """
 
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -55,6 +56,32 @@ def fixed(slopes: Floats, half_width: int, out: Floats | None = None) -> Floats:
         return slopes
     taps = weights(half_width)
     return np.asarray(cv2.sepFilter2D(slopes, -1, taps, taps, out, borderType=cv2.BORDER_REPLICATE))
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """The windows of one narrowest half width, at least 2, as the native path takes them."""
+
+    narrowest: NDArray[np.float32]
+    """weights from the middle outwards"""
+    taps: NDArray[np.float32]
+    """the same of the three wider windows, one after the other"""
+    reach: NDArray[np.int32]
+    """half widths of all four, px; then half widths of the energies' means, cells"""
+    energies: NDArray[np.float32]
+    """what white noise of variance 1 makes of the difference to the next narrower one"""
+
+    @classmethod
+    def of(cls, narrowest: int) -> Self:
+        """Return those of a narrowest half width, px."""
+        wider, first = half_widths(narrowest), weights(narrowest)[narrowest:]
+        reach = [narrowest, *wider, *(_cells(width) // 2 for width in (narrowest, *wider))]
+        return cls(
+            narrowest=first.astype(np.float32),
+            taps=np.concatenate([weights(width)[width:] for width in wider]).astype(np.float32),
+            reach=np.array(reach, np.int32),
+            energies=np.array([first[0] ** 2 / 2, *_energies(narrowest)], np.float32),
+        )
 
 
 class Smoother:

@@ -1,6 +1,7 @@
 """The sensor that needs no hardware: a gel computed by `sim_reference`, lit by the emulated board.
 
-simulated_camera.py    the camera of sim://, and the stage that presses objects
+simulated_camera.py    the camera of sim://
+stage.py               what presses objects into its gel
 simulated_controls.py  its exposure, gain and white balance
 scene.py               what it looks at, computed once for a press
 shutter.py             a rolling shutter under pulsed LEDs

@@ -1,5 +1,6 @@
 """What a simulated camera looks at: the gel under a press, lit by the ring, before the noise of the camera."""
 
+import threading
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -16,6 +17,8 @@ BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
 deformed = lru_cache(maxsize=64)(press_object)
 """what a press does to the gel: the same for every scene, and wherever it happens"""
+READY = 3
+"""so many presses are kept that were computed ahead, 15 MB each"""
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,10 @@ class Press:
     depth_mm: float
     x_mm: float = 0.0
     y_mm: float = 0.0
+
+
+Lit = tuple[Press | None, Surface, NDArray[np.float32]]
+"""a press, the gel under it, and (12, H, W) its irradiance by every LED, full on"""
 
 
 class Scene:
@@ -47,8 +54,10 @@ class Scene:
         )
         """what a deformation depends on"""
         self._flat = untouched(geometry).single_precision()
-        self._lit: tuple[Press | None, Surface, NDArray[np.float32]] = None, self._flat, self._light_up(self._flat)
+        self._lit: Lit = None, self._flat, self._light_up(self._flat)
         self._untouched_lit = self._lit
+        self._ready: dict[Press, Lit] = {}
+        self._keeping = threading.Lock()
         irradiance = under_light(self._lit[2], self.light)
         self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
 
@@ -63,13 +72,29 @@ class Scene:
         return linear_grey(irradiance, self.response).astype(np.float32), self._lit[1]
 
     def prepare(self, press: Press | None) -> None:
-        """Do what takes long: deform the gel and light it with every LED."""
+        """Do what takes long, unless it was done ahead: deform the gel and light it with every LED."""
         if press is None:
             self._lit = self._untouched_lit
         elif self._lit[0] != press:
-            deformation = deformed(press.object_name, press.depth_mm, self._gel)
-            surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
-            self._lit = press, surface, self._light_up(surface)
+            self._lit = self._ready.get(press) or self._compute(press)
+
+    def prepare_ahead(self, press: Press) -> None:
+        """Do what takes long for a press that will be shown; any thread may, while others show something else."""
+        if self.is_ready(press):
+            return
+        lit = self._compute(press)
+        with self._keeping:
+            kept = list(self._ready.items())[1 - READY :]
+            self._ready = {**dict(kept), press: lit}
+
+    def is_ready(self, press: Press | None) -> bool:
+        """Whether a press can be shown at once."""
+        return press in (None, self._lit[0]) or press in self._ready
+
+    def _compute(self, press: Press) -> Lit:
+        deformation = deformed(press.object_name, press.depth_mm, self._gel)
+        surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
+        return press, surface, self._light_up(surface)
 
     def _light_up(self, surface: Surface) -> NDArray[np.float32]:
         """(12, H, W) irradiance of every LED, full on."""

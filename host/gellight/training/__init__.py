@@ -1,8 +1,10 @@
 """From labelled presses to a network.
 
 presses.py           ball presses and their labels; the table that GelNet learns from
+trainer.py           what trains: PyTorch where it is installed, else NumPy
 child.py             a module of gelnet run in a child process
 training.py          GelNet trained on the table, and written as a bundle
+rehearsal.py         whether a network can be trained here
 polynomial.py        polynomials of several variables, and their fit
 baselines.py         what simpler models reach on the same presses
 validation.py        errors of a bundle on labelled presses

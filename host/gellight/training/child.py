@@ -1,44 +1,55 @@
-"""Run a module of `gelnet` in a child process, so that the host itself never loads torch."""
+"""Run a module of `gelnet` in a child process: the host never loads torch, and an abort ends the training at once."""
 
 import importlib.util
 import json
 import os
+import select
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gellight.base.errors import TrainingError
 
 Progress = Callable[[int, int, float], None]
 """Called with (epoch, epochs, loss)."""
-_REMEDY = 'pip install "gellight[train]"'
+Check = Callable[[], None]
+"""Called several times a second; what it raises ends the child."""
+_CHECK_S = 0.2
+_REMEDY = "reinstall gellight"
+_BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""read by NumPy's matrix library when it is loaded; each build of NumPy heeds one of them"""
 
 
 def silent(epoch: int, epochs: int, loss: float) -> None:
     """Report to nobody."""
 
 
-def run_module(module: str, arguments: list[str], progress: Progress) -> None:
+def go_on() -> None:
+    """Let the child run to its end."""
+
+
+def run_module(
+    module: str, arguments: list[str], progress: Progress, *, trainer: str, threads: int, check: Check = go_on
+) -> None:
     """Run a module of gelnet in a child process and report its progress.
 
-    Raises TrainingError with the last line of the child's error output unless it ends well. An interrupt ends the child
-    as well.
+    trainer: "torch" or "numpy". threads: of its matrix products. Raises TrainingError with the last line of the
+    child's error output unless it ends well. An interrupt ends the child as well.
     """
-    if importlib.util.find_spec("torch") is None:
-        raise TrainingError(f"training needs torch, which is not installed: {_REMEDY}")
-    _run_child([sys.executable, "-m", module, *arguments], progress)
+    how = [f"--trainer={trainer}", f"--threads={threads}"]
+    _run_child([sys.executable, "-m", module, *how, *arguments], progress, threads=threads, check=check)
 
 
-def _run_child(command: list[str], progress: Progress) -> None:
+def _run_child(command: list[str], progress: Progress, *, threads: int = 1, check: Check = go_on) -> None:
     """Do as `run_module` with any command that prints its progress."""
     with (
         tempfile.TemporaryFile("w+") as complaints,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True, env=_environment()) as child,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, env=_environment(threads)) as child,
     ):
         try:
-            for line in child.stdout or ():
+            for line in _lines(child, check):
                 step = json.loads(line)
                 progress(step["epoch"], step["epochs"], step["loss"])
         except BaseException:
@@ -51,6 +62,21 @@ def _run_child(command: list[str], progress: Progress) -> None:
         raise TrainingError(_reason(text, status))
 
 
+def _lines(child: subprocess.Popen[bytes], check: Check) -> Iterator[bytes]:
+    """Yield the lines of a child's output as they come, and check in between."""
+    assert child.stdout is not None
+    begun = b""
+    while True:
+        check()
+        if not select.select([child.stdout], [], [], _CHECK_S)[0]:
+            continue
+        part = os.read(child.stdout.fileno(), 1 << 16)
+        if not part:
+            return
+        *lines, begun = (begun + part).split(b"\n")
+        yield from lines
+
+
 def _reason(text: str, status: int) -> str:
     last = text.splitlines()[-1] if text else "it said nothing"
     if "No module named" in last:
@@ -60,10 +86,11 @@ def _reason(text: str, status: int) -> str:
     return last.split(": ", 1)[-1] if status == 2 else f"training failed with status {status}: {last}"
 
 
-def _environment() -> dict[str, str]:
-    """The environment in which the child finds the `gelnet` that the host finds."""
+def _environment(threads: int) -> dict[str, str]:
+    """Return the environment in which the child finds the host's `gelnet` and computes with so many threads."""
     spec = importlib.util.find_spec("gelnet")
     if spec is None or not spec.submodule_search_locations:
         raise TrainingError("the package gelnet is not installed beside gellight: reinstall gellight")
     places = [str(Path(next(iter(spec.submodule_search_locations))).parent), os.environ.get("PYTHONPATH", "")]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(place for place in places if place)}
+    path = {"PYTHONPATH": os.pathsep.join(place for place in places if place)}
+    return {**os.environ, **dict.fromkeys(_BLAS_THREADS, str(threads)), **path}

@@ -16,9 +16,10 @@ from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.camera import EndOfStream
 from gellight.opening import open_camera
 from gellight.reconstruction.image_noise import measure_noise
-from gellight.training.child import Progress, run_module, silent
+from gellight.training.child import Check, Progress, go_on, run_module, silent
 from gellight.training.labelling.refinement import refine as refinement_of
 from gellight.training.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
+from gellight.training.trainer import TrainerName, chosen_trainer
 
 Floats = NDArray[np.float32]
 RECIPES = ("fast", "thorough", "paper")
@@ -33,6 +34,7 @@ class TrainingOptions:
     seed: int = 0
     epochs: int | None = None
     threads: int = 1
+    trainer: TrainerName = "auto"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,18 +78,26 @@ def _noise_of_one(image: Floats) -> float:
 
 
 def train(
-    table: PressTable, options: TrainingOptions, *, progress: Progress = silent
+    table: PressTable, options: TrainingOptions, *, progress: Progress = silent, check: Check = go_on
 ) -> tuple[bytes, Mapping[str, object]]:
     """Train GelNet in a child process; TrainingError and interrupts as `run_module`.
 
-    Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, losses,
-    errors on the presses held out.
+    Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, what
+    trained, losses, errors on the presses held out.
     """
-    chosen = [f"--{name}={value}" for name, value in vars(options).items() if value is not None]
+    how = {name: getattr(options, name) for name in ("recipe", "width", "seed", "epochs")}
+    chosen = [f"--{name}={value}" for name, value in how.items() if value is not None]
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
         np.savez(place / "table.npz", **table.arrays())  # type: ignore[arg-type]
-        run_module("gelnet.train", ["--table", str(place / "table.npz"), "--out", folder, *chosen], progress)
+        run_module(
+            "gelnet.train",
+            ["--table", str(place / "table.npz"), "--out", folder, *chosen],
+            progress,
+            trainer=chosen_trainer(options.trainer),
+            threads=options.threads,
+            check=check,
+        )
         return (place / "network.onnx").read_bytes(), json.loads((place / "training.json").read_text())
 
 
@@ -104,6 +114,7 @@ def fit(
     extra_metrics: Mapping[str, object] | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
+    check: Check = go_on,
 ) -> Bundle:
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
@@ -119,7 +130,7 @@ def fit(
     drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
     table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
-    network, record = train(table, options or TrainingOptions(), progress=progress)
+    network, record = train(table, options or TrainingOptions(), progress=progress, check=check)
     return write_bundle(
         out,
         sensor=sensor,

@@ -13,8 +13,9 @@ from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.integration import angle_deg, integrate, normals
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.pipeline import Reconstructor, Stages, tactile_frame
+from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.smoothing import Smoother
+from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.training.baselines import Baseline
 from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 

@@ -270,12 +270,12 @@ def test_a_frame_from_before_is_not_delivered_after_the_sensor_came_back() -> No
     parts: Any = camera, reconstructor
     delivered: list[int] = []
     with Daemon(*parts) as daemon:
-        put = daemon._stream.delivered.put
+        put = daemon._threads.delivered.put
 
         def noting(frame: Any) -> None:
             delivered.append(frame.camera_frame.sequence)
             put(frame)
 
-        daemon._stream.delivered.put = noting  # type: ignore[method-assign]
+        daemon._threads.delivered.put = noting  # type: ignore[method-assign]
         daemon.wait_frame(8, 10)
     assert min(delivered) > 5

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.base.mailbox import Mailbox
-from gellight.daemon.stream import SharedCamera
+from gellight.daemon.frame_threads import SharedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.timing import CameraTiming

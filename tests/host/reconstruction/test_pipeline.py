@@ -8,7 +8,9 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.evaluation.analytic_surfaces import gaussian, smooth_cap
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.pipeline import STAGES, Reconstructor, far_from_touch
+from gellight.reconstruction.at_rest import far_from_touch
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.reconstruction.stages import STAGES
 from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (240, 320)

@@ -21,6 +21,7 @@ from gellight.training.child import Progress, silent
 from gellight.training.cross_validation import Comparison, CrossValidation, cross_validate
 from gellight.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.training.presses import Ball, Press, read_presses
+from gellight.training.trainer import TrainerName
 from gellight.training.training import RECIPES, Reference, TrainingOptions, read_reference
 from gellight.training.validation import AngleFigures, PressFigures
 
@@ -30,6 +31,9 @@ Labels = Annotated[
     Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
 ]
 
+Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]
+Trainer = Annotated[TrainerName, typer.Option(help="auto: torch where it is installed")]
+
 
 @dataclass(frozen=True)
 class Training:
@@ -37,7 +41,8 @@ class Training:
 
     recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), or paper (hours)")] = "thorough"
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
-    threads: Annotated[int, typer.Option(min=1, help="of torch")] = 1
+    threads: Threads = 1
+    trainer: Trainer = "auto"
 
     def __post_init__(self) -> None:
         """Refuse a recipe that does not exist."""
@@ -156,13 +161,20 @@ def synthetic(
     bundle: NewBundle,
     width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32,
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0,
-    threads: Annotated[int, typer.Option(min=1, help="of torch")] = 1,
+    threads: Threads = 1,
+    trainer: Trainer = "auto",
     as_json: AsJson = False,
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""
     with _progress("training") as report:
         written = make_synthetic(
-            bundle.out, width=width, seed=seed, threads=threads, overwrite=bundle.overwrite, progress=report
+            bundle.out,
+            width=width,
+            seed=seed,
+            threads=threads,
+            trainer=trainer,
+            overwrite=bundle.overwrite,
+            progress=report,
         )
     test = [f"{name:<28}{value:>10.4g}" for name, value in written.metrics["test"].items()]
     lines = ["measured on simulated presses it was not trained on:", *test]
@@ -217,7 +229,8 @@ def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: list[str]) -
 def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
     trained = metrics["training"]
     return [
-        f"trained on {trained['images']} images in {trained['cpu_seconds']:.1f} CPU seconds; normal error on "
+        f"trained on {trained['images']} images by {trained['trainer']} in {trained['cpu_seconds']:.1f} CPU seconds; "
+        f"normal error on "
         f"{len(trained['held_out_images'])} held-out images, each pixel alone: "
         f"{trained['held_out_normal_error_deg']['mean']:.2f} deg",
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),

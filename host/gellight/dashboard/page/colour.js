@@ -1,6 +1,6 @@
 // Colours of depth: a fixed scale in micrometres, never stretched to what one frame happens to hold.
 
-import { NO_DEPTH, depthMm } from "./message.js";
+import { NO_DEPTH, depthMm } from "./packed.js";
 
 export const DEPTH_SCALES_UM = [100, 200, 400, 800, 1200, 1600, 2000];
 

@@ -1,23 +1,70 @@
 // The binary message of one tactile frame; messages.py on the server describes every byte.
 
+import { differenceOf, pixelsOf, slopesOf } from "./derived.js";
+import { inflate, unpackDepth } from "./packed.js";
+import { References } from "./references.js";
+
 const MAGIC = 0x464c4547; // "GELF", little-endian
-const VERSION = 1;
+const VERSION = 2;
 const PREFIX_BYTES = 12;
 
-export const DEPTH_UNIT_MM = 1e-4;
-export const DEPTH_OFFSET_MM = 1;
-export const NO_DEPTH = 65535;
+/** Turns messages into views, in the order in which they came. */
+export class Decoder {
+  #references = new References();
+  #completed;
+  #last = Promise.resolve();
 
-/** Depth in mm of a code of the depth plane. */
-export function depthMm(code) {
-  return code * DEPTH_UNIT_MM - DEPTH_OFFSET_MM;
+  /** `completed(view)` is called when the difference of a view is known that was returned without. */
+  constructor(completed) {
+    this.#completed = completed;
+  }
+
+  /**
+   * Return a promise of the view of a message:
+   * {header, width, height, bitmap, difference, slopes, depth, contact, truth}. `bitmap` is the camera image; who draws
+   * it closes it. `difference` is (h, w, 3) grey levels + 128; null until the reference image is there. `slopes` is
+   * (h, w, 2) d(depth)/dx and d(depth)/dy. `depth` holds codes, and so does `truth`, the true depth map; it is null
+   * where the sensor is not simulated. `contact` has one bit a pixel.
+   */
+  decode(buffer) {
+    const view = this.#decode(buffer);
+    const before = this.#last;
+    this.#last = view.catch(() => null);
+    return before.then(() => view);
+  }
+
+  async #decode(buffer) {
+    const { header, plane } = parse(buffer);
+    const [width, height] = header.view_px;
+    const depths = async (name) => unpackDepth(await inflate(plane(name)), width, height);
+    const [bitmap, depth, contact, truth] = await Promise.all([
+      createImageBitmap(new Blob([plane("image")], { type: "image/jpeg" }), { colorSpaceConversion: "none" }),
+      depths("depth"),
+      inflate(plane("contact")),
+      header.truth ? depths("truth") : null,
+    ]);
+    const slopes = slopesOf(depth, width, height, pitchMm(header));
+    const view = { header, width, height, bitmap, depth, contact, truth, slopes, difference: null };
+    this.#subtract(view, pixelsOf(bitmap));
+    return view;
+  }
+
+  #subtract(view, image) {
+    const { reference: name, light_drift: drift } = view.header;
+    const reference = this.#references.get(name);
+    if (reference) {
+      view.difference = differenceOf(image, reference, drift);
+      return;
+    }
+    this.#references.whenFetched((pixels) => {
+      view.difference = differenceOf(image, pixels, drift);
+      this.#completed(view);
+    });
+  }
 }
 
-/**
- * Return {header, width, height, image, difference, normal, depth, contact, truth}: typed arrays on `buffer`, no copies.
- * `truth` is the true depth map in the codes of `depth`; null where the sensor is not simulated.
- */
-export function decode(buffer) {
+/** Return {header, plane}: `plane(name)` is the bytes of a plane. Throws where the message is not of this version. */
+export function parse(buffer) {
   const prefix = new DataView(buffer);
   if (prefix.getUint32(0, true) !== MAGIC || prefix.getUint32(4, true) !== VERSION) {
     throw new Error("the server speaks another version: reload this page");
@@ -25,18 +72,10 @@ export function decode(buffer) {
   const start = PREFIX_BYTES + prefix.getUint32(8, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, PREFIX_BYTES, start - PREFIX_BYTES)));
   const place = Object.fromEntries(header.planes.map((plane) => [plane.name, plane]));
-  const bytes = (name) => new Uint8Array(buffer, start + place[name].offset, place[name].length);
-  const [width, height] = header.view_px;
-  const depths = ({ offset, length }) => new Uint16Array(buffer, start + offset, length / 2);
-  return {
-    header,
-    width,
-    height,
-    image: bytes("image"),
-    difference: bytes("difference"),
-    normal: new Int8Array(buffer, start + place.normal.offset, place.normal.length),
-    depth: depths(place.depth),
-    contact: bytes("contact"),
-    truth: place.truth ? depths(place.truth) : null,
-  };
+  return { header, plane: (name) => new Uint8Array(buffer, start + place[name].offset, place[name].length) };
+}
+
+/** Size in mm of a pixel of the view on the gel: [x, y]. */
+function pitchMm({ image_px: image, view_px: view, pixel_size_mm: pixel }) {
+  return [0, 1].map((axis) => (image[axis] * pixel[axis]) / view[axis]);
 }

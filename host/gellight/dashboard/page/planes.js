@@ -38,14 +38,19 @@ export class Planes {
     this.setScale(1600);
   }
 
-  /** Show `view`, with its decoded camera picture `bitmap`. */
-  draw(view, bitmap) {
+  /** Show `view`. */
+  draw(view) {
     this.#view = view;
     for (const plane of [this.#image, this.#difference, this.#normal, this.#depth]) plane.fit(view.width, view.height);
-    this.#image.context.drawImage(bitmap, 0, 0);
+    this.#image.context.drawImage(view.bitmap, 0, 0);
     this.#drawDifference(view.difference);
-    this.#drawNormals(view.normal);
+    this.#drawNormals(view.slopes);
     this.#drawDepth(view);
+  }
+
+  /** Show the difference image of `view`, which was not known when the rest was drawn. */
+  complete(view) {
+    if (view === this.#view) this.#drawDifference(view.difference);
   }
 
   get canvases() {
@@ -54,6 +59,11 @@ export class Planes {
 
   get imageCanvas() {
     return this.#image.canvas;
+  }
+
+  /** The camera image as ImageData. */
+  get imagePixels() {
+    return this.#image.context.getImageData(0, 0, this.#image.canvas.width, this.#image.canvas.height);
   }
 
   get normalPixels() {
@@ -77,6 +87,7 @@ export class Planes {
   }
 
   #drawDifference(difference) {
+    if (!difference) return;
     const { data } = this.#difference.pixels;
     for (let from = 0, to = 0; from < difference.length; from += 3, to += 4) {
       data[to] = this.differences[difference[from]];
@@ -86,14 +97,15 @@ export class Planes {
     this.#difference.show();
   }
 
-  #drawNormals(normal) {
+  #drawNormals(slopes) {
     const { data } = this.#normal.pixels;
-    for (let from = 0, to = 0; from < normal.length; from += 2, to += 4) {
-      const x = normal[from] / 127;
-      const y = normal[from + 1] / 127;
-      data[to] = 127.5 + 127.5 * x;
-      data[to + 1] = 127.5 + 127.5 * y;
-      data[to + 2] = 127.5 + 127.5 * Math.sqrt(Math.max(1 - x * x - y * y, 0));
+    for (let from = 0, to = 0; from < slopes.length; from += 2, to += 4) {
+      const x = -slopes[from];
+      const y = -slopes[from + 1];
+      const z = 1 / Math.sqrt(x * x + y * y + 1);
+      data[to] = 127.5 + 127.5 * x * z;
+      data[to + 1] = 127.5 + 127.5 * y * z;
+      data[to + 2] = 127.5 + 127.5 * z;
     }
     this.#normal.show();
   }
@@ -118,13 +130,13 @@ function outline(words, contact, width, height) {
 
 function drawBar(scaleUm) {
   const bar = element("bar");
-  Object.assign(bar, { width: 1, height: 256 });
+  Object.assign(bar, { width: 256, height: 1 });
   const context = bar.getContext("2d");
-  for (let row = 0; row < 256; row++) {
-    context.fillStyle = `rgb(${depthColour(1 - row / 255)})`;
-    context.fillRect(0, row, 1, 1);
+  for (let column = 0; column < 256; column++) {
+    context.fillStyle = `rgb(${depthColour(column / 255)})`;
+    context.fillRect(column, 0, 1, 1);
   }
-  const labels = [1, 0.75, 0.5, 0.25, 0].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
+  const labels = [0, 0.5, 1].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
   element("ticks").replaceChildren(...labels);
 }
 

@@ -1,4 +1,4 @@
-// The surface where 3D is too slow or missing: depth colours shaded by the normals, as on a map.
+// The surface where 3D is too slow or missing: depth colours shaded by the slopes, as on a map.
 
 const KEY = [-0.5, -0.6, 0.62]; // from the upper left
 
@@ -13,7 +13,7 @@ export class Relief {
     this.#context = this.canvas.getContext("2d");
   }
 
-  /** Shade `colours` (packed RGBA) by the normals of `view`, slopes made `exaggeration` times as steep. */
+  /** Shade `colours` (packed RGBA) by the slopes of `view`, made `exaggeration` times as steep. */
   draw(view, colours, exaggeration) {
     if (this.#pixels?.width !== view.width || this.#pixels.height !== view.height) {
       Object.assign(this.canvas, { width: view.width, height: view.height });
@@ -21,7 +21,7 @@ export class Relief {
     }
     const { data } = this.#pixels;
     for (let i = 0; i < colours.length; i++) {
-      const light = 0.45 + 0.85 * brightness(view.normal[2 * i] / 127, view.normal[2 * i + 1] / 127, exaggeration);
+      const light = 0.45 + 0.85 * brightness(exaggeration * view.slopes[2 * i], exaggeration * view.slopes[2 * i + 1]);
       const colour = colours[i];
       data[4 * i] = (colour & 255) * light;
       data[4 * i + 1] = ((colour >> 8) & 255) * light;
@@ -32,8 +32,7 @@ export class Relief {
   }
 }
 
-function brightness(x, y, exaggeration) {
-  const z = Math.sqrt(Math.max(1 - x * x - y * y, 0.01));
-  const [a, b] = [x * exaggeration, y * exaggeration];
-  return Math.max((a * KEY[0] + b * KEY[1] + z * KEY[2]) / Math.hypot(a, b, z), 0);
+/** Light on a surface with slopes x and y: its normal is (-x, -y, 1) / length. */
+function brightness(x, y) {
+  return Math.max((KEY[2] - x * KEY[0] - y * KEY[1]) / Math.hypot(x, y, 1), 0);
 }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.photometric import static_scene
 from gellight.reconstruction.photometric.level import find_level
@@ -35,9 +36,9 @@ from gellight.reconstruction.photometric.solver import (
     slopes,
     solve_robustly,
 )
-from gellight.reconstruction.pipeline import Stages, far_from_touch, tactile_frame
 from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, spread_blocks
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
+from gellight.reconstruction.stages import Stages, tactile_frame
 
 STAGES = ("signals", "slopes", "depth", "refined", "still", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path."""

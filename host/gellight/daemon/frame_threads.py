@@ -26,11 +26,11 @@ TIMEOUT_S = 20.0
 """as long as a scene of the simulated sensor may take, and longer than any camera"""
 
 
-class Stream:
+class FrameThreads:
     """The threads of a running sensor, and what they hand on."""
 
     def __init__(self, camera: Camera, reconstruct: Callable[[CameraFrame], TactileFrame]) -> None:
-        """Stream from `camera`, which the caller closes after `stop`."""
+        """Take the frames of `camera`, which the caller closes after `stop`."""
         self._camera, self._reconstruct_frame = camera, reconstruct
         self.pause_s = 0.0
         """between two reconstructions"""
@@ -70,7 +70,7 @@ class Stream:
 
     @property
     def problem(self) -> str | None:
-        """What is wrong now, or what ended the stream; None while all is well."""
+        """What is wrong now, or what ended the frames; None while all is well."""
         return next(iter([*self._problems.values(), self._away]), None)
 
     def also(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
@@ -151,7 +151,7 @@ class Stream:
             except TimeoutError:
                 continue
             except Exception:
-                return  # the stream has ended; the thread that ended it has noted why
+                return  # the frames have ended; the thread that ended it has noted why
             try:
                 look(frame)
             except Exception as error:

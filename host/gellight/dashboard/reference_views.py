@@ -1,0 +1,63 @@
+"""The reference images that the page needs to make difference images of camera images.
+
+A difference image is as large as the frame and changes with it; the reference image behind it stays the same for hours.
+So the page gets the reference once, by name, and subtracts it itself. A new name means a new reference image: after a
+calibration, or when the zero was set anew.
+"""
+
+import hashlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.dashboard.view import reduce, view_shape, webp
+from gellight.frames.frames import TactileFrame
+
+SAMPLE_PX = 8
+"""every eighth pixel of every eighth row tells whether the reference image is still the same"""
+SAME_GREY = 0.25
+KEPT = 4
+"""so many reference images are kept for pages that ask late"""
+
+
+class ReferenceViews:
+    """The reference images behind the newest frames, at view size."""
+
+    def __init__(self) -> None:
+        """Know none yet."""
+        self._pictures: dict[str, bytes] = {}
+        self._name = ""
+        self._sample: NDArray[np.float32] | None = None
+
+    def of(self, frame: TactileFrame) -> tuple[str, list[float]]:
+        """Return the name of the reference image of `frame`, and its (3,) light drift in grey levels.
+
+        The difference image is the camera image minus the reference image minus the drift.
+        """
+        sample = frame.camera_frame.image[::SAMPLE_PX, ::SAMPLE_PX] - frame.difference[::SAMPLE_PX, ::SAMPLE_PX]
+        if self._sample is not None and self._sample.shape == sample.shape:
+            change = sample - self._sample
+            drift = np.median(change.reshape(-1, 3), axis=0)
+            if np.abs(change - drift).max() <= SAME_GREY:
+                return self._name, [round(float(grey), 3) for grey in drift]
+        self._sample = sample
+        self._name = self._keep(frame)
+        return self._name, [0.0, 0.0, 0.0]
+
+    def picture(self, name: str) -> bytes:
+        """Return the reference image `name` as WebP without loss; InputError where it is not kept any more."""
+        try:
+            return self._pictures[name]
+        except KeyError:
+            raise InputError(f"no reference image {name!r}: take the name from the newest frame") from None
+
+    def _keep(self, frame: TactileFrame) -> str:
+        reference = frame.camera_frame.image.astype(np.float32) - frame.difference
+        picture = webp(reduce(reference, view_shape(frame.depth_mm.shape)))
+        name = hashlib.sha256(picture).hexdigest()[:16]
+        self._pictures.pop(name, None)
+        self._pictures[name] = picture
+        while len(self._pictures) > KEPT:
+            self._pictures.pop(next(iter(self._pictures)))
+        return name

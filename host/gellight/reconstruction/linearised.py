@@ -1,0 +1,121 @@
+"""Slopes of touched pixels from the network and its Jacobian at the means of cells of 4 x 4 pixels.
+
+With d the difference of a pixel, m_i those of the cells around it, w_i weights that are linear between the cells'
+middles, and sums over the cells around the pixel:
+
+    slope = sum w_i (g(m_i) - J_i m_i / 2) + J (d - m / 2),   J = sum w_i J_i,   m = sum w_i m_i
+
+This is exact for a network g that is quadratic in the mean colour and linear around it. Every pixel keeps its own
+noise, white as it came, so what follows (smoothing, and the measure of the noise in it) works as without cells. A
+mean of the cell alone would not do: neighbours would share noise, and the smoothing would take it for the surface.
+
+A pixel that differs from the mean around it by more than a limit goes through the network itself. Against all pixels
+one by one the normals of a ball differ by 0.002 degrees in the mean (0.05 at most), the depth by 0.1 micrometres.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork, cell_means
+from gellight.reconstruction.network_session import JacobianSession
+
+Floats = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+BLOCK_CELLS = 2048
+LIMIT_GREY = 8.0
+"""A pixel that differs by more in any channel goes through the network itself ..."""
+LIMIT_NOISE = 4.0
+"""... but noise alone, as a multiple of its standard deviation, sends none there."""
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
+_ALL_CHANNELS = np.ones((1, 3), np.float32)
+
+
+class CellNetwork:
+    """The network at the cells of images of one size."""
+
+    def __init__(self, network: GradientNetwork, jacobian: JacobianSession) -> None:
+        """Take the network of the pixels and the session that differentiates it."""
+        self.network, self.jacobian = network, jacobian
+        self.limit_grey = max(LIMIT_GREY, LIMIT_NOISE * network.noise)
+        self.shape = height, width = tuple(-(-n // CELL_PX) for n in network.image_shape)
+        rows, columns = np.indices((height, width), dtype=np.float32).reshape(2, -1)
+        middle = np.stack([columns, rows], axis=1) * CELL_PX + (CELL_PX - 1) / 2
+        self.middle = middle.astype(np.float32)
+        """(h * w, 2) x and y, px"""
+        self.zero = network.infer(np.zeros((len(middle), 3), np.float32), self.middle)
+        """(h * w, 2) what the network answers there to no difference"""
+
+    def gradient_map(self, difference: Floats, cells: Bools) -> Floats:
+        """Turn a (H, W, 3) difference image into (H, W, 2) slopes; cells: what `touched_cells` marked, not empty.
+
+        Outside the cells the slopes are those of `GradientNetwork.gradient_map`.
+        """
+        gentle = not cells.all()
+        slopes = self.network.gentle_slopes(difference) if gentle else np.empty((*difference.shape[:2], 2), np.float32)
+        near = cv2.dilate(cells.view(np.uint8), _NEIGHBOURS).view(np.bool_)
+        box, window = _box(near, difference.shape[:2])
+        planes = self._planes(cell_means(difference, CELL_PX), near)[box]
+        mask = _spread(cells[box], difference[window].shape[:2])
+        found, single = _blend(planes, difference[window], self.limit_grey)
+        np.copyto(slopes[window], found, where=mask[..., None])
+        rows, columns = np.nonzero(single & mask)
+        self._single(slopes, difference, (rows + window[0].start) * difference.shape[1] + columns + window[1].start)
+        return slopes
+
+    def answer(self, rows: Floats, chosen: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Return slope less zero (N, 2) and Jacobian (N, 6) of (N, 5) rows, the middles of the chosen cells."""
+        slopes, jacobian = np.empty((len(rows), 2), np.float32), np.empty((len(rows), 6), np.float32)
+        for start in range(0, len(rows), BLOCK_CELLS):
+            block = slice(start, start + BLOCK_CELLS)
+            slopes[block], jacobian[block] = self.jacobian.answer(rows[block])
+        slopes -= np.take(self.zero, chosen, axis=0)
+        return slopes, jacobian
+
+    def _planes(self, means: Floats, near: Bools) -> Floats:
+        """(h, w, 11): g - J m / 2 of both slopes, the mean m of three channels, and J; 0 where a cell is not near."""
+        chosen = np.flatnonzero(near)
+        mean = np.take(means.reshape(-1, 3), chosen, axis=0)
+        slopes, jacobian = self.answer(np.concatenate([mean, self.middle[chosen]], axis=1), chosen)
+        slopes -= (jacobian.reshape(-1, 2, 3) * mean[:, None]).sum(axis=2) / 2
+        planes = np.zeros((*self.shape, 11), np.float32)
+        planes.reshape(-1, 11)[chosen] = np.concatenate([slopes, mean, jacobian], axis=1)
+        return planes
+
+    def _single(self, slopes: Floats, difference: Floats, chosen: NDArray[np.intp]) -> None:
+        """Replace the slopes of the chosen pixels by what the network answers to them."""
+        network = self.network
+        answer = network.infer(difference.reshape(-1, 3), network.position, chosen)
+        slopes.reshape(-1, 2)[chosen] = answer - np.take(network.zero, chosen, axis=0)
+
+
+def _blend(planes: Floats, difference: Floats, limit: float) -> tuple[Floats, Bools]:
+    """(h, w, 11) planes of cells and the (H, W, 3) difference to (H, W, 2) slopes, and where those do not hold."""
+    mean = _between(planes[..., 2:5], difference.shape)
+    from_mean = cv2.subtract(difference, mean)
+    argument = cv2.addWeighted(difference, 1, mean, -0.5, 0)
+    slopes = _between(planes[..., :2], difference.shape)
+    for axis in (0, 1):
+        jacobian = _between(planes[..., 5 + 3 * axis : 8 + 3 * axis], difference.shape)
+        slopes[..., axis] += cv2.transform(cv2.multiply(jacobian, argument, jacobian), _ALL_CHANNELS)
+    return slopes, cv2.inRange(from_mean, (-limit,) * 3, (limit,) * 3) == 0
+
+
+def _between(cells: Floats, shape: tuple[int, ...]) -> Floats:
+    """(h, w, k) values at the middles of cells to (H, W, k), linear in between; beyond the outermost they continue."""
+    size = cells.shape[1] * CELL_PX, cells.shape[0] * CELL_PX
+    return np.asarray(cv2.resize(np.ascontiguousarray(cells), size)[: shape[0], : shape[1]], np.float32)
+
+
+def _box(near: Bools, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Bounding box of the cells, and the pixels in it."""
+    left, top, width, height = cv2.boundingRect(near.view(np.uint8))
+    box = slice(top, top + height), slice(left, left + width)
+    rows, columns = (slice(s.start * CELL_PX, min(s.stop * CELL_PX, n)) for s, n in zip(box, shape, strict=True))
+    return box, (rows, columns)
+
+
+def _spread(cells: Bools, shape: tuple[int, ...]) -> Bools:
+    """(h, w) cells to the (H, W) pixels in them."""
+    return np.repeat(np.repeat(cells, CELL_PX, axis=0), CELL_PX, axis=1)[: shape[0], : shape[1]]

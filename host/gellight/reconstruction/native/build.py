@@ -1,0 +1,73 @@
+"""Build the C sources to the libraries that lie beside them: `python -m gellight.reconstruction.native.build`.
+
+The same sources and the same compiler (PyPI's `ziglang`, in the extra `firmware`) give the same bytes on every machine.
+The libraries need nothing but memcpy and memset, so one serves every Linux, with glibc or musl.
+"""
+
+import hashlib
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+
+FOLDER = Path(__file__).parent
+CHECKSUMS = FOLDER / "libraries.sha256"
+TARGETS = {
+    "x86_64-v4": ("x86_64-linux-musl", "x86_64_v4"),
+    "x86_64-v3": ("x86_64-linux-musl", "x86_64_v3"),
+    "x86_64-v2": ("x86_64-linux-musl", "x86_64_v2"),
+    "aarch64": ("aarch64-linux-musl", "generic"),
+}
+"""name of a library: target and processor for the compiler; v4 is AVX-512, v3 AVX2, v2 SSE4.2, aarch64 has NEON"""
+# No -ffast-math: the code has to see NaN, and a library must not change how the whole process treats small numbers.
+FLAGS = (
+    "-std=c11", "-O3", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros",
+    "-Wall", "-Wextra", "-Werror",
+)  # fmt: skip
+_LIBRARY = (
+    "-fno-sanitize=all", "-fPIC", "-shared", "-nostdlib", "-fvisibility=hidden", "-g0", "-s", "-Wl,--build-id=none",
+)  # fmt: skip
+
+
+def sources() -> list[str]:
+    """Return the names of the C files in a fixed order."""
+    return sorted(path.name for path in FOLDER.glob("*.c"))
+
+
+def library_file(name: str) -> Path:
+    """Return where the library of this name lies."""
+    return FOLDER / f"frame_path-linux-{name}.so"
+
+
+def build(name: str) -> bytes:
+    """Compile one library; InputError where the compiler is missing or complains."""
+    if importlib.util.find_spec("ziglang") is None:
+        raise InputError('the compiler is missing: pip install "gellight[firmware]"')
+    target, processor = TARGETS[name]
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, f"-mcpu={processor}"]
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "frame_path.so"
+        arguments = [*command, *FLAGS, *_LIBRARY, *sources(), "-o", str(out)]
+        done = subprocess.run(arguments, cwd=FOLDER, capture_output=True, text=True, check=False)
+        if done.returncode or done.stderr.strip():
+            raise InputError(f"the frame path does not compile for {name}:\n{done.stderr.strip()}")
+        return out.read_bytes()
+
+
+def main() -> None:
+    """Build and write all libraries and their checksums."""
+    sums = []
+    for name in TARGETS:
+        content = build(name)
+        write_file(library_file(name), content)
+        sums.append(f"{hashlib.sha256(content).hexdigest()}  {library_file(name).name}\n")
+        print(sums[-1].rstrip())
+    write_file(CHECKSUMS, "".join(sums).encode())
+
+
+if __name__ == "__main__":
+    main()

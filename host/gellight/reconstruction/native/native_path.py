@@ -1,0 +1,234 @@
+"""Camera frame to tactile frame on the C library; what it computes is what `numpy_path.NumpyPath` computes.
+
+The network stays in ONNX Runtime, the transform along the rows in SciPy. The lens is taken out by the NumPy stage.
+"""
+
+import ctypes
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.reconstruction.at_rest import far_cells, far_from_touch
+from gellight.reconstruction.contact import THRESHOLD_MM
+from gellight.reconstruction.gelnet import CELL_PX, SIGNIFICANT, GradientNetwork
+from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
+from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.light_drift import drift_of
+from gellight.reconstruction.linearised import BLOCK_CELLS, CellNetwork
+from gellight.reconstruction.native.library import NativePathError
+from gellight.reconstruction.native.work import WorkMemory, address
+from gellight.reconstruction.pixel_grid import spread_blocks
+from gellight.reconstruction.smoothing import Windows
+from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
+
+Floats = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+SMALLEST_PX = 32
+"""Images smaller than this along one side are left to NumPy."""
+_BLOCK_PIXELS = 4096
+
+
+class NativePath:
+    """From a camera frame to a tactile frame; keeps working memory, so it serves one thread."""
+
+    def __init__(
+        self,
+        library: ctypes.CDLL,
+        bundle: Bundle,
+        network: GradientNetwork,
+        cells: CellNetwork | None,
+        undistortion: Undistortion | None,
+        *,
+        smoothing_px: int,
+        clock: Clock = time.perf_counter,
+    ) -> None:
+        """Take the parts; see `pipeline.Reconstructor`. cells: without, every touched pixel goes through `network`.
+
+        Raises NativePathError for images smaller than `SMALLEST_PX`.
+        """
+        if min(bundle.image_shape) < SMALLEST_PX:
+            raise NativePathError(f"images of {bundle.image_shape} px are too small for it")
+        self._c, self._bundle, self._network, self._cells = library, bundle, network, cells
+        self._undistortion = undistortion
+        self._height, self._width = bundle.image_shape
+        self._windows = Windows.of(smoothing_px) if smoothing_px >= 2 else None
+        self._m = WorkMemory(bundle.image_shape, self._windows)
+        self._m.coarse_rows[:, 3:] = network.coarse_position
+        self._reference = np.ascontiguousarray(bundle.reference, np.float32)
+        self._clock = clock
+        self.network_rows = NetworkRows()
+        self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
+
+    def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
+        """Return the maps and the contact of a frame of the bundle's size."""
+        stages = Stages(self._clock)
+        difference = self._difference(camera_frame.image)
+        stages.end("difference")
+        touched = self._touched()
+        self.network_rows = NetworkRows()
+        stages.end("mask")
+        if not touched:
+            return self._flat.frame(camera_frame, difference, stages)
+        self._slopes(difference, touched)
+        self._narrow()
+        stages.end("gradient")
+        touched_pixels = self._without_lens()
+        if touched_pixels is not None:
+            stages.end("lens")
+        depth_mm = self._depth(touched_pixels)
+        stages.end("depth")
+        self._widen(self._m.touched if touched_pixels is None else touched_pixels)
+        gradient_map, normal_map = self._normals(depth_mm)
+        stages.end("normals")
+        contact = self._contact(depth_mm)
+        stages.end("contact")
+        return TactileFrame(
+            camera_frame=camera_frame,
+            difference=difference,
+            gradient_map=gradient_map,
+            normal_map=normal_map,
+            depth_mm=depth_mm,
+            contact=contact,
+            stage_seconds=stages.seconds,
+        )
+
+    def _difference(self, image: NDArray[np.uint8]) -> Floats:
+        m, image = self._m, np.ascontiguousarray(image)
+        if self._bundle.manifest.follow_light:
+            m.shift[:] = drift_of(image, self._reference)
+        difference = np.empty((self._height, self._width, 3), np.float32)
+        self._run("difference_and_means", image, self._reference, m.shift, difference, m.means, m.work)
+        return difference
+
+    def _touched(self) -> int:
+        """How many cells are touched; which, is in `touched` of the work memory."""
+        m, limit = self._m, SIGNIFICANT * self._network.noise / CELL_PX
+        return self._count("touched_cells", m.means, limit, m.touched, m.near, m.work, m.bytes)
+
+    def _slopes(self, difference: Floats, touched: int) -> None:
+        m, limit = self._m, -1.0
+        if touched < m.touched.size:
+            self._run("coarse_rows", m.means, m.coarse_rows)
+            np.subtract(self._network.session.slopes(m.coarse_rows), self._network.coarse_zero, out=m.coarse)
+        near = 0
+        if self._cells is not None:
+            near = self._at_cells(self._cells)
+            limit = self._cells.limit_grey
+        single = self._count(
+            "blend", difference, m.touched, touched, m.planes, m.coarse, limit, m.slopes, m.index, m.work, m.bytes
+        )
+        coarse = len(m.coarse) if touched < m.touched.size else 0
+        self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
+        for start in range(0, single, _BLOCK_PIXELS):
+            count = min(_BLOCK_PIXELS, single - start)
+            at, rows = address(m.index, start), m.rows[:count]
+            self._c.pixel_rows(address(difference), at, address(rows), count, self._width)
+            answer, zero = self._network.session.slopes(rows), address(self._network.zero)
+            self._c.store_pixels(at, address(answer), zero, address(m.slopes), count, self._width, self._height)
+
+    def _at_cells(self, cells: CellNetwork) -> int:
+        """The network and its Jacobian at the means of the cells near a touch, into planes; returns how many cells."""
+        m = self._m
+        near = self._count("cell_rows", m.means, m.near, m.index, m.rows)
+        for start in range(0, near, BLOCK_CELLS):
+            rows = m.rows[start : min(start + BLOCK_CELLS, near)]
+            slopes, jacobian = cells.jacobian.answer(rows)
+            at = [address(a) for a in (rows, slopes, jacobian, cells.zero, m.planes)]
+            self._c.store_cells(address(m.index, start), *at, len(rows), self._width, self._height)
+        return near
+
+    def _narrow(self) -> None:
+        m, windows = self._m, self._windows
+        if windows is None:
+            m.measured[:] = m.slopes
+            return
+        share = float(1 - windows.narrowest[0] ** 2)
+        taps, reach = windows.narrowest.astype(np.float32), len(windows.narrowest) - 1
+        self._run("narrow", m.slopes, m.measured, taps, reach, share, m.noise, m.energy, m.work)
+
+    def _without_lens(self) -> Bools | None:
+        """Take the lens out of the measured slopes; return the touched pixels, None where there is no lens."""
+        if self._undistortion is None:
+            return None
+        m = self._m
+        touched = spread_blocks(m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+        slopes, touched = self._undistortion.apply(np.ascontiguousarray(np.moveaxis(m.measured, 0, 2)), touched)
+        m.measured[:] = np.moveaxis(slopes, 2, 0)
+        return touched
+
+    def _depth(self, touched_pixels: Bools | None) -> Floats:
+        """Integrate the measured slopes; also differentiate the depth into `slopes` of the work memory."""
+        m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
+        depth = np.empty(self._bundle.image_shape, np.float32)
+        self._run("divergence", m.measured, depth, *size, m.work)
+        waves = fft.dct(depth, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1)
+        self._run("solve_columns", waves, m.factors, m.column)
+        depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
+        if touched_pixels is None:
+            level = level_of_sample(depth, self._resting(depth), bulge)
+        else:
+            level = rest_level(depth, far_from_touch(touched_pixels), bulge)
+        if not np.isfinite(level):
+            raise ValueError("the gradient map has values that are NaN or infinite")
+        self._run("level_and_slopes", depth, float(level), m.slopes, *size, m.work)
+        return depth
+
+    def _resting(self, depth: Floats) -> Floats:
+        """The depths at rest among those on the sample grid."""
+        m = self._m
+        far = far_cells(~m.touched[1::2, 1::2].view(np.bool_))
+        everywhere = far if far.any() else np.ones_like(far)
+        step = sample_grid(depth.shape)[0].step
+        count = self._count("resting_depths", depth, m.touched, everywhere, *everywhere.shape[::-1], step, m.work_plane)
+        return m.work_plane[:count]
+
+    def _widen(self, touched: NDArray[Any]) -> None:
+        """Smooth the slopes of the surface as far as they allow; touched: (h, w) cells, or (H, W) pixels."""
+        m, windows = self._m, self._windows
+        side = CELL_PX if touched.shape == m.touched.shape else 1
+        rows, columns = (np.flatnonzero(touched.any(axis=axis)) for axis in (1, 0))
+        if windows is None or not len(rows):
+            return
+        top, left = (int(span[0]) * side // CELL_PX * CELL_PX for span in (rows, columns))
+        bottom, right = min((int(rows[-1]) + 1) * side, self._height), min((int(columns[-1]) + 1) * side, self._width)
+        reach, energies = windows.reach, windows.energies
+        box = (left, top, right, bottom)
+        self._run(
+            "widen", m.slopes, m.measured, m.noise, windows.taps, reach, energies, m.small, m.changes, m.work, *box
+        )
+
+    def _normals(self, depth_mm: Floats) -> tuple[Floats, Floats]:
+        m = self._m
+        if self._undistortion is not None:
+            depth_mm[~self._undistortion.seen], m.slopes[:, ~self._undistortion.seen] = 0, 0
+        gradient_map, normal_map = (np.empty((self._height, self._width, k), np.float32) for k in (2, 3))
+        self._run("slopes_and_normals", m.slopes, gradient_map, normal_map)
+        return gradient_map, normal_map
+
+    def _contact(self, depth_mm: Floats) -> Contact:
+        m, (size_x, size_y) = self._m, self._bundle.pixel_size_mm
+        mask = np.empty(self._bundle.image_shape, np.bool_)
+        self._run("find_contact", depth_mm, THRESHOLD_MM, mask, m.found, m.blocks, m.label, m.parent, m.deepest, m.work)
+        count, deepest, x, y = m.found.tolist()
+        centroid = (x / count - (self._width - 1) / 2, y / count - (self._height - 1) / 2) if count else None
+        return Contact(
+            mask=mask,
+            area_mm2=count * size_x * size_y,
+            indentation_mm=deepest,
+            centroid_mm=centroid and (centroid[0] * size_x, centroid[1] * size_y),
+        )
+
+    def _run(self, function: str, *arguments: NDArray[Any] | float) -> None:
+        """Call a function of the library with arrays and numbers, then width and height."""
+        self._count(function, *arguments)
+
+    def _count(self, function: str, *arguments: NDArray[Any] | float) -> int:
+        """The same for a function that counts."""
+        given = [address(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        return int(getattr(self._c, function)(*given, self._width, self._height) or 0)

@@ -1,0 +1,246 @@
+/* Slopes with less noise: `smoothing.py` says why and has the formulas. */
+#include "frame_path.h"
+
+#define TINY 1.17549435e-38f
+
+/* Row y of a plane through a symmetric window along both axes, borders continued. taps: from the middle outwards;
+ * padded: width + 2 reach. */
+INLINE void filter_row(const float *plane, ptrdiff_t stride, int y, const float *taps, int reach, float *restrict padded,
+                       float *restrict out, int width, int height) {
+    const float *restrict row = plane + y * stride;
+    float *restrict down = padded + reach;
+    for (int x = 0; x < width; x++) down[x] = taps[0] * row[x];
+    for (int k = 1; k <= reach; k++) {
+        const float *restrict above = plane + clamped(y - k, height) * stride;
+        const float *restrict below = plane + clamped(y + k, height) * stride;
+        for (int x = 0; x < width; x++) down[x] += taps[k] * (above[x] + below[x]);
+    }
+    for (int k = 1; k <= reach; k++) {
+        down[-k] = down[0];
+        down[width - 1 + k] = down[width - 1];
+    }
+    for (int x = 0; x < width; x++) {
+        float sum = taps[0] * down[x];
+        for (int k = 1; k <= reach; k++) sum += taps[k] * (down[x - k] + down[x + k]);
+        out[x] = sum;
+    }
+}
+
+/* The common widths get loops of a known length, which is twice as fast. */
+static void smooth_row(const float *plane, ptrdiff_t stride, int y, const float *taps, int reach, float *padded, float *out,
+                       int width, int height) {
+    switch (reach) {
+        case 2: filter_row(plane, stride, y, taps, 2, padded, out, width, height); break;
+        case 3: filter_row(plane, stride, y, taps, 3, padded, out, width, height); break;
+        case 5: filter_row(plane, stride, y, taps, 5, padded, out, width, height); break;
+        case 9: filter_row(plane, stride, y, taps, 9, padded, out, width, height); break;
+        default: filter_row(plane, stride, y, taps, reach, padded, out, width, height);
+    }
+}
+
+/* Add the squares of a row, four pixels a cell; squares: width. */
+static void add_squares(const float *restrict row, float *restrict squares, float *restrict cells, int width) {
+    for (int x = 0; x < width; x++) squares[x] = row[x] * row[x];
+    const int whole = width / CELL;
+    for (int j = 0; j < whole; j++)
+        cells[j] += (squares[4 * j] + squares[4 * j + 1]) + (squares[4 * j + 2] + squares[4 * j + 3]);
+    for (int x = CELL * whole; x < width; x++) cells[whole] += squares[x];
+}
+
+/* Sums over cells to means over the pixels of each, cut cells included. */
+static void cell_means(float *cells, int width, int height) {
+    const int w = cells_of(width), h = cells_of(height);
+    for (int i = 0; i < h; i++) {
+        const int tall = i == h - 1 ? height - CELL * i : CELL;
+        for (int j = 0; j < w - 1; j++) cells[i * w + j] *= 1.0f / (float)(CELL * tall);
+        cells[i * w + w - 1] *= 1.0f / (float)((width - CELL * (w - 1)) * tall);
+    }
+}
+
+INLINE int mirrored(int i, int n) {
+    while (i < 0 || i >= n) i = i < 0 ? -1 - i : 2 * n - 1 - i;
+    return i;
+}
+
+/* Row i of the mean over 2 reach + 1 cells a side, mirrored at the border. padded: w + 2 reach. */
+static void box_row(const float *cells, int i, int reach, float *restrict padded, float *restrict out, int w, int h) {
+    float *restrict sums = padded + reach;
+    for (int j = 0; j < w; j++) sums[j] = 0;
+    for (int k = -reach; k <= reach; k++) {
+        const float *restrict row = cells + (ptrdiff_t)mirrored(i + k, h) * w;
+        for (int j = 0; j < w; j++) sums[j] += row[j];
+    }
+    for (int k = 1; k <= reach; k++) {
+        sums[-k] = sums[mirrored(-k, w)];
+        sums[w - 1 + k] = sums[mirrored(w - 1 + k, w)];
+    }
+    const float scale = 1.0f / (float)((2 * reach + 1) * (2 * reach + 1));
+    for (int j = 0; j < w; j++) out[j] = sums[j - reach];
+    for (int k = -reach + 1; k <= reach; k++)
+        for (int j = 0; j < w; j++) out[j] += sums[j + k];
+    for (int j = 0; j < w; j++) out[j] *= scale;
+}
+
+/* `Smoother.narrow` on two planes: smoothed by the narrowest window, and the variance of the noise of one pixel in planes
+ * (2, h, w): the mean square of what the window takes, over 9 x 9 cells, by the share of white noise that it takes.
+ * work: 2 width + 2 reach + w + 8; energy: w h. */
+EXPORT void narrow(const float *slopes, float *smoothed, const float *taps, int reach, float share, float *noise,
+                   float *energy, float *work, int width, int height) {
+    const int w = cells_of(width), h = cells_of(height);
+    const ptrdiff_t plane = (ptrdiff_t)width * height;
+    float *taken = work, *padded = work + width;
+    for (int o = 0; o < 2; o++, slopes += plane, smoothed += plane, noise += (ptrdiff_t)w * h) {
+        for (int at = 0; at < w * h; at++) energy[at] = 0;
+        for (int y = 0; y < height; y++) {
+            const float *restrict row = slopes + (ptrdiff_t)y * width;
+            float *restrict out = smoothed + (ptrdiff_t)y * width, *restrict less = taken;
+            smooth_row(slopes, width, y, taps, reach, padded, out, width, height);
+            for (int x = 0; x < width; x++) less[x] = row[x] - out[x];
+            add_squares(taken, padded, energy + (ptrdiff_t)(y / CELL) * w, width);
+        }
+        cell_means(energy, width, height);
+        for (int i = 0; i < h; i++) {
+            float *restrict out = noise + (ptrdiff_t)i * w;
+            box_row(energy, i, 4, padded, out, w, h);
+            for (int j = 0; j < w; j++) out[j] *= 1.0f / share;
+        }
+    }
+}
+
+/* A rectangle of the image that begins at a cell, and what `widen` needs in it. */
+typedef struct {
+    int width, height, w, h;
+    ptrdiff_t stride, plane;
+    const float *measured;
+    float *slopes, *noise, *shares, *energy, *changes, *work;
+} Window;
+
+/* Multiply a row of shares by how far noise explains the energy of a change: 1 up to 1.5 times what noise makes, 0 from 3
+ * times on, for the worse of both slopes. seen: (2, w); noise: planes (2, h, w). */
+static void explain_row(const Window *a, const float *restrict seen, int i, float energy, float *restrict share) {
+    const float *restrict nx = a->noise + (ptrdiff_t)i * a->w, *restrict ny = nx + (ptrdiff_t)a->w * a->h;
+    const int w = a->w;
+    for (int j = 0; j < w; j++) {
+        const float worst = larger(seen[j] / nx[j], seen[w + j] / ny[j]);
+        share[j] *= smaller(larger(2 - worst / (1.5f * energy), 0), 1);
+    }
+}
+
+/* Shares (h, w) from the energies (2, h, w) of a change, over 2 reach + 1 cells a side. share holds those of the narrower
+ * window. */
+static void explain(const Window *a, float *energies, int reach, float energy, float *share) {
+    float *seen = a->work, *padded = a->work + 2 * a->w;
+    const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
+    for (int o = 0; o < 2; o++) cell_means(energies + o * size, a->width, a->height);
+    for (int i = 0; i < a->h; i++) {
+        for (int o = 0; o < 2; o++) box_row(energies + o * size, i, reach, padded, seen + o * a->w, a->w, a->h);
+        explain_row(a, seen, i, energy, share + (ptrdiff_t)i * a->w);
+    }
+}
+
+/* Row y of the pixels' shares. */
+static void share_row(const Window *a, const float *share, int y, float *cells, float *out) {
+    between_rows(share, CELL, y, a->h, a->w, 0, a->w, cells);
+    between_columns(cells, a->w, out);
+}
+
+/* Take the measured slopes where the surface differs from them by more than noise explains (`Smoother._reconcile`):
+ * slope = measured + share (slope - measured), and the noise of the result grows by 1 + (1 - share)^2. */
+static void reconcile(const Window *a, int reach, float energy) {
+    const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
+    float *change = a->work + 2 * a->width, *squares = change + a->width + 8;
+    for (int o = 0; o < 2; o++)
+        for (int y = 0; y < a->height; y++) {
+            const ptrdiff_t at = o * a->plane + y * a->stride;
+            const float *restrict surface = a->slopes + at, *restrict measured = a->measured + at;
+            float *restrict out = change;
+            for (int x = 0; x < a->width; x++) out[x] = surface[x] - measured[x];
+            add_squares(change, squares, a->energy + o * size + (ptrdiff_t)(y / CELL) * a->w, a->width);
+        }
+    explain(a, a->energy, reach, energy, a->shares);
+    for (ptrdiff_t at = 0; at < size; at++) {
+        const float left = 1 - a->shares[at], more = 1 + left * left;
+        a->noise[at] *= more;
+        a->noise[size + at] *= more;
+    }
+    for (int y = 0; y < a->height; y++) {
+        share_row(a, a->shares, y, squares, change);
+        for (int o = 0; o < 2; o++) {
+            const ptrdiff_t at = o * a->plane + y * a->stride;
+            const float *restrict measured = a->measured + at, *restrict part = change;
+            float *restrict slope = a->slopes + at;
+            for (int x = 0; x < a->width; x++) slope[x] = measured[x] + (slope[x] - measured[x]) * part[x];
+        }
+    }
+}
+
+/* What each of three wider windows changes against the next narrower one, six planes, and its energy in cells. */
+static void wider_windows(const Window *a, const float *taps, const int *reach) {
+    const ptrdiff_t size = (ptrdiff_t)a->w * a->h, area = (ptrdiff_t)a->width * a->height;
+    float *smoothed[2] = {a->work, a->work + a->width}, *padded = a->work + 2 * a->width;
+    for (int o = 0; o < 2; o++)
+        for (int y = 0; y < a->height; y++) {
+            const float *last = a->slopes + o * a->plane + y * a->stride;
+            const float *plane = a->slopes + o * a->plane, *tap = taps;
+            for (int l = 0; l < 3; tap += reach[l] + 1, l++) {
+                float *restrict change = a->changes + (2 * l + o) * area + (ptrdiff_t)y * a->width;
+                float *wide = smoothed[l & 1];
+                smooth_row(plane, a->stride, y, tap, reach[l], padded, wide, a->width, a->height);
+                for (int x = 0; x < a->width; x++) change[x] = wide[x] - last[x];
+                add_squares(change, padded, a->energy + (2 * l + o) * size + (ptrdiff_t)(y / CELL) * a->w, a->width);
+                last = wide;
+            }
+        }
+}
+
+/* Add the changes by their shares: slope += sum over windows of share change. */
+static void add_changes(const Window *a) {
+    const ptrdiff_t size = (ptrdiff_t)a->w * a->h, area = (ptrdiff_t)a->width * a->height;
+    float *rows = a->work, *cells = a->work + 3 * (a->width + 8);
+    for (int y = 0; y < a->height; y++) {
+        for (int l = 0; l < 3; l++) share_row(a, a->shares + l * size, y, cells, rows + l * (a->width + 8));
+        for (int o = 0; o < 2; o++) {
+            float *restrict slope = a->slopes + o * a->plane + y * a->stride;
+            const float *restrict c0 = a->changes + o * area + (ptrdiff_t)y * a->width, *restrict c1 = c0 + 2 * area,
+                        *restrict c2 = c1 + 2 * area, *restrict s0 = rows, *restrict s1 = rows + a->width + 8,
+                        *restrict s2 = s1 + a->width + 8;
+            for (int x = 0; x < a->width; x++) slope[x] += s0[x] * c0[x] + s1[x] * c1[x] + s2[x] * c2[x];
+        }
+    }
+}
+
+/* `Smoother.widen` inside the rectangle of pixels [left, right) x [top, bottom), left and top at cells.
+ *
+ * slopes: two planes of the integrated surface, changed in place; measured, noise: what `narrow` made. taps: of the three
+ * windows one after the other. reach: of the windows, then of the cells that their energy is taken over; energies: what
+ * white noise makes. Both begin with those of the narrowest window. small: 11 planes of cells; changes: 6 planes of pixels;
+ * work: 6 width + 2 reach[3] + 64. */
+EXPORT void widen(float *slopes, const float *measured, const float *noise, const float *taps, const int32_t *reach,
+                  const float *energies, float *small, float *changes, float *work, int left, int top, int right,
+                  int bottom, int width, int height) {
+    const ptrdiff_t begin = (ptrdiff_t)top * width + left, all = (ptrdiff_t)cells_of(width) * cells_of(height);
+    Window a = {.width = right - left, .height = bottom - top, .stride = width, .plane = (ptrdiff_t)width * height,
+                .measured = measured + begin, .slopes = slopes + begin, .changes = changes, .work = work};
+    a.w = cells_of(a.width), a.h = cells_of(a.height);
+    const ptrdiff_t size = (ptrdiff_t)a.w * a.h;
+    a.noise = small, a.shares = small + 2 * size, a.energy = small + 5 * size;
+    for (int o = 0; o < 2; o++)
+        for (int i = 0; i < a.h; i++) {
+            const float *row = noise + o * all + (ptrdiff_t)(top / CELL + i) * cells_of(width) + left / CELL;
+            for (int j = 0; j < a.w; j++) a.noise[o * size + i * a.w + j] = row[j] + TINY;
+        }
+    for (ptrdiff_t at = 0; at < 6 * size; at++) a.energy[at] = 0;
+    for (ptrdiff_t at = 0; at < size; at++) a.shares[at] = 1;
+    reconcile(&a, reach[4], energies[0]);
+    for (ptrdiff_t at = 0; at < 2 * size; at++) a.energy[at] = 0;
+    const int windows[3] = {reach[1], reach[2], reach[3]};
+    wider_windows(&a, taps, windows);
+    for (ptrdiff_t at = 0; at < size; at++) a.shares[at] = 1;
+    for (int l = 0; l < 3; l++) {
+        float *share = a.shares + l * size;
+        if (l)
+            for (ptrdiff_t at = 0; at < size; at++) share[at] = share[at - size];
+        explain(&a, a.energy + 2 * l * size, reach[5 + l], energies[1 + l], share);
+    }
+    add_changes(&a);
+}

@@ -1,0 +1,62 @@
+"""The working memory of the native path, taken once: a frame allocates nothing but what it returns."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX
+from gellight.reconstruction.smoothing import Windows
+
+Floats = NDArray[np.float32]
+
+
+class WorkMemory:
+    """Arrays for images of one size; w, h are numbers of cells. frame_path.h has the terms."""
+
+    def __init__(self, image_shape: tuple[int, int], windows: Windows | None) -> None:
+        """Take it all, and write to each page, so that the first frame is as fast as the others."""
+        height, width = image_shape
+        h, w = (-(-n // CELL_PX) for n in image_shape)
+        coarse_h, coarse_w = (-(-n // COARSE_PX) for n in image_shape)
+        widest = int(windows.reach[3]) if windows else 0
+        self.shift = _floats(width, 3)
+        self.means = _floats(3, 2 * coarse_h, 2 * coarse_w)
+        self.touched, self.near = np.zeros((2, h, w), np.uint8)
+        self.bytes = np.zeros(2 * h * w + width + 4, np.uint8)
+        self.coarse_rows, self.coarse = _floats(coarse_h * coarse_w, 5), _floats(coarse_h * coarse_w, 2)
+        self.index = np.zeros(height * width, np.int32)
+        self.rows = _floats(max(h * w, 4096), 5)
+        self.planes = _floats(11, h, w)
+        self.slopes, self.measured = _floats(2, height, width), _floats(2, height, width)
+        self.noise, self.energy = _floats(2, h, w), _floats(h, w)
+        self.factors, self.column = elimination(image_shape), np.zeros(height)
+        self.small = _floats(11, h, w)
+        self.changes = _floats(6, height, width) if windows else _floats(1)
+        self.work, self.work_plane = _floats(16 * (width + 64) + 2 * widest), _floats(height * width)
+        blocks = -(-height // 2) * -(-width // 2)
+        self.blocks, self.deepest = _floats(blocks), _floats(blocks + 1)
+        self.label, self.parent = np.zeros(blocks, np.int32), np.zeros(blocks + 1, np.int32)
+        self.found = np.zeros(4)
+
+
+def elimination(image_shape: tuple[int, int]) -> Floats:
+    """(H, W) one over each pivot of `solve_columns`, worked out in double precision."""
+    height, width = image_shape
+    wave = 2 - 2 * np.cos(np.pi * np.arange(width) / width)
+    factors = np.zeros((height, width))
+    factors[0] = -1 / (1 + wave)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of column 0, which is summed instead
+        for y in range(1, height):
+            factors[y] = -1 / (wave + (2 if y < height - 1 else 1) + factors[y - 1])
+    factors[:, 0] = 0
+    return factors.astype(np.float32)
+
+
+def address(array: NDArray[Any], start: int = 0) -> int:
+    """Where element `start` of a contiguous array lies."""
+    return int(array.ctypes.data) + start * array.itemsize
+
+
+def _floats(*shape: int) -> Floats:
+    return np.full(shape, 0, np.float32)

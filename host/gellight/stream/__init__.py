@@ -1,0 +1,13 @@
+"""Frames for other programs: in this process, in another one, on another computer.
+
+source.py         FrameSource: what every program reads frames from
+sensor.py         connect: a sensor in this process
+subscription.py   subscribe: a daemon in another process
+publisher.py      Publisher: what makes a daemon's frames available to others
+wire.py           the message that carries a frame; docs/wire-format.md
+calls.py          what others may ask of a daemon
+network.py        sessions of zenoh, and its keys
+shared_memory.py  frames that need not go through the network
+recorder.py       Recorder: a daemon's frames in a file
+running.py        which daemons of this user publish on this computer
+"""

@@ -1,0 +1,97 @@
+"""What another program may ask of a daemon: status, calibration, a light, a zero, a press into a simulated gel.
+
+A call is JSON such as {"type": "press", "object": "BALL", "depth_mm": 0.8, "x_mm": 0, "y_mm": 0}. The answer is JSON
+too, but for `calibration`, whose answer is the content of a `.gelcal` file.
+"""
+
+import json
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
+
+from gellight.base.allowed import StrictModel
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import packed_bundle
+from gellight.daemon.daemon import Daemon
+from gellight.stream.wire import Byte
+
+
+class Status(StrictModel):
+    """What `Daemon.status` says."""
+
+    type: Literal["status"] = "status"
+
+
+class Calibration(StrictModel):
+    """The bundle in use, with the zero in use."""
+
+    type: Literal["calibration"] = "calibration"
+
+
+class Light(StrictModel):
+    """Show these colours on the 12 LEDs; None: those of the bundle again."""
+
+    type: Literal["light"] = "light"
+    colours: Annotated[list[tuple[Byte, Byte, Byte]], Field(min_length=12, max_length=12)] | None
+
+
+class Zero(StrictModel):
+    """Set the zero of the depth to the gel as it is now: nothing touches it."""
+
+    type: Literal["zero"] = "zero"
+
+
+class Press(StrictModel):
+    """Press an object into a simulated gel."""
+
+    type: Literal["press"] = "press"
+    object: str
+    depth_mm: float
+    x_mm: float
+    y_mm: float
+
+
+class Release(StrictModel):
+    """Lift the object off the simulated gel."""
+
+    type: Literal["release"] = "release"
+
+
+Call = Status | Calibration | Light | Zero | Press | Release
+_CALLS: TypeAdapter[Call] = TypeAdapter(Annotated[Call, Field(discriminator="type")])
+
+
+def read_call(content: bytes) -> Call:
+    """Return the call of a message; InputError says what is wrong with it."""
+    try:
+        return _CALLS.validate_json(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise InputError(f"no call of GelLight: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+
+
+def answer(daemon: Daemon, call: Call) -> bytes:
+    """Do what is asked and return the answer; raises what the daemon raises."""
+    match call:
+        case Status():
+            return json.dumps(daemon.status(), default=str).encode()
+        case Calibration():
+            return packed_bundle(daemon.zeroed_bundle)
+        case Light():
+            daemon.light(None if call.colours is None else np.array(call.colours, np.uint8))
+        case Zero():
+            daemon.rezero()
+        case Press() | Release():
+            move(daemon, call)
+    return b"{}"
+
+
+def move(daemon: Daemon, call: Press | Release) -> None:
+    """Press or lift an object; InputError on a sensor whose gel is not simulated."""
+    if daemon.stage is None:
+        raise InputError("objects can be pressed into a simulated gel only (sim://)")
+    if isinstance(call, Release):
+        daemon.stage.release()
+    else:
+        daemon.stage.press(call.object, call.depth_mm, call.x_mm, call.y_mm)

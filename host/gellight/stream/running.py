@@ -1,0 +1,132 @@
+"""Which daemons of this user publish on this computer: one small file each, locked as long as its daemon lives.
+
+    $XDG_RUNTIME_DIR/gellight/<name>.json    who publishes, and where; else in the user's state folder
+
+The kernel gives the lock back when the daemon ends, however it ends: a file that is not locked is of a daemon that is
+gone.
+"""
+
+import fcntl
+import json
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+from urllib.parse import quote
+
+import platformdirs
+from pydantic import ValidationError
+
+from gellight.base.allowed import StrictModel
+from gellight.base.errors import StreamError
+
+MOST_BYTES = 4096
+MOST_TRIES = 200
+
+
+class RunningDaemon(StrictModel):
+    """A daemon that publishes the frames of one sensor."""
+
+    name: str
+    """of the sensor"""
+    endpoint: str
+    """where subscribers connect to, as zenoh writes it: `tcp/127.0.0.1:PORT`"""
+    sensor: str
+    """URL that it was opened with"""
+    process: int
+    since_unix_s: float
+
+
+@contextmanager
+def announced(name: str, endpoint: str, sensor: str, *, numbered: bool) -> Iterator[RunningDaemon]:
+    """Announce the daemon of this process under `name`, as long as the context lasts.
+
+    numbered: where another one has the name, take NAME-2, NAME-3, ...: there may be several, as of simulated sensors.
+    Else StreamError says who has it.
+    """
+    handle, free = _locked(name, numbered)
+    with handle:
+        daemon = RunningDaemon(
+            name=free, endpoint=endpoint, sensor=sensor, process=os.getpid(), since_unix_s=time.time()
+        )
+        handle.truncate(0)
+        handle.write(daemon.model_dump_json())
+        handle.flush()
+        try:
+            yield daemon
+        finally:
+            _place(free).unlink(missing_ok=True)
+
+
+def running() -> list[RunningDaemon]:
+    """Return the daemons that publish now, by name."""
+    return [daemon for path in sorted(folder().glob("*.json")) if (daemon := _read(path)) is not None]
+
+
+def folder() -> Path:
+    """Return where the files are: a folder that belongs to this user alone."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")  # not there for a user who has not logged in, such as a service
+    return Path(runtime) / "gellight" if runtime else platformdirs.user_state_path("gellight") / "running"
+
+
+def _place(name: str) -> Path:
+    return folder() / f"{quote(name, safe='').replace('.', '%2E')}.json"
+
+
+def _locked(name: str, numbered: bool) -> tuple[TextIO, str]:
+    """Return the locked file of a name that nobody has, and the name."""
+    folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+    tried, number = name, 1
+    for _ in range(MOST_TRIES):
+        handle = _place(tried).open("a+")
+        if _lock(handle) and _same(handle, _place(tried)):
+            return handle, tried
+        handle.close()
+        holder = _read(_place(tried))
+        if holder is None:  # its daemon begins or ends in this moment
+            time.sleep(0.01)
+        elif numbered:
+            number += 1
+            tried = f"{name}-{number}"
+        else:
+            raise StreamError(_taken(holder))
+    raise StreamError(f"{_place(tried)} is locked, and no daemon: end the program that holds it, or give --name")
+
+
+def _same(handle: TextIO, path: Path) -> bool:
+    """Whether the file that was opened still is the one of that name: it may have been removed before it was locked."""
+    try:
+        return os.fstat(handle.fileno()).st_ino == path.stat().st_ino
+    except FileNotFoundError:
+        return False
+
+
+def _taken(holder: RunningDaemon) -> str:
+    minutes = (time.time() - holder.since_unix_s) / 60
+    return (
+        f"sensor {holder.name} is published already by process {holder.process}, for {minutes:.0f} minutes "
+        f"({holder.sensor}): stop that one, or give this one another --name"
+    )
+
+
+def _lock(handle: TextIO) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _read(path: Path) -> RunningDaemon | None:
+    """Return the daemon of a file; None where it is gone or has not written the file yet."""
+    try:
+        with path.open("r") as handle:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return RunningDaemon.model_validate(json.loads(handle.read(MOST_BYTES)))
+    except (OSError, ValueError, ValidationError):
+        pass
+    return None

@@ -1,0 +1,81 @@
+"""`gellight.connect`: a sensor in this process, lit and calibrated, that gives tactile frames."""
+
+from contextlib import ExitStack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.settings import load_settings
+from gellight.bundle.bundle import Bundle
+from gellight.daemon.assembly import open_session
+from gellight.daemon.daemon import Daemon
+from gellight.frames.frames import TactileFrame
+from gellight.stream.calls import Press, Release, move
+from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
+
+
+def connect(
+    url: str = "auto",
+    *,
+    calibration: str | None = None,
+    mode: str | None = None,
+    every: bool = False,
+    patience_s: float = PATIENCE_S,
+) -> "Sensor":
+    """Open a sensor, light its LEDs as its calibration says, and start to reconstruct; closing it makes them dark.
+
+    `url` is `auto` (the one sensor that is plugged in), `sensor://NAME`, `v4l2:///dev/...`, `sim://`, a recording
+    (`replay://FILE`) or a folder of images. `calibration` is a bundle, `synthetic`, or `auto`: the one that the board
+    of the sensor names; what is not given is as in the settings (docs/configuration.md). every: give every frame and
+    not only the newest. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
+    """
+    settings = load_settings({"sensor.url": url, "sensor.calibration": calibration, "reconstruction.mode": mode})
+    return Sensor(open_session(settings), every=every, patience_s=patience_s)
+
+
+class Sensor(FrameSource):
+    """A daemon in this process."""
+
+    def __init__(self, daemon: Daemon, *, every: bool = False, patience_s: float = PATIENCE_S) -> None:
+        """Start `daemon`, and stop it at the end."""
+        super().__init__(patience_s=patience_s)
+        self.daemon = daemon
+        self._until = ExitStack()
+        self._frames = self._until.enter_context(daemon.delivered.copied(BACKLOG)) if every else daemon.delivered
+        self._number = 0
+        self._until.enter_context(daemon)
+
+    def _take(self, timeout_s: float) -> TactileFrame:
+        self._number, frame = self._frames.take(self._number, timeout_s)
+        return frame
+
+    def _why_none(self) -> str:
+        return str(self.daemon.status()["error"] or "the camera delivers none; see `gellight doctor`")
+
+    def _release_all(self) -> None:
+        self._until.close()
+
+    def status(self) -> dict[str, object]:
+        """Return `Daemon.status`."""
+        return self.daemon.status()
+
+    @property
+    def bundle(self) -> Bundle:
+        """The calibration bundle in use, with the zero in use."""
+        return self.daemon.zeroed_bundle
+
+    def light(self, colours: NDArray[np.uint8] | None) -> None:
+        """Show colours on the LEDs, or the light of the bundle again (None); see `Daemon.light`."""
+        self.daemon.light(colours)
+
+    def zero(self) -> None:
+        """Set the zero of the depth; see `Daemon.rezero`."""
+        self.daemon.rezero()
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
+        """Press an object into a simulated gel."""
+        move(self.daemon, Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+
+    def release(self) -> None:
+        """Lift the object off the simulated gel."""
+        move(self.daemon, Release())

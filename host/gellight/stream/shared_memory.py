@@ -1,0 +1,48 @@
+"""Memory that publisher and readers on the same computer share, so that a frame need not go through the network."""
+
+import logging
+import os
+
+import zenoh
+from zenoh import shm
+
+logger = logging.getLogger(__name__)
+FRAMES = 8
+"""that may be under way at a time"""
+PLACE = "/dev/shm"
+
+
+class SharedMemory:
+    """A pool for messages, made when the first one comes; where there is no room they are sent as they are."""
+
+    def __init__(self) -> None:
+        """Start without a pool."""
+        self._provider: shm.ShmProvider | None = None
+        self._size = 0
+
+    def holding(self, message: bytes) -> zenoh.ZBytes:
+        """Return the message in shared memory, or itself while all of the memory is in use."""
+        if len(message) > self._size:
+            self._provider, self._size = _pool(len(message)), len(message)
+        if self._provider is None:
+            return zenoh.ZBytes(message)
+        try:
+            room = self._provider.alloc(len(message), policy=shm.GarbageCollect(shm.JustAlloc()))
+        except zenoh.ZError:  # readers that do not read hold all of it
+            return zenoh.ZBytes(message)
+        room[0 : len(message)] = message
+        return zenoh.ZBytes(room)
+
+
+def _pool(message_bytes: int) -> shm.ShmProvider | None:
+    """Return a pool of shared memory; None where the system has too little: writing to it would end the process."""
+    wanted = FRAMES * message_bytes
+    try:
+        facts = os.statvfs(PLACE)
+        if facts.f_bavail * facts.f_frsize < 2 * wanted:
+            logger.warning("%s has less than %.0f MB free: frames go through the network", PLACE, 2 * wanted / 1e6)
+            return None
+        return shm.ShmProvider.default_backend(wanted)
+    except (OSError, zenoh.ZError) as error:
+        logger.warning("no shared memory (%s): frames go through the network", error)
+        return None

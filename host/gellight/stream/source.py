@@ -1,0 +1,145 @@
+"""What a program reads tactile frames from, in the daemon's process (sensor.py) or in another (subscription.py)."""
+
+import asyncio
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import StreamError
+from gellight.bundle.bundle import Bundle
+from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import TactileFrame
+
+PATIENCE_S = 10.0
+BACKLOG = 32
+"""frames that wait for a reader who wants them all"""
+
+
+class FrameSource(ABC):
+    """Tactile frames of one sensor; an iterator, synchronous and asynchronous, and a context manager.
+
+    By default each frame is the newest there is. `frame.provenance.dropped` counts those that were passed over.
+    """
+
+    def __init__(self, *, patience_s: float) -> None:
+        """Let readers wait so long for a frame before StreamError."""
+        self._patience_s = patience_s
+        self._sequence: int | None = None
+        self._listening: list[threading.Thread] = []
+        self._closing = threading.Event()
+
+    # ---- frames ----
+
+    def next_frame(self, timeout_s: float | None = None) -> TactileFrame:
+        """Wait for the next frame; None: as long as `patience_s` says.
+
+        Raises StreamError, which says what is wrong, after that time or when the daemon is gone; EndOfStream after the
+        last frame of images or of a recording.
+        """
+        wait_s = self._patience_s if timeout_s is None else timeout_s
+        try:
+            frame = self._take(wait_s)
+        except TimeoutError:
+            raise StreamError(f"no frame for {wait_s:g} s: {self._why_none()}") from None
+        sequence = frame.camera_frame.sequence
+        before, self._sequence = self._sequence, sequence
+        return frame if before is None else frame.with_dropped(max(sequence - before - 1, 0))
+
+    def __iter__(self) -> Iterator[TactileFrame]:
+        """Yield frames until the images are used up or the source is closed."""
+        while not self._closing.is_set():
+            try:
+                yield self.next_frame()
+            except EndOfStream:
+                return
+
+    async def __aiter__(self) -> AsyncIterator[TactileFrame]:
+        """Yield frames as `__iter__` does, without keeping the event loop from other work."""
+        while not self._closing.is_set():
+            try:
+                yield await asyncio.to_thread(self.next_frame)
+            except EndOfStream:
+                return
+
+    def listen(self, use: Callable[[TactileFrame], object]) -> None:
+        """Call `use` with each frame, in a thread of its own, until the source is closed.
+
+        What ends the frames, or what `use` raises, is raised by `close`.
+        """
+        thread = threading.Thread(target=self._hand_on, args=(use,), name="listen", daemon=True)
+        self._listening.append(thread)
+        thread.start()
+
+    def _hand_on(self, use: Callable[[TactileFrame], object]) -> None:
+        try:
+            for frame in self:
+                use(frame)
+        except Exception as error:
+            if not self._closing.is_set():
+                self._problem = error
+
+    _problem: Exception | None = None
+
+    # ---- commands ----
+
+    @abstractmethod
+    def status(self) -> dict[str, object]:
+        """Return what the daemon knows of the sensor; see `Daemon.status`."""
+
+    @property
+    @abstractmethod
+    def bundle(self) -> Bundle:
+        """The calibration bundle in use, with the zero in use."""
+
+    @abstractmethod
+    def light(self, colours: NDArray[np.uint8] | None) -> None:
+        """Show (12, 3) uint8 RGB on the LEDs, or the light of the bundle again (None); depth needs the latter."""
+
+    @abstractmethod
+    def zero(self) -> None:
+        """Set the zero of the depth to the gel as it is now: nothing touches it; InputError where that is not so."""
+
+    @abstractmethod
+    def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
+        """Press an object into a simulated gel; InputError for a real one."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Lift the object off the simulated gel."""
+
+    # ---- the two kinds ----
+
+    @abstractmethod
+    def _take(self, timeout_s: float) -> TactileFrame:
+        """Wait for a frame; raises TimeoutError."""
+
+    @abstractmethod
+    def _why_none(self) -> str:
+        """Return why no frame comes, and what to do."""
+
+    @abstractmethod
+    def _release_all(self) -> None:
+        """Let go of whatever is held."""
+
+    def close(self) -> None:
+        """End; raises what a callback raised."""
+        self._closing.set()
+        self._release_all()
+        for thread in self._listening:
+            if thread is not threading.current_thread():
+                thread.join()
+        if self._problem is not None:
+            problem, self._problem = self._problem, None
+            raise problem
+
+    def __enter__(self) -> Self:
+        """Give the source itself."""
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        """Close."""
+        self.close()

@@ -1,0 +1,157 @@
+"""`gellight.subscribe`: the tactile frames of a daemon in another process, on this computer or another one."""
+
+import json
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError, StreamError
+from gellight.base.mailbox import Mailbox
+from gellight.bundle.bundle import Bundle, unpack_bundle
+from gellight.frames.frames import TactileFrame
+from gellight.stream.calls import Calibration, Call, Light, Press, Release, Status, Zero
+from gellight.stream.network import LAN_PORT, close, key, name_of, subscribing_session
+from gellight.stream.running import RunningDaemon, running
+from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
+from gellight.stream.wire import decode
+
+TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
+"""of zenoh, by the scheme of a URL"""
+ANSWER_S = 10.0
+"""a call that changes the light waits for the board"""
+
+
+def subscribe(
+    target: str = "auto", *, every: bool = False, patience_s: float = PATIENCE_S, config: str | Path | None = None
+) -> "Subscription":
+    """Receive the frames of a daemon that runs in another process (`gellight run`).
+
+    `target` is `auto` (the only daemon of this user on this computer), the name of a sensor, or
+    `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with --lan; zenoh+tls:// where it is encrypted.
+    every: give every frame and not only the newest. config: a file of zenoh's own settings, for TLS and access
+    control. Raises StreamError with the remedy.
+    """
+    path = Path(config) if config is not None else None
+    if "://" in target:
+        endpoint, name = _parsed(target)
+    else:
+        found = _running(target)
+        endpoint, name = found.endpoint, found.name
+    session = subscribing_session(endpoint, config=path)
+    try:
+        return Subscription(session, _present(session, name, endpoint), every=every, patience_s=patience_s)
+    except BaseException:
+        close(session)
+        raise
+
+
+def _running(target: str) -> RunningDaemon:
+    found = [daemon for daemon in running() if target in ("auto", daemon.name)]
+    names = ", ".join(daemon.name for daemon in running())
+    if not found:
+        there = f"there are {names}" if names else "start one with `gellight run`"
+        raise StreamError(f"no daemon publishes {'a sensor' if target == 'auto' else target} on this computer: {there}")
+    if len(found) > 1:
+        raise StreamError(f"several daemons publish ({names}): name one of them")
+    return found[0]
+
+
+def _parsed(url: str) -> tuple[str, str]:
+    """Return endpoint and name, which may be empty, of a URL."""
+    parts = urlsplit(url)
+    try:
+        port = parts.port or LAN_PORT
+    except ValueError:
+        port = 0
+    if parts.scheme not in TRANSPORTS or not parts.hostname or not port:
+        raise InputError(f"{url} names no daemon: give auto, the name of a sensor or zenoh://HOST[:PORT][/NAME]")
+    host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+    return f"{TRANSPORTS[parts.scheme]}/{host}:{port}", unquote(parts.path.strip("/"))
+
+
+def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
+    """Return the name of the daemon that is there; StreamError where it is not, or where several are."""
+    pattern = key(name, "alive") if name else "gellight/*/alive"
+    replies = session.liveliness().get(pattern, timeout=ANSWER_S)
+    names = sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
+    if len(names) != 1:
+        there = f"there are {', '.join(names)}: name one of them" if names else "start it with `gellight run`"
+        raise StreamError(f"no one daemon of {name or 'a sensor'} is at {endpoint}: {there}")
+    return names[0]
+
+
+class Subscription(FrameSource):
+    """The frames of one sensor from another process."""
+
+    def __init__(self, session: zenoh.Session, name: str, *, every: bool, patience_s: float) -> None:
+        """Take over `session`, which is connected to the daemon of the sensor `name`."""
+        super().__init__(patience_s=patience_s)
+        self.name, self._session = name, session
+        self._messages: Mailbox[zenoh.ZBytes] = Mailbox(BACKLOG if every else 1)
+        self._number = 0
+        self._bundles: dict[str, Bundle] = {}
+        frames = session.declare_subscriber(key(name, "frame"), lambda sample: self._messages.put(sample.payload))
+        # Without its history zenoh does not tell a client that a daemon was killed which was there before.
+        presence = session.liveliness().declare_subscriber(key(name, "alive"), self._note_presence, history=True)
+        self._held = frames, presence
+
+    def _note_presence(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.DELETE:
+            self._messages.close(
+                StreamError(f"the daemon of {self.name} has ended: start it again, and subscribe anew")
+            )
+
+    def _take(self, timeout_s: float) -> TactileFrame:
+        self._number, payload = self._messages.take(self._number, timeout_s)
+        return decode(payload.to_bytes(), self._bundle_of)
+
+    def _why_none(self) -> str:
+        return str(self.status()["error"] or "the daemon is there and publishes none; see its log")
+
+    def _release_all(self) -> None:
+        self._messages.close(StreamError("the subscription was closed"))
+        close(self._session)
+
+    def _ask(self, call: Call) -> bytes:
+        replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=ANSWER_S))
+        if not replies:
+            raise StreamError(f"the daemon of {self.name} does not answer: is it still there?")
+        if replies[0].ok is None:
+            raise InputError(replies[0].err.payload.to_string() if replies[0].err else "the call failed")
+        return replies[0].ok.payload.to_bytes()
+
+    def status(self) -> dict[str, object]:
+        """Return `Daemon.status` of the daemon."""
+        content: dict[str, object] = json.loads(self._ask(Status()))
+        return content
+
+    @property
+    def bundle(self) -> Bundle:
+        """The calibration bundle in use, with the zero in use, fetched from the daemon."""
+        return unpack_bundle(self._ask(Calibration()), f"the bundle of {self.name}")
+
+    def _bundle_of(self, zero: str) -> Bundle:
+        if zero not in self._bundles:
+            self._bundles = {bundle.identity: bundle for bundle in [self.bundle]}
+        if zero not in self._bundles:
+            raise StreamError("the zero has changed since this frame was taken: ask for the difference image at once")
+        return self._bundles[zero]
+
+    def light(self, colours: NDArray[np.uint8] | None) -> None:
+        """Show colours on the LEDs, or the light of the bundle again (None); see `Daemon.light`."""
+        self._ask(Light(colours=None if colours is None else [tuple(led) for led in np.asarray(colours).tolist()]))
+
+    def zero(self) -> None:
+        """Set the zero of the depth; see `Daemon.rezero`."""
+        self._ask(Zero())
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
+        """Press an object into a simulated gel."""
+        self._ask(Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+
+    def release(self) -> None:
+        """Lift the object off the simulated gel."""
+        self._ask(Release())

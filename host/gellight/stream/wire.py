@@ -1,0 +1,248 @@
+"""The message that carries one tactile frame to other programs; docs/wire-format.md describes it.
+
+Little-endian throughout. All maps of a frame travel in one message, so that they always belong together.
+"""
+
+import struct
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from math import isnan, nan
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter, ValidationError
+
+from gellight.base.allowed import StrictModel
+from gellight.base.errors import StreamError
+from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Provenance, TactileFrame
+from gellight.reconstruction.integration import normals
+from gellight.reconstruction.light_drift import difference_of
+
+MAGIC = b"GELT"
+VERSION = 1
+PREFIX = struct.Struct("<4sHHIIqddIIdddddd")
+"""magic, version, planes, place and length of the details, sequence, time_s, unix_s, width, height, pixel size x and y,
+indentation, area, centroid x and y (NaN where nothing touches)"""
+PLANE = struct.Struct("<16sIIQ")
+"""name, type, channels, place"""
+TYPES: dict[int, np.dtype[Any]] = {1: np.dtype(np.uint8), 2: np.dtype("<f4")}
+ALIGNMENT = 16
+MOST_PIXELS, MOST_DETAILS, MOST_PLANES = 8192, 65536, 16
+CHANNELS = {"image": (1, 3), "gradient": (2, 2), "depth_mm": (2, 1), "contact": (1, 1), "lights": (1, 1)}
+"""type and channels of each plane by its name; a reader passes over names it does not know"""
+NEEDED = ("image", "gradient", "depth_mm", "contact")
+REMEDY = "update GelLight on both sides to the same version"
+
+Byte = Annotated[int, Field(ge=0, le=255)]
+
+
+class ExposureFigures(StrictModel):
+    """`ExposureReport` without its map, which travels as the plane `lights`."""
+
+    exposures: int
+    duration_s: float
+    moved: bool
+    repetition_grey: float
+    repetition_limit_grey: float
+    misfit: float
+    least_lights: int
+
+
+class Details(StrictModel):
+    """What the prefix leaves out, as JSON."""
+
+    source: str
+    light: tuple[tuple[Byte, Byte, Byte], ...] | None
+    label: LightLabel | None
+    stage_seconds: dict[str, float]
+    exposures: ExposureFigures | None
+    provenance: Provenance
+
+
+_DETAILS = TypeAdapter(Details)
+
+
+class ReceivedFrame(TactileFrame):
+    """A tactile frame from another process. Its arrays cannot be written.
+
+    Normals are computed when they are first asked for. So is the difference image, for which the reference image is
+    fetched from the daemon, once for each zero; StreamError where the zero has changed since the frame was taken.
+    """
+
+    def __init__(self, bundle_of: Callable[[str], Bundle], fields: Mapping[str, Any]) -> None:
+        """Take the fields that travel; `bundle_of` returns the bundle with the zero of an identity."""
+        vars(self).update(fields, _bundle_of=bundle_of)
+
+    @cached_property
+    def normal_map(self) -> NDArray[np.float32]:
+        """(H, W, 3) unit normals of the gel surface, towards the camera."""
+        return normals(self.gradient_map)
+
+    @cached_property
+    def difference(self) -> NDArray[np.float32]:
+        """(H, W, 3) image minus reference image, grey levels."""
+        assert self.provenance is not None
+        bundle = vars(self)["_bundle_of"](self.provenance.zero)
+        image = self.camera_frame.image
+        return difference_of(image, bundle.reference, follow_light=bundle.manifest.follow_light)
+
+
+def encode(frame: TactileFrame) -> bytes:
+    """Return the message of a frame that a daemon delivered; StreamError for one that has no provenance."""
+    if frame.provenance is None:
+        raise StreamError("a frame without provenance cannot be published: take it from a daemon")
+    planes = _planes(frame)
+    details = _details(frame)
+    details_at = PREFIX.size + PLANE.size * len(planes)
+    at = _aligned(details_at + len(details))
+    table: list[bytes] = []
+    blocks: list[bytes | memoryview] = []
+    place = at
+    for name, plane in planes.items():
+        kind, channels = CHANNELS[name]
+        table.append(PLANE.pack(name.encode(), kind, channels, place))
+        blocks += [plane.data.cast("B"), bytes(_aligned(plane.nbytes) - plane.nbytes)]
+        place += _aligned(plane.nbytes)
+    prefix = _prefix(frame, frame.provenance, len(planes), details_at, len(details))
+    return b"".join([prefix, *table, details, b" " * (at - details_at - len(details)), *blocks])
+
+
+def _planes(frame: TactileFrame) -> dict[str, NDArray[Any]]:
+    given: dict[str, NDArray[Any]] = {
+        "image": frame.camera_frame.image,
+        "gradient": frame.gradient_map,
+        "depth_mm": frame.depth_mm,
+        "contact": frame.contact.mask.view(np.uint8),
+        **({"lights": frame.exposures.lights} if frame.exposures else {}),
+    }
+    return {name: np.ascontiguousarray(plane, TYPES[CHANNELS[name][0]]) for name, plane in given.items()}
+
+
+def _prefix(frame: TactileFrame, provenance: Provenance, planes: int, details_at: int, details_length: int) -> bytes:
+    contact, (height, width) = frame.contact, frame.depth_mm.shape
+    return PREFIX.pack(
+        MAGIC, VERSION, planes, details_at, details_length, frame.camera_frame.sequence, frame.camera_frame.time_s,
+        provenance.unix_s, width, height, *provenance.pixel_size_mm, contact.indentation_mm, contact.area_mm2,
+        *(contact.centroid_mm or (nan, nan)),
+    )  # fmt: skip
+
+
+def _details(frame: TactileFrame) -> bytes:
+    camera_frame, exposures, provenance = frame.camera_frame, frame.exposures, frame.provenance
+    assert provenance is not None
+    published = {**provenance.ages_s, "published": time.time() - provenance.unix_s}
+    known = vars(exposures) if exposures else {}
+    figures = ExposureFigures(**{name: known[name] for name in ExposureFigures.model_fields}) if exposures else None
+    return _DETAILS.dump_json(
+        Details.model_construct(
+            source=camera_frame.source,
+            light=None if camera_frame.light is None else tuple(map(tuple, camera_frame.light.tolist())),
+            label=camera_frame.label,
+            stage_seconds=frame.stage_seconds,
+            exposures=figures,
+            provenance=replace(provenance, ages_s=published),
+        )
+    )
+
+
+def _aligned(size: int) -> int:
+    return -(-size // ALIGNMENT) * ALIGNMENT
+
+
+# ---- decoding ----
+
+
+def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
+    """Return the frame of a message, whose arrays lie in it; StreamError unless it is whole and of this version.
+
+    `bundle_of`: see `ReceivedFrame`. Whatever the message holds, no more memory is taken than it has itself.
+    """
+    check_version(message)
+    (_, _, planes, details_at, details_length, sequence, time_s, unix_s, width, height, pixel_x, pixel_y,
+     indentation_mm, area_mm2, x_mm, y_mm) = PREFIX.unpack_from(message)  # fmt: skip
+    if not (0 < width <= MOST_PIXELS and 0 < height <= MOST_PIXELS and planes <= MOST_PLANES):
+        raise _damaged(f"{planes} planes of {width} x {height} px")
+    maps = _read_planes(message, planes, (height, width))
+    details = _read_details(message, details_at, details_length)
+    light = None if details.light is None else np.array(details.light, np.uint8).reshape(-1, 3)
+    provenance = details.provenance
+    ages_s = {**provenance.ages_s, "received": time.time() - unix_s}
+    camera_frame = CameraFrame(
+        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label
+    )
+    contact = Contact(
+        mask=maps["contact"].view(np.bool_),
+        area_mm2=area_mm2,
+        indentation_mm=indentation_mm,
+        centroid_mm=None if isnan(x_mm) or isnan(y_mm) else (x_mm, y_mm),
+    )
+    fields = {
+        "camera_frame": camera_frame,
+        "gradient_map": maps["gradient"],
+        "depth_mm": maps["depth_mm"],
+        "contact": contact,
+        "exposures": _report(details.exposures, maps),
+        "stage_seconds": details.stage_seconds,
+        "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
+    }
+    return ReceivedFrame(bundle_of, fields)
+
+
+def check_version(message: bytes) -> None:
+    """Raise StreamError unless a message begins as one of this version does."""
+    if len(message) < PREFIX.size or message[:4] != MAGIC:
+        raise StreamError(
+            f"what arrived is no frame of GelLight ({len(message)} bytes): another program publishes here"
+        )
+    version = int.from_bytes(message[4:6], "little")
+    if version != VERSION:
+        raise StreamError(f"frames have version {version} of the wire format, this program reads {VERSION}: {REMEDY}")
+
+
+def _read_planes(message: bytes, count: int, shape: tuple[int, int]) -> dict[str, NDArray[Any]]:
+    if len(message) < PREFIX.size + count * PLANE.size:
+        raise _damaged("the list of planes is cut off")
+    found: dict[str, NDArray[Any]] = {}
+    for number in range(count):
+        raw, kind, channels, place = PLANE.unpack_from(message, PREFIX.size + number * PLANE.size)
+        name = raw.rstrip(b"\0").decode("ascii", "replace")
+        if name in CHANNELS:
+            found[name] = _plane(message, name, (kind, channels), place, shape)
+    if missing := [name for name in NEEDED if name not in found]:
+        raise _damaged(f"the plane {missing[0]} is missing")
+    return found
+
+
+def _plane(message: bytes, name: str, said: tuple[int, int], place: int, shape: tuple[int, int]) -> NDArray[Any]:
+    kind, channels = CHANNELS[name]
+    size = shape[0] * shape[1] * channels * TYPES[kind].itemsize
+    if said != (kind, channels) or place % ALIGNMENT or place + size > len(message):
+        raise _damaged(f"the plane {name} has type and channels {said} at byte {place} of {len(message)}")
+    flat = np.frombuffer(message, TYPES[kind], shape[0] * shape[1] * channels, place)
+    return flat.reshape((*shape, channels) if channels > 1 else shape)
+
+
+def _read_details(message: bytes, place: int, length: int) -> Details:
+    if length > MOST_DETAILS or place + length > len(message):
+        raise _damaged(f"{length} bytes of details at byte {place} of {len(message)}")
+    try:
+        return _DETAILS.validate_json(message[place : place + length])
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise _damaged(f"{'.'.join(map(str, first['loc'])) or 'details'}: {first['msg']}") from None
+
+
+def _report(figures: ExposureFigures | None, maps: Mapping[str, NDArray[Any]]) -> ExposureReport | None:
+    if figures is None:
+        return None
+    if "lights" not in maps:
+        raise _damaged("the plane lights is missing")
+    return ExposureReport(**figures.model_dump(), lights=maps["lights"])
+
+
+def _damaged(what: str) -> StreamError:
+    return StreamError(f"a frame that arrived is damaged ({what}): {REMEDY}")

@@ -1,0 +1,86 @@
+"""How GelNet is trained: the recipes, and the learning rate of each step."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How to train."""
+
+    loss: str
+    """"gradient": mean absolute difference of the gradients; "normal": mean chord between the unit normals"""
+    learning_rate: float
+    batch: int
+    epochs: int
+    least_visits: int
+    """a small table is seen more often than `epochs`, until this many rows have been seen"""
+    dropout: float
+    largest_table: int
+    """more rows than that are thinned out at random"""
+    warm_up: float
+    """fraction of the steps in which the learning rate rises; then it falls as a cosine. 0: it stays as it is"""
+    place_jitter: float
+    """standard deviation of a random shift of each pixel's place, in mean distances between presses: light changes
+    slowly over the gel, and a few presses must not be taken for a map of it"""
+    zero_based: bool
+    """subtract the answer to an unchanged pixel at the same place, as the host does with every frame"""
+
+
+RECIPES = {
+    # Section 2.4 of the paper: L1, Adam 1e-6, batch 128, 150 epochs, dropout before the last layer.
+    "paper": Recipe(
+        loss="gradient",
+        learning_rate=1e-6,
+        batch=128,
+        epochs=150,
+        least_visits=0,
+        dropout=0.1,
+        largest_table=10**9,
+        warm_up=0,
+        place_jitter=0.0,
+        zero_based=False,
+    ),
+    "fast": Recipe(
+        loss="normal",
+        learning_rate=5e-3,
+        batch=2048,
+        epochs=10,
+        least_visits=1_000_000,
+        dropout=0.0,
+        largest_table=500_000,
+        warm_up=0.05,
+        place_jitter=0.5,
+        zero_based=True,
+    ),
+    # For labels that are right to a pixel: steps twice as large, three times as many, and hardly any jitter.
+    "thorough": Recipe(
+        loss="normal",
+        learning_rate=1e-2,
+        batch=2048,
+        epochs=10,
+        least_visits=3_000_000,
+        dropout=0.0,
+        largest_table=500_000,
+        warm_up=0.05,
+        place_jitter=0.2,
+        zero_based=True,
+    ),
+}
+HELD_OUT = 0.1
+"""Fraction of the images the error is measured on (9:1 in the paper)."""
+DEFAULT_WIDTH = 32
+
+
+def learning_rates(recipe: Recipe, *, steps: int) -> Iterator[float]:
+    """Yield the learning rate of each step: linear warm-up, then half a cosine; or always the same."""
+    rising = max(1, round(recipe.warm_up * steps))
+    for step in range(steps):
+        if recipe.warm_up == 0:
+            factor = 1.0
+        elif step < rising:
+            factor = (step + 1) / rising
+        else:
+            factor = (1 + math.cos(math.pi * (step - rising) / max(1, steps - rising))) / 2
+        yield recipe.learning_rate * factor

@@ -1,0 +1,100 @@
+"""GelNet trained by PyTorch."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from gelnet.network import GelNet
+from gelnet.parameters import INPUTS, Floats, Layer, Parameters
+from gelnet.recipes import Recipe
+
+_ROWS_PER_ANSWER = 65536
+
+
+class TorchTrainer:
+    """The network, its optimiser, and torch's random numbers."""
+
+    version = f"torch {torch.__version__}"
+
+    def __init__(self, *, seed: int, threads: int = 1) -> None:
+        """Seed torch, and make it repeat itself."""
+        torch.set_num_threads(threads)
+        torch.set_deterministic_debug_mode("error")  # as use_deterministic_algorithms, which loads its compiler too
+        torch.manual_seed(seed)
+
+    def order(self, count: int) -> NDArray[np.intp]:
+        """Return the numbers below `count` in random order."""
+        return np.asarray(torch.randperm(count).numpy())
+
+    def normal(self, count: int) -> Floats:
+        """Return (count, 5) random numbers of mean 0 and standard deviation 1."""
+        return np.asarray(torch.randn((count, len(INPUTS))).numpy())
+
+    def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
+        """Start with random weights; the range of inputs and output is that of the training rows."""
+        self.recipe = recipe
+        self.network = GelNet(width, dropout=recipe.dropout)
+        self.network.fit_range(torch.from_numpy(pixels), torch.from_numpy(gradient))
+        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=recipe.learning_rate, fused=True)
+
+    def step(self, pixels: Floats, gradient: Floats, rate: float) -> float:
+        """Learn from a batch, (n, 5) and (n, 2), at this learning rate; return its loss before the step."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        loss = self.loss(pixels, gradient)
+        self.optimiser.zero_grad()
+        torch.autograd.backward(loss)
+        self.optimiser.step()
+        return float(loss.detach())
+
+    def loss(self, pixels: Floats, gradient: Floats) -> Tensor:
+        """Return the loss of a batch."""
+        self.network.train()
+        seen = torch.from_numpy(pixels)
+        found = self.network(seen)
+        if self.recipe.zero_based:
+            unchanged = torch.cat([torch.zeros_like(seen[:, :3]), seen[:, 3:]], dim=1)
+            found = found - self.network(unchanged)
+        return _LOSSES[self.recipe.loss](found, torch.from_numpy(gradient))
+
+    def answer(self, pixels: Floats) -> Floats:
+        """Return the (N, 2) gradients of (N, 5) pixels."""
+        self.network.eval()
+        with torch.no_grad():
+            blocks = torch.split(torch.from_numpy(pixels), _ROWS_PER_ANSWER)
+            return np.asarray(torch.cat([self.network(block) for block in blocks]).numpy())
+
+    def parameters(self) -> Parameters:
+        """Return what has been learnt so far."""
+        layers = [
+            Layer(layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
+            for layer in (*self.network.hidden, self.network.output)
+            if isinstance(layer, nn.Linear)
+        ]
+        return Parameters(
+            layers=tuple(layers),
+            centre=self.network.centre.numpy().copy(),
+            scale=self.network.scale.numpy().copy(),
+            steepest_rad=float(self.network.steepest_rad),
+        )
+
+
+def _gradient_loss(found: Tensor, wanted: Tensor) -> Tensor:
+    return torch.mean(torch.abs(found - wanted))
+
+
+def _normal_loss(found: Tensor, wanted: Tensor) -> Tensor:
+    """Mean chord between unit normals, which is the angle for small angles and bounded for steep slopes."""
+    squared = (_normal(found) - _normal(wanted)).square().sum(dim=1)
+    return torch.mean(torch.sqrt(squared + 1e-6))
+
+
+_LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"gradient": _gradient_loss, "normal": _normal_loss}
+
+
+def _normal(gradient: Tensor) -> Tensor:
+    normal = torch.cat([-gradient, torch.ones_like(gradient[:, :1])], dim=1)
+    return nn.functional.normalize(normal, dim=1)

@@ -1,0 +1,19 @@
+"""The two trainers by name; a library is loaded when its trainer is made."""
+
+from gelnet.training import Trainer
+
+NAMES = ("numpy", "torch")
+
+
+def make_trainer(name: str, *, seed: int, threads: int = 1) -> Trainer:
+    """Return a trainer; the same seed gives the same random numbers.
+
+    threads: of torch. NumPy takes them from the environment, before it is loaded: OMP_NUM_THREADS and its kin.
+    """
+    if name == "torch":
+        from gelnet.torch_trainer import TorchTrainer
+
+        return TorchTrainer(seed=seed, threads=threads)
+    from gelnet.numpy_trainer import NumpyTrainer
+
+    return NumpyTrainer(seed=seed)

@@ -1,0 +1,186 @@
+"""What it costs to give frames to other programs, at 640 x 480 and 60 frames a second; one run, ways side by side.
+
+    .venv/bin/python -m tests.benchmarks.stream [seconds]
+
+Three ways are compared, each with 1 and 4 readers in processes of their own: GelLight's publisher with shared memory,
+the same over TCP on this computer, and a plain TCP socket with pickled NumPy arrays, whose reader gets the same maps.
+The latency is from the moment before encoding to the moment when the reader has the arrays, of the slowest reader. The
+processor's share is of one core. Readers take every frame; those that did not come are lost.
+"""
+
+import json
+import os
+import pickle
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from gellight.base.mailbox import Mailbox
+from gellight.frames.frames import Provenance, TactileFrame
+from gellight.stream import network, shared_memory
+from gellight.stream.shared_memory import SharedMemory
+from gellight.stream.wire import decode, encode
+from tests.helpers.dashboard_source import bump
+
+FPS = 60.0
+LENGTH = 8
+
+
+def frame_of(sequence: int, base: TactileFrame) -> TactileFrame:
+    """Return the frame, taken now."""
+    now_s = time.monotonic()
+    provenance = Provenance(
+        calibration="0" * 16, zero="0" * 16, pixel_size_mm=(0.05, 0.05), unix_s=time.time(), ages_s={}
+    )
+    return replace(
+        base, camera_frame=replace(base.camera_frame, sequence=sequence, time_s=now_s), provenance=provenance
+    )
+
+
+def processor_s() -> float:
+    """Return the processor time of this process so far."""
+    times = os.times()
+    return times.user + times.system
+
+
+# ---- readers, each a process of its own ----
+
+
+def read_zenoh(endpoint: str, seconds: float) -> None:
+    session = network.subscribing_session(endpoint, config=None)
+    ages: list[float] = []
+    box: Mailbox[Any] = Mailbox(32)
+    held = session.declare_subscriber("bench/frame", lambda sample: box.put(sample.payload))
+    number, begun = 0, processor_s()
+    print("ready", flush=True)
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        try:
+            number, payload = box.take(number, 0.2)
+        except TimeoutError:
+            continue
+        frame = decode(payload.to_bytes(), lambda zero: None)  # type: ignore[arg-type,return-value]
+        assert frame.depth_mm[0, 0] is not None
+        ages.append(time.monotonic() - frame.camera_frame.time_s)
+    del held
+    report(ages, processor_s() - begun, seconds)
+    os._exit(0)
+
+
+def read_socket(port: int, seconds: float) -> None:
+    ages: list[float] = []
+    with socket.create_connection(("127.0.0.1", port)) as wire, wire.makefile("rb", 1 << 20) as stream:
+        begun = processor_s()
+        print("ready", flush=True)
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            size = int.from_bytes(stream.read(LENGTH), "little")
+            frame = pickle.loads(stream.read(size))
+            ages.append(time.monotonic() - frame["time_s"])
+    report(ages, processor_s() - begun, seconds)
+    os._exit(0)
+
+
+def report(ages: list[float], processor: float, seconds: float) -> None:
+    """Print the figures of a reader as JSON."""
+    p50, p99 = np.percentile(np.array(ages) * 1e3, [50, 99]) if ages else (np.nan, np.nan)
+    print(json.dumps({"frames": len(ages), "p50_ms": p50, "p99_ms": p99, "cpu": processor / seconds}), flush=True)
+
+
+# ---- the side that gives ----
+
+
+@contextmanager
+def over_zenoh(shared: bool) -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
+    with mock.patch.object(shared_memory, "PLACE", "/dev/shm" if shared else "/proc"):  # nothing is free in /proc
+        session, endpoint = network.publishing_session(lan=False, config=None)
+        publisher = session.declare_publisher("bench/frame", congestion_control=network.zenoh.CongestionControl.DROP)
+        memory = SharedMemory()
+        yield f"zenoh {endpoint}", lambda frame: publisher.put(memory.holding(encode(frame)))
+        network.close(session)
+
+
+@contextmanager
+def over_socket() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
+    """Send to each reader from a thread of its own, which takes the newest message: careful, but plain."""
+    box: Mailbox[bytes] = Mailbox()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve(wire: socket.socket) -> None:
+            number = 0
+            try:
+                while True:
+                    number, message = box.take(number, 5)
+                    wire.sendall(len(message).to_bytes(LENGTH, "little"))
+                    wire.sendall(message)
+            except (OSError, TimeoutError):
+                wire.close()
+
+        def accept() -> None:
+            while True:
+                try:
+                    threading.Thread(target=serve, args=(server.accept()[0],), daemon=True).start()
+                except OSError:
+                    return
+
+        threading.Thread(target=accept, daemon=True).start()
+
+        def give(frame: TactileFrame) -> None:
+            maps = {"time_s": frame.camera_frame.time_s, "image": frame.camera_frame.image, "depth": frame.depth_mm,
+                    "gradient": frame.gradient_map, "contact": frame.contact.mask}  # fmt: skip
+            box.put(pickle.dumps(maps, protocol=5))
+
+        yield f"socket {server.getsockname()[1]}", give
+
+
+def measure(name: str, way: Callable[[], object], readers: int, seconds: float) -> None:
+    """Give frames in one way to so many readers; print a line of figures."""
+    base = bump(0.8, 1.0, 0.0)
+    with way() as (where, give):  # type: ignore[attr-defined]
+        command = [sys.executable, "-m", "tests.benchmarks.stream", *where.split(), str(seconds + 1.5)]
+        children = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(readers)]
+        for child in children:
+            assert child.stdout
+            assert child.stdout.readline() == "ready\n"
+        time.sleep(0.5)  # until zenoh knows that they read
+        begun, due_s, end_s, given = processor_s(), time.monotonic(), time.monotonic() + seconds, 0
+        while time.monotonic() < end_s:
+            due_s += 1 / FPS
+            time.sleep(max(due_s - time.monotonic(), 0))
+            given += 1
+            give(frame_of(given, base))
+        cost = (processor_s() - begun) / seconds
+        figures = [json.loads(child.stdout.read()) for child in children if child.stdout]
+    worst = {key: max(one[key] for one in figures) for key in ("p50_ms", "p99_ms", "cpu")}
+    lost = max(given - min(one["frames"] for one in figures), 0)
+    print(
+        f"{name:24} {readers} readers: p50 {worst['p50_ms']:6.2f} ms, p99 {worst['p99_ms']:6.2f} ms, "
+        f"giving {cost:6.1%}, reading {worst['cpu']:6.1%} each, {lost} of {given} frames lost"
+    )
+
+
+def main() -> None:
+    """Measure every way, or be a reader of one."""
+    if sys.argv[1:2] == ["zenoh"]:
+        read_zenoh(sys.argv[2], float(sys.argv[3]))
+    if sys.argv[1:2] == ["socket"]:
+        read_socket(int(sys.argv[2]), float(sys.argv[3]))
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 6.0
+    print(f"{len(encode(frame_of(0, bump(0.8, 1.0, 0.0)))) / 1e6:.2f} MB a frame, {os.getloadavg()[0]:.1f} load")
+    for readers in (1, 4):
+        measure("zenoh, shared memory", lambda: over_zenoh(True), readers, seconds)
+        measure("zenoh, TCP", lambda: over_zenoh(False), readers, seconds)
+        measure("socket, pickled NumPy", over_socket, readers, seconds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Daemons whose frames are made of formulas, for the tests of the stream."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gellight.bundle.bundle import Bundle
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import CameraFrame, ExposureReport, LightLabel, LightState, Provenance, TactileFrame
+from tests.helpers.dashboard_source import bump
+from tests.helpers.scripted_camera import ScriptedCamera
+
+SHAPE = (48, 64)
+
+
+class BumpReconstructor:
+    """Feels a bump that is deeper in each frame; keeps what it gave by sequence number."""
+
+    def __init__(self, bundle: Bundle | None = None) -> None:
+        described = SimpleNamespace(sensor="formula")
+        self.bundle: Any = bundle or SimpleNamespace(
+            pixel_size_mm=(0.1, 0.2), identity="0" * 16, manifest=described, metrics={}
+        )
+        self.given: dict[int, TactileFrame] = {}
+
+    def status(self) -> dict[str, object]:
+        return {"mode": "formula"}
+
+    def reconstruct(self, frame: CameraFrame) -> TactileFrame:
+        felt = bump(0.5 + frame.sequence / 1000, 0.0, 0.0, shape=SHAPE)
+        image = replace(felt.camera_frame, sequence=frame.sequence, time_s=frame.time_s)
+        self.given[frame.sequence] = replace(felt, camera_frame=image)
+        return self.given[frame.sequence]
+
+
+def bump_daemon(frames: int = 10**9, period_s: float = 0.01) -> tuple[Daemon, BumpReconstructor]:
+    """Return a daemon (not started) that gives so many frames, and what computes them."""
+    reconstructor = BumpReconstructor()
+    camera: Any = ScriptedCamera(frames, EndOfStream("used up"), period_s=period_s)
+    return Daemon(camera, reconstructor), reconstructor
+
+
+def full_frame() -> TactileFrame:
+    """Return a frame that has everything a frame may have."""
+    felt = bump(0.8, 1.0, -2.0, shape=SHAPE)
+    lights = np.full(SHAPE, 9, np.uint8)
+    return replace(
+        felt,
+        camera_frame=replace(felt.camera_frame, label=LightLabel(state=LightState.CLEAN, group=3), sequence=2**40),
+        exposures=ExposureReport(
+            exposures=12, duration_s=0.4, moved=True, repetition_grey=1.5, repetition_limit_grey=1.0, misfit=0.3,
+            lights=lights, least_lights=5,
+        ),
+        provenance=Provenance(
+            calibration="c" * 16, zero="d" * 16, pixel_size_mm=(0.05, 0.06), unix_s=1e9,
+            ages_s={"taken": 0.01, "reconstructed": 0.03}, findings=("drift",), dropped=2,
+        ),
+    )  # fmt: skip

@@ -1,0 +1,75 @@
+"""The reference image that the page gets once instead of a difference image with each frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.dashboard.reference_views import KEPT, ReferenceViews
+from gellight.frames.frames import TactileFrame
+from tests.helpers.dashboard_source import bump
+from tests.helpers.view_messages import decode_image
+
+
+def seen(image: np.ndarray, reference: np.ndarray, drift: float = 0.0) -> TactileFrame:
+    """A frame of `image` with the difference that the frame path makes of it."""
+    frame = bump(1.0, 0.0, 0.0)
+    difference = (image - reference - np.float32(drift)).astype(np.float32)
+    return replace(frame, camera_frame=replace(frame.camera_frame, image=image), difference=difference)
+
+
+def scene(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a (480, 640, 3) image of noise and a smooth reference image with fractions of grey levels."""
+    image = np.random.default_rng(seed).integers(0, 256, (480, 640, 3), np.uint8)
+    rows, columns = np.mgrid[0:480, 0:640]
+    reference = np.stack([90 + rows / 7, 100 + columns / 9, 120 + (rows + columns) / 23], axis=-1)
+    return image, reference.astype(np.float32)
+
+
+def blocks(plane: np.ndarray) -> np.ndarray:
+    return plane.astype(np.float64).reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
+
+
+def test_image_minus_reference_minus_drift_is_the_difference() -> None:
+    image, reference = scene(1)
+    views = ReferenceViews()
+    views.of(seen(image, reference))
+    frame = seen(scene(2)[0], reference, drift=3.4)
+    name, drift = views.of(frame)
+    shown = blocks(frame.camera_frame.image) - decode_image(views.picture(name)) - drift
+    assert drift == pytest.approx([3.4] * 3, abs=1e-3)
+    assert np.abs(shown - blocks(frame.difference)).max() <= 0.5 + 1e-3
+
+
+def test_the_reference_keeps_its_name_while_frames_and_light_change() -> None:
+    _, reference = scene(1)
+    views = ReferenceViews()
+    names = {views.of(seen(scene(seed)[0], reference, drift=0.7 * seed))[0] for seed in range(5)}
+    assert len(names) == 1
+
+
+def test_another_zero_is_another_reference() -> None:
+    image, reference = scene(1)
+    views = ReferenceViews()
+    first, _ = views.of(seen(image, reference))
+    spot = reference.copy()
+    spot[200:240, 300:340] += 2
+    second, drift = views.of(seen(image, spot))
+    assert first != second
+    assert drift == [0.0, 0.0, 0.0]
+    assert not np.array_equal(decode_image(views.picture(first)), decode_image(views.picture(second)))
+
+
+def test_old_references_are_forgotten_and_asking_for_one_says_what_to_do() -> None:
+    image, reference = scene(1)
+    views = ReferenceViews()
+    names = []
+    for number in range(KEPT + 1):
+        reference = reference.copy()
+        reference[:100] += 1 + number
+        names.append(views.of(seen(image, reference))[0])
+    for name in names[1:]:
+        views.picture(name)
+    with pytest.raises(InputError, match="take the name from the newest frame"):
+        views.picture(names[0])

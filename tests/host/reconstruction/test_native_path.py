@@ -1,0 +1,289 @@
+"""The C library against the NumPy form, on random frames of any size, and what is done where it does not fit."""
+
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.evaluation.analytic_surfaces import gaussian
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.reconstruction import pipeline
+from gellight.reconstruction.integration import angle_deg
+from gellight.reconstruction.native import build, judge, library
+from gellight.reconstruction.native.native_path import NativePath
+from gellight.reconstruction.pipeline import Form, Reconstructor
+from tests.helpers.linear_sensor import linear_bundle, photograph
+
+ROOT = Path(__file__).parents[3]
+SYNTHETIC = load_bundle("synthetic")
+RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
+needs_a_library = pytest.mark.skipif(not RUNNABLE, reason="no library is built for this machine")
+
+
+@pytest.fixture(params=RUNNABLE)
+def name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Each library that runs here, in turn, as the one that is chosen."""
+    chosen = str(request.param)
+    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.load(build.library_file(chosen))))
+    return chosen
+
+
+def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructor]:
+    native, cells = (Reconstructor(bundle, form=form, **options) for form in (Form.NATIVE, Form.CELLS))  # type: ignore[arg-type]
+    assert str(native.status()["computed_by"]).startswith("C, ")
+    assert cells.status()["computed_by"] == "NumPy, cells"
+    return native, cells
+
+
+def worst(found: TactileFrame, right: TactileFrame) -> tuple[float, float]:
+    """Largest angle between normals, degrees, and difference of depth, mm, of any pixel."""
+    angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
+    return float(angle.max()), float(np.abs(found.depth_mm - right.depth_mm).max())
+
+
+def frame_of(image: np.ndarray) -> CameraFrame:
+    return CameraFrame(image=image, time_s=0.0, sequence=0)
+
+
+def assert_equal(found: TactileFrame, right: TactileFrame) -> None:
+    degrees, depth_mm = worst(found, right)
+    assert degrees < 0.02
+    assert depth_mm < 1e-5
+    np.testing.assert_allclose(found.difference, right.difference, atol=1e-4)
+    np.testing.assert_allclose(found.gradient_map, right.gradient_map, atol=2e-4, rtol=2e-4)
+    assert np.count_nonzero(found.contact.mask != right.contact.mask) <= 1e-4 * right.depth_mm.size
+    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, abs=1e-5)
+    assert found.contact.area_mm2 == pytest.approx(right.contact.area_mm2, rel=1e-3, abs=0.01)
+    if right.contact.centroid_mm is not None:
+        assert found.contact.centroid_mm == pytest.approx(right.contact.centroid_mm, abs=1e-3)
+    assert tuple(found.stage_seconds) == tuple(right.stage_seconds)
+
+
+@needs_a_library
+@pytest.mark.parametrize("seed", range(3))
+def test_every_library_computes_what_numpy_computes(name: str, seed: int) -> None:
+    native, cells = both(SYNTHETIC)
+    frame = frame_of(judge.made_up_image(SYNTHETIC, seed))
+    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+
+
+@needs_a_library
+@pytest.mark.parametrize("smoothing_px", [0, 2, 3, 6])
+def test_any_width_of_the_smoothing(name: str, smoothing_px: int) -> None:
+    native, cells = both(SYNTHETIC, smoothing_px=smoothing_px)
+    frame = frame_of(judge.made_up_image(SYNTHETIC))
+    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+
+
+@needs_a_library
+@given(
+    height=st.integers(32, 130),
+    width=st.integers(32, 130),
+    place=st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)),
+    sigma_px=st.floats(3, 30),
+    slope=st.floats(0.05, 1.5),
+    seed=st.integers(0, 99),
+)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_press_anywhere_in_an_image_of_any_size(
+    tmp_path_factory: pytest.TempPathFactory,
+    height: int,
+    width: int,
+    place: tuple[float, float],
+    sigma_px: float,
+    slope: float,
+    seed: int,
+) -> None:
+    """Where the image ends within a cell, OpenCV stretches cells a little where the library cuts the last one off."""
+    shape = (height, width)
+    bundle = linear_bundle(tmp_path_factory.mktemp("any") / "b", shape)
+    bump = gaussian(shape, sigma_px, (place[0] * width, place[1] * height), height=slope * sigma_px)
+    frame = photograph(bump.gradient_map, noise_grey=1.0, rng=np.random.default_rng(seed))
+    native, cells = both(bundle)
+    found, right = native.reconstruct(frame), cells.reconstruct(frame)
+    if height % 4 == 0 and width % 4 == 0:
+        assert_equal(found, right)
+    else:
+        degrees, depth_mm = worst(found, right)
+        assert degrees < 1.0
+        assert depth_mm < 1e-4  # the depth knows nothing of those cells
+        assert judge.differences(found, right)[0] < 0.02
+
+
+@needs_a_library
+def test_light_that_drifts_is_followed(name: str, tmp_path: Path) -> None:
+    bundle = linear_bundle(tmp_path / "b", (120, 160))
+    bundle = replace(bundle, manifest=bundle.manifest.model_copy(update={"follow_light": True}))
+    frame = photograph(gaussian((120, 160), 9, (5, 5), height=9).gradient_map, noise_grey=1.0)
+    drifted = frame_of(np.clip(frame.image + np.array([7, 3, 11]), 0, 255).astype(np.uint8))
+    native, cells = both(bundle)
+    found, right = native.reconstruct(drifted), cells.reconstruct(drifted)
+    assert_equal(found, right)
+    assert np.abs(found.difference[:20].mean(axis=(0, 1))).max() < 1
+
+
+@needs_a_library
+def test_a_view_that_is_touched_all_over(name: str, tmp_path: Path) -> None:
+    """Then nothing is at rest, and the height comes from the bulge."""
+    shape = (120, 160)
+    y, x = np.indices(shape)
+    slopes = np.stack([0.4 * np.cos(x / 9), 0.4 * np.sin(y / 11)], axis=2)
+    native, cells = both(linear_bundle(tmp_path / "b", shape))
+    frame = photograph(slopes, noise_grey=1.0)
+    assert cells.touched(cells.reconstruct(frame).difference).all()
+    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+
+
+@needs_a_library
+def test_a_picture_that_is_not_contiguous(name: str) -> None:
+    image = judge.made_up_image(SYNTHETIC)
+    native, _ = both(SYNTHETIC)
+    turned = frame_of(np.ascontiguousarray(image[::-1])[::-1])
+    right = native.reconstruct(frame_of(image))
+    np.testing.assert_array_equal(native.reconstruct(turned).depth_mm, right.depth_mm)
+
+
+@needs_a_library
+def test_a_network_that_answers_nan_is_an_error_and_not_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    native, _ = both(SYNTHETIC)
+    path = native._path
+    assert isinstance(path, NativePath)
+    assert path._cells is not None
+    monkeypatch.setattr(path._cells.jacobian, "answer", lambda rows: (rows[:, :2] * np.nan, np.zeros((len(rows), 6))))
+    with pytest.raises(ValueError, match="NaN or infinite"):
+        native.reconstruct(frame_of(judge.made_up_image(SYNTHETIC)))
+
+
+def numpy_because(bundle: Bundle, caplog: pytest.LogCaptureFixture) -> str:
+    caplog.clear()
+    reconstructor = Reconstructor(bundle)
+    assert reconstructor.status()["computed_by"] == "NumPy, cells"
+    assert len(caplog.messages) == 1
+    return caplog.messages[0]
+
+
+def test_where_no_library_fits_numpy_computes_and_the_log_says_so(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(library.sys, "platform", "darwin")
+    message = numpy_because(SYNTHETIC, caplog)
+    assert message.startswith("frames are computed by NumPy, which takes longer: no library is built for darwin on ")
+
+
+def test_small_images_are_left_to_numpy(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert "too small" in numpy_because(linear_bundle(tmp_path / "b", (24, 32)), caplog)
+
+
+@needs_a_library
+def test_a_damaged_library_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """To load the half of a library would end the process."""
+    whole = build.library_file(library.fitting()[0])
+    broken = tmp_path / whole.name
+    monkeypatch.setattr(library, "library_file", lambda name: broken)
+    assert "No such file" in numpy_because(SYNTHETIC, caplog)
+    broken.write_bytes(whole.read_bytes()[:5000])
+    assert f"{broken} is damaged (SHA-256 " in numpy_because(SYNTHETIC, caplog)
+
+
+def test_a_file_that_is_no_library_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.so").write_text("no library")
+    with pytest.raises(library.NativePathError, match=r"text\.so cannot be loaded \(.*too short"):
+        library.load(tmp_path / "text.so")
+
+
+@needs_a_library
+@pytest.mark.parametrize("wrong", ["slope", "nan"])
+def test_a_library_that_answers_otherwise_is_refused(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, wrong: str
+) -> None:
+    right = NativePath.reconstruct
+
+    def reconstruct(self: NativePath, frame: CameraFrame) -> TactileFrame:
+        found = right(self, frame)
+        found.normal_map[..., 0] += 0.01 if wrong == "slope" else np.nan
+        return found
+
+    monkeypatch.setattr(NativePath, "reconstruct", reconstruct)
+    assert "answers otherwise than NumPy on this machine" in numpy_because(SYNTHETIC, caplog)
+
+
+def test_the_committed_libraries_are_built_from_the_sources() -> None:
+    """The same bytes from the same compiler, on any machine."""
+    for target in build.TARGETS:
+        assert build.build(target) == build.library_file(target).read_bytes(), f"{target}: build the libraries again"
+
+
+def test_the_libraries_need_nothing_but_two_functions_of_c() -> None:
+    for target in build.TARGETS:
+        library.check_whole(build.library_file(target))
+        content = build.library_file(target).read_bytes()
+        assert content.startswith(b"\x7fELF")
+        assert b"libc" not in content
+
+
+SANITIZED = """
+import sys
+from pathlib import Path
+import numpy as np
+from gellight.bundle.bundle import load_bundle
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction import pipeline
+from gellight.reconstruction.native import judge, library
+sys.path.insert(0, {root!r})
+from tests.helpers.linear_sensor import linear_bundle
+loaded = library.load(Path({path!r}))
+pipeline.fitting_library = lambda: ("sanitized", loaded)
+for number, shape in enumerate(((32, 32), (33, 47), (50, 35), (61, 83), (64, 96), (120, 161))):
+    bundle = linear_bundle(Path({folder!r}) / str(number), shape)
+    for smoothing_px in (0, 2, 7):
+        path = pipeline.Reconstructor(bundle, smoothing_px=smoothing_px)
+        assert path.status()["computed_by"] == "C, sanitized", path.status()
+        for seed in range(3):
+            path.reconstruct(CameraFrame(image=judge.made_up_image(bundle, seed), time_s=0.0, sequence=0))
+print("clean")
+"""
+
+
+def sanitized(tmp_path: Path, compiler: list[str], kinds: str) -> Path:
+    out = tmp_path / "sanitized.so"
+    flags = [*build.FLAGS[:1], "-O1", "-g", *build.FLAGS[2:], f"-fsanitize={kinds}", "-fno-sanitize-recover=all"]
+    command = [*compiler, *flags, "-fPIC", "-shared", *build.sources(), "-o", str(out)]
+    subprocess.run(command, cwd=build.FOLDER, check=True)
+    return out
+
+
+def run_sanitized(tmp_path: Path, path: Path, **environment: str) -> None:
+    script = SANITIZED.format(root=str(ROOT), path=str(path), folder=str(tmp_path))
+    paths = f"{ROOT / 'host'}:{ROOT / 'models'}:{ROOT}"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env={"PYTHONPATH": paths, **environment}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.strip().endswith("clean")
+
+
+def test_nothing_undefined_happens(tmp_path: Path) -> None:
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is missing")
+    run_sanitized(tmp_path, sanitized(tmp_path, ["gcc"], "undefined"))
+
+
+def test_no_memory_is_touched_that_was_not_given(tmp_path: Path) -> None:
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is missing")
+    # With the C++ library first, so that the sanitizer finds the exceptions that OpenCV throws and catches.
+    libraries = [
+        subprocess.run(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout.strip()
+        for name in ("libasan.so", "libstdc++.so.6")
+    ]
+    path = sanitized(tmp_path, ["gcc"], "address")
+    run_sanitized(tmp_path, path, LD_PRELOAD=" ".join(libraries), ASAN_OPTIONS="detect_leaks=0")

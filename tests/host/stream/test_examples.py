@@ -1,0 +1,90 @@
+"""The examples of the documents run as they stand, and the reader in C++ agrees with Python's encoder."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.stream.publisher import Publisher
+from gellight.stream.wire import encode
+from tests.helpers.children import run
+from tests.helpers.doc_examples import examples
+from tests.helpers.places import CHECKOUT
+from tests.helpers.streamed import bump_daemon, full_frame
+
+EXAMPLES = CHECKOUT / "docs/examples"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("live.py", "mm deep over"),
+        ("in_process.py", "normals (480, 640, 3)"),
+        ("every_frame.py", "saved 10 frames, 0 lost"),
+        ("callback.py", "the deepest touch of two seconds was 0."),
+        ("asynchronous.py", "5 frames with a contact"),
+    ],
+)
+def test_an_example_runs(name: str, says: str, tmp_path: Path) -> None:
+    daemon, _ = bump_daemon(period_s=0.03)
+    with daemon, Publisher(daemon):
+        done = run([sys.executable, EXAMPLES / name], cwd=tmp_path, check=True)
+    assert says in done.stdout
+
+
+def test_every_example_is_run_and_described() -> None:
+    page = (CHECKOUT / "docs/streaming.md").read_text()
+    assert len(list(EXAMPLES.glob("*.py"))) == 5
+    assert [path.name for path in EXAMPLES.glob("*.py") if f"examples/{path.name}" not in page] == []
+    assert examples("docs/streaming.md")[0].strip() in (EXAMPLES / "live.py").read_text()
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program in C++, compiled with every warning."""
+    compiler = shutil.which("c++") or shutil.which("clang++")
+    command = [compiler] if compiler else [sys.executable, "-m", "ziglang", "c++"]
+    target = tmp_path_factory.mktemp("c++") / "print_frame"
+    sanitisers = ["-fsanitize=address,undefined"] if compiler else []
+    options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", *sanitisers]
+    run([*command, *options, EXAMPLES / "print_frame.cpp", "-o", target], check=True)
+    return target
+
+
+def test_the_reader_in_c_plus_plus_reads_what_python_writes(reader: Path, tmp_path: Path) -> None:
+    frame = full_frame()
+    (tmp_path / "frame").write_bytes(encode(frame))
+    figures, details = run([reader, tmp_path / "frame"], check=True).stdout.splitlines()
+    expected = [
+        frame.camera_frame.sequence, 64, 48, frame.camera_frame.time_s, frame.contact.indentation_mm,
+        frame.contact.centroid_mm[0], frame.depth_mm.sum(dtype=float), frame.gradient_map[..., 0].sum(dtype=float),
+        frame.camera_frame.image[..., 0].sum(), frame.contact.mask.sum(),
+    ]  # fmt: skip
+    assert np.allclose([float(text) for text in figures.split()], expected, rtol=1e-7, atol=1e-6)
+    assert json.loads(details)["provenance"]["findings"] == ["drift"]
+
+
+@pytest.mark.parametrize(("change", "says"), [
+    ((4, 2), "version 2"), ((0, 0), "no frame"), ((40, 0), "its size"), ((43, 255), "its size"),
+    ((6, 17), "list of planes"), ((96, 0), "missing"), ((127, 255), "a plane"), ((11, 255), "details"),
+    ((6, 1), "missing"),
+])  # fmt: skip
+def test_the_reader_in_c_plus_plus_refuses_what_is_damaged(
+    reader: Path, tmp_path: Path, change: tuple[int, int], says: str
+) -> None:
+    message = bytearray(encode(full_frame()))
+    message[change[0]] = change[1]
+    (tmp_path / "frame").write_bytes(message)
+    done = run([reader, tmp_path / "frame"])
+    assert done.returncode == 1
+    assert says in done.stderr
+
+
+def test_the_reader_in_c_plus_plus_refuses_what_is_cut_off(reader: Path, tmp_path: Path) -> None:
+    message = encode(full_frame())
+    for length in (0, 50, 96, 200, 1000, len(message) // 2):
+        (tmp_path / "frame").write_bytes(message[:length])
+        assert run([reader, tmp_path / "frame"]).returncode == 1

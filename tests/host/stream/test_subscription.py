@@ -1,0 +1,347 @@
+"""Frames go to other programs, and nothing that those do slows the sensor."""
+
+import asyncio
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gellight
+from gellight.base.errors import InputError, StreamError
+from gellight.frames.frames import TactileFrame
+from gellight.stream.network import key, publishing_session, subscribing_session
+from gellight.stream.publisher import Publisher
+from gellight.stream.running import running
+from gellight.stream.sensor import Sensor
+from gellight.stream.subscription import subscribe
+from tests.helpers.children import started
+from tests.helpers.streamed import bump_daemon
+
+COUNTING = """
+import sys
+from gellight import subscribe
+with subscribe("auto") as frames:
+    for _ in range(int(sys.argv[1])):
+        frame = next(iter(frames))
+        print(frame.camera_frame.sequence, frame.contact.indentation_mm, frame.depth_mm.shape, flush=True)
+"""
+
+
+def test_a_frame_arrives_as_the_daemon_made_it() -> None:
+    daemon, made = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
+        for _ in range(3):
+            got = frames.next_frame()
+            sent = made.given[got.camera_frame.sequence]
+            assert np.array_equal(got.depth_mm, sent.depth_mm)
+            assert np.array_equal(got.gradient_map, sent.gradient_map)
+            assert got.contact.indentation_mm == sent.contact.indentation_mm
+
+
+def test_another_process_gets_frames_too() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon), started([sys.executable, "-c", COUNTING, "5"], stdout=-1, text=True) as reader:
+        lines = reader.stdout.read().splitlines()
+    numbers = [int(line.split()[0]) for line in lines]
+    assert len(numbers) == 5
+    assert numbers == sorted(set(numbers))
+
+
+def test_the_newest_frame_is_given_and_those_passed_over_are_counted() -> None:
+    daemon, _ = bump_daemon(period_s=0.005)
+    with daemon, Publisher(daemon), subscribe() as frames:
+        first = frames.next_frame().camera_frame.sequence
+        time.sleep(0.5)
+        begun_s = time.monotonic()
+        second = frames.next_frame()
+        late_s = begun_s - second.camera_frame.time_s
+    assert late_s < 0.3, "not one from before the pause"
+    assert second.provenance.dropped == second.camera_frame.sequence - first - 1 > 10
+
+
+def test_every_frame_is_given_on_request() -> None:
+    daemon, _ = bump_daemon(period_s=0.02)
+    with daemon, Publisher(daemon), subscribe(every=True) as frames:
+        got = [frames.next_frame() for _ in range(2)]
+        time.sleep(0.2)
+        got += [frames.next_frame() for _ in range(10)]
+    steps = [b.camera_frame.sequence - a.camera_frame.sequence for a, b in pairwise(got)]
+    assert max(steps[1:]) <= 2, "those that came during the pause are there"
+
+
+def test_frames_come_to_a_callback_until_the_subscription_is_closed() -> None:
+    daemon, _ = bump_daemon()
+    seen: list[TactileFrame] = []
+    enough = threading.Event()
+
+    def use(frame: TactileFrame) -> None:
+        seen.append(frame)
+        if len(seen) == 3:
+            enough.set()
+
+    with daemon, Publisher(daemon), subscribe() as frames:
+        frames.listen(use)
+        assert enough.wait(10)
+    count = len(seen)
+    time.sleep(0.05)
+    assert len(seen) == count
+
+
+def test_what_a_callback_raises_is_raised_at_the_end() -> None:
+    daemon, _ = bump_daemon()
+    called = threading.Event()
+
+    def fail(frame: TactileFrame) -> None:
+        called.set()
+        raise ZeroDivisionError("in the callback")
+
+    def listening() -> None:
+        with subscribe() as frames:
+            frames.listen(fail)
+            assert called.wait(10)
+            time.sleep(0.05)
+
+    with daemon, Publisher(daemon), pytest.raises(ZeroDivisionError, match="in the callback"):
+        listening()
+
+
+def test_the_event_loop_goes_on_while_a_frame_is_waited_for() -> None:
+    daemon, _ = bump_daemon(period_s=0.05)
+    turns = 0
+
+    async def count() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0.001)
+
+    async def read() -> int:
+        counting = asyncio.create_task(count())
+        taken = 0
+        with subscribe() as frames:
+            async for _ in frames:
+                taken += 1
+                if taken == 4:
+                    break
+        counting.cancel()
+        return taken
+
+    with daemon, Publisher(daemon):
+        assert asyncio.run(read()) == 4
+    assert turns > 20
+
+
+def test_a_reader_that_stands_still_slows_nobody() -> None:
+    daemon, _ = bump_daemon(period_s=0.005)
+    slow = started([sys.executable, "-c", COUNTING, "1000000"], stdout=-1)
+    with daemon, Publisher(daemon) as publisher, subscribe() as frames, slow as reader:
+        assert reader.stdout.readline()
+        os.kill(reader.pid, signal.SIGSTOP)
+        published, first = publisher.frames, frames.next_frame().camera_frame.sequence
+        time.sleep(2)
+        last = frames.next_frame().camera_frame.sequence
+        assert publisher.frames - published > 100
+    assert last - first > 100
+
+
+def test_nothing_is_encoded_while_nobody_reads() -> None:
+    daemon, made = bump_daemon(period_s=0.005)
+    with daemon, Publisher(daemon) as publisher:
+        while len(made.given) < 50:
+            time.sleep(0.01)
+        assert publisher.frames == 0
+
+
+def test_a_daemon_that_ends_is_told_at_once() -> None:
+    daemon, _ = bump_daemon()
+    with daemon:
+        publisher = Publisher(daemon, name="finger").__enter__()
+        with subscribe("finger", patience_s=60) as frames:
+            frames.next_frame()
+            publisher.__exit__()
+            with pytest.raises(StreamError, match="daemon of finger has ended"):
+                [frames.next_frame() for _ in range(10)]
+
+
+def test_a_sensor_that_delivers_nothing_is_told() -> None:
+    daemon, _ = bump_daemon(period_s=3)
+    with (
+        daemon,
+        Publisher(daemon),
+        subscribe(patience_s=0.2) as frames,
+        pytest.raises(StreamError, match=r"for 0\.2 s"),
+    ):
+        [frames.next_frame() for _ in range(2)]
+
+
+def test_frames_of_another_version_are_told() -> None:
+    session, endpoint = publishing_session(lan=False, config=None)
+    token = session.liveliness().declare_token(key("future", "alive"))
+    publisher = session.declare_publisher(key("future", "frame"))
+    with subscribe(f"zenoh://{endpoint.removeprefix('tcp/')}/future", patience_s=10) as frames:
+        stop = threading.Event()
+        feeding = threading.Thread(target=lambda: [publisher.put(b"GELT\2\0" + bytes(200)) for _ in iter(lambda: stop.wait(0.02), True)])  # fmt: skip  # noqa: E501
+        feeding.start()
+        with pytest.raises(StreamError, match="version 2"):
+            frames.next_frame()
+        stop.set()
+        feeding.join()
+    token.undeclare()
+    session.close()
+
+
+# ---- who is found ----
+
+
+def test_where_nobody_publishes_that_is_told() -> None:
+    with pytest.raises(StreamError, match="gellight run"):
+        subscribe("auto")
+
+
+def test_of_several_sensors_one_has_to_be_named() -> None:
+    (one, _), (other, _) = bump_daemon(), bump_daemon()
+    with one, other, Publisher(one, name="left"), Publisher(other, name="right"):
+        with pytest.raises(StreamError, match="left, right"):
+            subscribe("auto")
+        with pytest.raises(StreamError, match="left, right"):
+            subscribe("thumb")
+        with subscribe("right") as frames:
+            assert frames.name == "right"
+
+
+def test_a_second_daemon_of_a_sensor_is_told_who_has_it() -> None:
+    (one, _), (other, _) = bump_daemon(), bump_daemon()
+    with one, other, Publisher(one, name="finger"):
+        with pytest.raises(StreamError, match=rf"finger is published already by process {os.getpid()}"):
+            Publisher(other, name="finger").__enter__()
+        assert [daemon.name for daemon in running()] == ["finger"]
+
+
+def test_simulated_sensors_are_numbered() -> None:
+    (one, _), (other, _) = bump_daemon(), bump_daemon()
+    with one, other, Publisher(one) as first, Publisher(other) as second:
+        assert [first.name, second.name] == ["images", "images-2"]
+    assert running() == []
+
+
+def test_a_daemon_that_was_killed_leaves_its_name_free(tmp_path: Path) -> None:
+    code = (
+        "import time; from gellight.stream.publisher import Publisher; from tests.helpers.streamed import bump_daemon\n"
+        "daemon, _ = bump_daemon()\n"
+        "with daemon, Publisher(daemon, name='finger'): print('there', flush=True); time.sleep(60)"
+    )
+    with started([sys.executable, "-c", code], stdout=-1) as killed:
+        assert killed.stdout.readline() == b"there\n"
+        assert [daemon.process for daemon in running()] == [killed.pid]
+    assert (tmp_path / "gellight/finger.json").exists()
+    assert running() == []
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"):
+        assert [one.process for one in running()] == [os.getpid()]
+
+
+@pytest.mark.parametrize("url", ["http://localhost", "zenoh://", "zenoh://host:port", "zenoh://host:99999"])
+def test_a_url_that_names_no_daemon_is_refused(url: str) -> None:
+    with pytest.raises(InputError, match="names no daemon"):
+        subscribe(url)
+
+
+def test_an_address_where_nothing_listens_is_told() -> None:
+    with pytest.raises(StreamError, match="no connection at"):
+        subscribe("zenoh://127.0.0.1:1")
+
+
+def test_only_this_computer_can_connect_unless_told() -> None:
+    session, endpoint = publishing_session(lan=False, config=None)
+    assert endpoint.startswith("tcp/127.0.0.1:")
+    port = int(endpoint.rpartition(":")[2])
+    listening = [line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:] if line.split()[3] == "0A"]  # fmt: skip  # noqa: E501
+    assert [place for place in listening if int(place.split(":")[1], 16) == port] == [f"0100007F:{port:04X}"]
+    inodes = {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.exists()}  # noqa: PTH115
+    mine = [line.split() for line in Path("/proc/net/tcp6").read_text().splitlines()[1:]]
+    assert not [row for row in mine if row[3] == "0A" and f"socket:[{row[9]}]" in inodes], "nor by IPv6"
+    session.close()
+
+
+# ---- calls ----
+
+
+def test_a_call_is_answered_with_what_the_daemon_says() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon), subscribe() as frames:
+        assert frames.status()["mode"] == "formula"
+        with pytest.raises(InputError, match="simulated gel only"):
+            frames.press("BALL", 0.5)
+        with pytest.raises(InputError, match="no light ring"):
+            frames.light(None)
+        with pytest.raises(InputError, match="not watched"):
+            frames.zero()
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{}", b"[" * 5000, b'{"type": "format"}', b"\xff" * 100000, b'{"type": "press"}']
+)
+def test_a_call_that_is_none_is_answered_with_the_reason(content: bytes) -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"):
+        session = subscribing_session(running()[0].endpoint, config=None)
+        (reply,) = session.get(key("finger", "call"), payload=content, timeout=10)
+        assert reply.err is not None
+        assert "no call of GelLight" in reply.err.payload.to_string()
+        session.close()
+
+
+def test_hostile_bytes_on_the_port_do_not_disturb_the_stream() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon), subscribe() as frames:
+        port = int(running()[0].endpoint.rpartition(":")[2])
+        for content in (b"\0" * 70000, b"\xff" * 70000, b"GET / HTTP/1.0\r\n\r\n", bytes(range(256)) * 50):
+            with socket.create_connection(("127.0.0.1", port)) as wire, suppress(OSError):  # it hung up
+                wire.sendall(content)
+        before = frames.next_frame().camera_frame.sequence
+        time.sleep(0.1)
+        assert frames.next_frame().camera_frame.sequence > before
+
+
+# ---- in the same process ----
+
+
+def test_a_sensor_in_this_process_gives_the_same_frames() -> None:
+    daemon, made = bump_daemon()
+    with Sensor(daemon) as sensor:
+        for number, frame in enumerate(sensor):
+            assert np.array_equal(frame.depth_mm, made.given[frame.camera_frame.sequence].depth_mm)
+            assert set(frame.provenance.ages_s) == {"taken", "reconstructed"}
+            if number == 3:
+                break
+
+
+def test_every_frame_of_a_sensor_in_this_process_on_request() -> None:
+    daemon, made = bump_daemon(frames=20, period_s=0.02)
+    with Sensor(daemon, every=True) as sensor:
+        got = [frame.camera_frame.sequence for frame in sensor]
+    assert got == sorted(made.given), "none is left out, and the end is no error"
+
+
+def test_the_simulated_sensor_is_lit_pressed_and_released() -> None:
+    with gellight.connect("sim://?programme=0") as sensor:
+        flat = sensor.next_frame()
+        assert flat.contact.indentation_mm < 0.05
+        assert flat.camera_frame.image.mean() > 20, "its LEDs are on"
+        sensor.press("BALL", 1.0)
+        deepest = max(sensor.next_frame().contact.indentation_mm for _ in range(6))
+        assert deepest == pytest.approx(1.0, abs=0.05)
+        sensor.light(np.zeros((12, 3), np.uint8))
+        assert sensor.next_frame().camera_frame.image.mean() < 5
+        sensor.light(None)
+        assert sensor.next_frame().camera_frame.image.mean() > 20
+        sensor.release()
+        assert sensor.bundle.identity == sensor.next_frame().provenance.zero

@@ -1,0 +1,127 @@
+"""What is sent arrives bit for bit; what is not a frame is refused with the reason, whatever it holds."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gellight.base.errors import StreamError
+from gellight.bundle.bundle import Bundle
+from gellight.reconstruction.integration import normals
+from gellight.stream.wire import PLANE, PREFIX, decode, encode
+from tests.helpers.dashboard_source import bump
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.streamed import SHAPE, full_frame
+
+
+def no_bundle(zero: str) -> Bundle:
+    raise AssertionError("nobody asked for the difference image")
+
+
+def test_every_map_and_figure_arrives_as_it_was_sent() -> None:
+    sent = full_frame()
+    got = decode(encode(sent), no_bundle)
+    for name in ("gradient_map", "depth_mm"):
+        assert np.array_equal(getattr(got, name), getattr(sent, name))
+        assert getattr(got, name).dtype == np.float32
+    assert np.array_equal(got.camera_frame.image, sent.camera_frame.image)
+    assert np.array_equal(got.contact.mask, sent.contact.mask)
+    assert got.contact.mask.dtype == np.bool_
+    assert replace(got.contact, mask=sent.contact.mask) == sent.contact
+    assert np.array_equal(got.camera_frame.light, sent.camera_frame.light)
+    for name in ("time_s", "sequence", "source", "label"):
+        assert getattr(got.camera_frame, name) == getattr(sent.camera_frame, name)
+    assert np.array_equal(got.exposures.lights, sent.exposures.lights)
+    assert got.exposures.as_json() == sent.exposures.as_json()
+    assert got.stage_seconds == sent.stage_seconds
+
+
+def test_the_provenance_arrives_with_the_ages_of_the_journey() -> None:
+    sent = full_frame()
+    sent = replace(sent, provenance=replace(sent.provenance, unix_s=time.time() - 0.5))
+    got = decode(encode(sent), no_bundle).provenance
+    assert list(got.ages_s) == ["taken", "reconstructed", "published", "received"]
+    assert 0.5 <= got.ages_s["published"] <= got.ages_s["received"] < 10
+    assert replace(got, ages_s={}) == replace(sent.provenance, ages_s={})
+
+
+def test_normals_are_those_of_the_gradient_map() -> None:
+    sent = full_frame()
+    got = decode(encode(sent), no_bundle)
+    assert np.array_equal(got.normal_map, normals(sent.gradient_map))
+    assert got.normal_map is got.normal_map, "computed once"
+
+
+def test_the_difference_image_is_made_with_the_reference_of_its_zero(tmp_path: Path) -> None:
+    bundle = linear_bundle(tmp_path / "bundle", shape=SHAPE)
+    sent = full_frame()
+    asked: list[str] = []
+
+    def bundle_of(zero: str) -> Bundle:
+        asked.append(zero)
+        return bundle
+
+    got = decode(encode(sent), bundle_of)
+    assert asked == []
+    image = sent.camera_frame.image.astype(np.float32)
+    assert np.allclose(got.difference, image - bundle.reference)
+    assert asked == [sent.provenance.zero]
+
+
+def test_a_frame_without_contact_has_no_centre() -> None:
+    sent = replace(bump(0.0, 0, 0, shape=SHAPE), provenance=full_frame().provenance)
+    assert decode(encode(sent), no_bundle).contact.centroid_mm is None
+
+
+def test_a_frame_that_no_daemon_delivered_is_not_sent() -> None:
+    with pytest.raises(StreamError, match="provenance"):
+        encode(bump(0.5, 0, 0, shape=SHAPE))
+
+
+def test_a_frame_of_another_version_says_so() -> None:
+    message = bytearray(encode(full_frame()))
+    message[4:6] = (2).to_bytes(2, "little")
+    with pytest.raises(StreamError, match=r"version 2 .* reads 1.*update GelLight"):
+        decode(bytes(message), no_bundle)
+
+
+MESSAGE = encode(full_frame())
+
+
+@given(st.integers(0, len(MESSAGE)))
+@settings(max_examples=60, deadline=None)
+def test_a_message_that_is_cut_off_is_refused(length: int) -> None:
+    if length > PREFIX.size:
+        last = max(PLANE.unpack_from(MESSAGE, PREFIX.size + k * PLANE.size)[3] for k in range(5))
+        length = min(length, last)
+    with pytest.raises(StreamError):
+        decode(MESSAGE[:length], no_bundle)
+
+
+@given(st.data())
+@settings(max_examples=200, deadline=None)
+def test_hostile_bytes_neither_crash_nor_take_memory(data: st.DataObject) -> None:
+    """Bytes of the header are changed at random: what comes out is a frame that lies in the message, or a refusal."""
+    message = bytearray(MESSAGE)
+    header = PREFIX.size + 5 * PLANE.size + 900
+    for place in data.draw(st.lists(st.integers(6, header), min_size=1, max_size=8)):
+        message[place] = data.draw(st.integers(0, 255))
+    try:
+        frame = decode(bytes(message), no_bundle)
+    except StreamError:
+        return
+    assert frame.depth_mm.base is not None, "a view of the message"
+    assert frame.depth_mm.nbytes <= len(message)
+
+
+@given(st.binary(max_size=400))
+@settings(max_examples=100, deadline=None)
+def test_any_bytes_are_refused(content: bytes) -> None:
+    with pytest.raises(StreamError):
+        decode(content, no_bundle)
+    with pytest.raises(StreamError):
+        decode(MESSAGE[: PREFIX.size] + content, no_bundle)

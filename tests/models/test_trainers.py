@@ -1,0 +1,187 @@
+"""The two trainers are one: the same loss, the same gradients, the same network after as many steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+from torch import nn
+
+from gelnet.export import to_onnx
+from gelnet.numpy_trainer import NumpyTrainer, kept_units, loss_of_block, random_network
+from gelnet.parameters import Floats, Parameters
+from gelnet.recipes import RECIPES, Recipe
+from gelnet.table import Table, checked, split_by_image
+from gelnet.torch_trainer import TorchTrainer
+from gelnet.trainers import make_trainer
+from gelnet.training import normal_error_deg, train
+
+PAPER = replace(RECIPES["paper"], dropout=0.0)
+recipes = pytest.mark.parametrize("recipe", [RECIPES["fast"], RECIPES["thorough"], PAPER], ids=lambda r: r.loss)
+
+
+def pressed(images: int = 10, per_image: int = 600, noise_grey: float = 1.0) -> Table:
+    """Noisy pixels of a sensor whose colours are a known function of the slope and the place."""
+    random = np.random.default_rng(7)
+    n = images * per_image
+    slope, place = random.uniform(-1, 1, (n, 2)), random.uniform([0, 0], [319, 239], (n, 2))
+    lights = np.array([[1.0, 0.0], [-0.5, 0.87], [-0.5, -0.87]])
+    bend = 1 / np.sqrt(1 + (slope**2).sum(axis=1, keepdims=True))
+    colour = 60 * (1 + place[:, :1] / 640) * bend * (slope @ lights.T) + random.normal(0, noise_grey, (n, 3))
+    rows = np.concatenate([colour, place, slope], axis=1).astype(np.float32)
+    return checked(rows, np.repeat(np.arange(images), per_image), np.array([320, 240]))
+
+
+def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[TorchTrainer, NumpyTrainer]:
+    """Both trainers with the same weights."""
+    by_torch, by_numpy = TorchTrainer(seed=1), NumpyTrainer(seed=1)
+    by_torch.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=width, recipe=recipe)
+    by_numpy.start(by_torch.parameters(), recipe)
+    return by_torch, by_numpy
+
+
+def torch_derivative(trainer: TorchTrainer, pixels: Floats, gradient: Floats) -> tuple[float, Floats]:
+    """The loss, and its derivative in the order of the layers."""
+    loss = trainer.loss(pixels, gradient)
+    wanted = [
+        parameter for layer in (*trainer.network.hidden, trainer.network.output) for parameter in layer.parameters()
+    ]
+    derivative = torch.autograd.grad(loss, wanted)
+    return float(loss.detach()), np.concatenate([part.numpy().ravel() for part in derivative])
+
+
+def flat(network: Parameters) -> Floats:
+    return np.concatenate([part.ravel() for layer in network.layers for part in layer])
+
+
+@recipes
+def test_the_same_weights_and_batch_give_the_same_loss_and_derivative(recipe: Recipe) -> None:
+    table = pressed()
+    by_torch, by_numpy = pair(recipe, table)
+    for start, count in ((0, 2048), (2048, 1), (3000, 257)):
+        pixels, gradient = table.rows[start : start + count, :5].copy(), table.rows[start : start + count, 5:].copy()
+        loss, derivative = by_numpy.loss(pixels, gradient)
+        wanted, wanted_derivative = torch_derivative(by_torch, pixels, gradient)
+        assert loss == pytest.approx(wanted, rel=1e-6)
+        np.testing.assert_allclose(derivative, wanted_derivative, rtol=1e-5, atol=1e-6)
+
+
+@recipes
+def test_the_derivative_is_that_of_the_loss(recipe: Recipe) -> None:
+    """By differences, in double precision: it holds without torch."""
+    table = pressed(per_image=4)
+    single = random_network(table.rows[:, :5], table.rows[:, 5:], width=3, random=np.random.default_rng(0))
+    layers = tuple(type(layer)(*(part.astype(np.float64) for part in layer)) for layer in single.layers)
+    network = replace(single, layers=layers, centre=single.centre.astype(float), scale=single.scale.astype(float))
+    pixels, gradient = table.rows[:, :5].T.astype(float), table.rows[:, 5:].T.astype(float)
+    _, derivative = loss_of_block(network, pixels, gradient, recipe)
+    position = 0
+    for layer in layers:
+        for part in layer:
+            for index in np.ndindex(part.shape):
+                losses, kept = [], part[index]
+                for step in (1e-5, -1e-5):
+                    part[index] = kept + step
+                    losses.append(loss_of_block(network, pixels, gradient, recipe)[0])
+                part[index] = kept
+                assert derivative[position] == pytest.approx((losses[0] - losses[1]) / 2e-5, rel=1e-4, abs=1e-4)
+                position += 1
+    assert position == len(derivative)
+
+
+@recipes
+def test_the_same_batches_give_the_same_network(recipe: Recipe) -> None:
+    table = pressed()
+    by_torch, by_numpy = pair(recipe, table)
+    random = np.random.default_rng(3)
+    for step in range(20):
+        batch = table.rows[random.integers(0, len(table.rows), 512)]
+        rate = recipe.learning_rate * (1 - step / 20)
+        losses = [trainer.step(batch[:, :5].copy(), batch[:, 5:].copy(), rate) for trainer in (by_torch, by_numpy)]
+        assert losses[1] == pytest.approx(losses[0], rel=1e-5)
+    np.testing.assert_allclose(flat(by_numpy.parameters()), flat(by_torch.parameters()), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(by_numpy.answer(table.rows[:, :5]), by_torch.answer(table.rows[:, :5]), atol=1e-4)
+    assert not np.allclose(flat(by_numpy.parameters()), flat(pair(recipe, table)[1].parameters()), atol=10 * rate)
+
+
+def test_their_files_answer_the_same() -> None:
+    table = pressed()
+    answers = []
+    for trainer in pair(RECIPES["fast"], table):
+        content = to_onnx(trainer.parameters(), {}).SerializeToString()
+        session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+        answers.append((content, session.run(None, {"pixels": table.rows[:, :5].copy()})[0]))
+    assert answers[0][0] == answers[1][0]
+    np.testing.assert_array_equal(answers[0][1], answers[1][1])
+
+
+def test_a_width_of_32_has_3426_parameters_drawn_as_torch_draws_them() -> None:
+    table = pressed()
+    by_torch, by_numpy = (make_trainer(name, seed=0) for name in ("torch", "numpy"))
+    for trainer in (by_torch, by_numpy):
+        trainer.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=32, recipe=RECIPES["fast"])
+    one, other = by_torch.parameters(), by_numpy.parameters()
+    assert len(flat(one)) == len(flat(other)) == 3426
+    for name in ("centre", "scale", "steepest_rad"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-5)
+    for layer, wanted in zip(other.layers, one.layers, strict=True):
+        bound = 1 / np.sqrt(layer.weight.shape[1])
+        for found, by in ((layer.weight, wanted.weight), (layer.bias, wanted.bias)):
+            assert found.shape == by.shape
+            assert max(np.abs(found).max(), np.abs(by).max()) <= bound
+        assert np.abs(layer.weight).max() > 0.95 * bound
+        assert layer.weight.std() == pytest.approx(bound / np.sqrt(3), rel=0.15)
+
+
+def test_a_column_that_never_changes_does_not_divide_by_nothing() -> None:
+    rows = pressed().rows
+    rows[:, 3] = 7.0
+    made = random_network(rows[:, :5], rows[:, 5:], width=4, random=np.random.default_rng(0))
+    assert made.scale[3] == 1
+    alone = random_network(rows[:1, :5], rows[:1, 5:], width=4, random=np.random.default_rng(0))
+    assert (alone.scale == 1).all()
+
+
+def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both with the same units left out: torch's are put in by hand."""
+    table = pressed()
+    by_torch, _ = pair(RECIPES["paper"], table)
+    pixels, gradient = table.rows[:200, :5].copy(), table.rows[:200, 5:].copy()
+    kept = kept_units((32, 200), 0.1, np.random.default_rng(0))
+    assert set(np.unique(kept)) == {np.float32(0), np.float32(1 / 0.9)}
+    assert (kept == 0).mean() == pytest.approx(0.1, abs=0.02)
+    monkeypatch.setattr(nn.Dropout, "forward", lambda self, x: x * torch.from_numpy(kept.T.copy()))
+    wanted, wanted_derivative = torch_derivative(by_torch, pixels, gradient)
+    loss, derivative = loss_of_block(by_torch.parameters(), pixels.T, gradient.T, RECIPES["paper"], kept)
+    assert loss / 200 == pytest.approx(wanted, rel=1e-6)
+    np.testing.assert_allclose(derivative / 200, wanted_derivative, rtol=1e-5, atol=1e-6)
+
+
+def test_dropout_is_left_out_of_answers_and_repeats_with_the_seed() -> None:
+    table = pressed(per_image=100)
+    pixels, gradient = table.rows[:, :5].copy(), table.rows[:, 5:].copy()
+    losses = []
+    for seed in (1, 1, 2):
+        _, trainer = pair(RECIPES["paper"], table)
+        trainer.start(trainer.parameters(), RECIPES["paper"])
+        trainer._random = np.random.default_rng(seed)
+        losses.append(trainer.loss(pixels, gradient)[0])
+        assert (trainer.answer(pixels) == trainer.answer(pixels)).all()
+    assert losses[0] == losses[1] != losses[2]
+
+
+def test_both_learn_as_well() -> None:
+    """On images neither has seen; the spread is that of seeds."""
+    training, held_out = split_by_image(pressed(per_image=1500), fraction=0.3)
+    recipe = replace(RECIPES["fast"], least_visits=200_000, batch=256)
+    errors = {
+        name: [
+            normal_error_deg(train(training, recipe, make_trainer(name, seed=seed), width=16).network, held_out)["mean"]
+            for seed in range(3)
+        ]
+        for name in ("torch", "numpy")
+    }
+    spread = max(np.std(found, ddof=1) for found in errors.values())
+    assert abs(np.mean(errors["numpy"]) - np.mean(errors["torch"])) < max(3 * spread, 0.05)
+    assert np.mean(errors["numpy"]) < 3
