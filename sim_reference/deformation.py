@@ -53,6 +53,9 @@ def grid(size: int, spacing_mm: float) -> Array:
 class GelModel(Protocol):
     """Presses a rigid object into the gel."""
 
+    def __hash__(self) -> int:
+        """Models can be keys: what one has computed is kept."""
+
     def __call__(
         self, object_height_mm: Array, spacing_mm: float, press_depth_mm: float, geometry: SensorGeometry, /
     ) -> Deformation:

@@ -29,9 +29,9 @@ TORCH_FILES = {"network.py", "torch_trainer.py"}
 FORBIDDEN_HOST = {"torch", "gelnet", "onnx"}
 DOORS = {
     "sim_reference": (
-        "simulator/scene.py", "simulator/selfcheck.py", "simulator/selfcheck_bounds.py",
-        "simulator/simulated_camera.py", "simulator/stage.py", "design/", "cli/optimize.py",
-        "evaluation/synthetic.py", "evaluation/simulated_presses.py",
+        "simulator/gel_models.py", "simulator/one_press.py", "simulator/scene.py", "simulator/selfcheck.py",
+        "simulator/selfcheck_bounds.py", "simulator/simulated_camera.py", "simulator/stage.py", "design/",
+        "cli/optimize.py", "cli/simulate.py", "evaluation/synthetic.py", "evaluation/simulated_presses.py",
     ),
     "cv2": (
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",

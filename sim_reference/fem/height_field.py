@@ -30,6 +30,20 @@ class Heights:
     """(S, 2, 2) 1/mm"""
 
 
+def with_slopes_below(heights_mm: Array, spacing_mm: float, slope: float) -> Array:
+    """Return the heights (n, n) with a foot around every wall steeper than `slope`: the least that has no such wall."""
+    result = heights_mm.copy()
+    while True:
+        before = result.copy()
+        for rows, columns in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            fall = slope * spacing_mm * float(np.hypot(rows, columns))
+            for sign in (1, -1):
+                shifted = scipy.ndimage.shift(result, (sign * rows, sign * columns), order=0, mode="nearest")
+                np.maximum(result, shifted - fall, out=result)
+        if (result == before).all():
+            return result
+
+
 class HeightField:
     """z(x, y) in mm of a rigid object on a square grid about the origin; beyond the grid as at its edge."""
 

@@ -81,7 +81,7 @@ class Solver:
         state: State,
         contact: Contact,
         *,
-        tolerance_mm: float = 1e-4,
+        tolerance_mm: float = 2e-5,
         limit: int = 100,
         on_step: Callable[[Step, State], None] | None = None,
     ) -> State:

@@ -37,7 +37,7 @@ def sample_surface(mesh: Mesh, at: Array, barrier: Barrier, size: int, spacing_m
     a press is shown off the centre.
     """
     surface = at[mesh.surface]
-    pressure, gap = barrier.pressure(surface), barrier.gap(surface)
+    pressure = barrier.pressure(surface)
     points = grid(size, spacing_mm)
     x, y = np.meshgrid(points, points)
     rim = RIM_SHARE * float(mesh.vertices[mesh.surface, 0].max())
@@ -47,13 +47,14 @@ def sample_surface(mesh: Mesh, at: Array, barrier: Barrier, size: int, spacing_m
     triangles = Delaunay(surface[:, :2])
     moved = np.column_stack([surface[:, 2], surface[:, :2] - mesh.vertices[mesh.surface, :2]])
     smooth = CloughTocher2DInterpolator(triangles, moved)(inside) * faded[..., None]
-    # Between vertices the contact ends where the gap, not the pressure, says so: the pressure stays above 0 as far as
-    # the next vertex.
-    linear = LinearNDInterpolator(triangles, np.column_stack([pressure, barrier.distance_mm - gap]))(inside)
-    touching = (linear[..., 1] > 0) & (beyond <= 1)
+    # The contact ends halfway between a vertex that touches and one that does not; the pressure is scaled to the force.
+    linear = LinearNDInterpolator(triangles, np.column_stack([pressure, pressure > 0]))(inside)
+    spread = np.where((linear[..., 1] > 0.5) & (beyond <= 1), linear[..., 0], 0.0)
+    force = float(barrier.area @ pressure)
+    total = float(spread.sum()) * spacing_mm**2
     return Sampled(
         depth_mm=smooth[..., 0],
-        pressure=np.where(touching, linear[..., 0], 0.0),
+        pressure=spread * (force / total if total else 0.0),
         tangential_mm=smooth[..., 1:],
-        force=float(barrier.area @ pressure),
+        force=force,
     )

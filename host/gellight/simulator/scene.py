@@ -7,7 +7,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_reference import gel
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
+from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import led_irradiance, ring_light
 from sim_reference.surface import Surface, press_object, sample, untouched
@@ -38,16 +40,25 @@ Lit = tuple[Press | None, Surface, NDArray[np.float32]]
 class Scene:
     """Computes what the camera would see without noise, and keeps what it will need again."""
 
-    def __init__(self, geometry: SensorGeometry, response: CameraResponse, led_gain: Array | None = None) -> None:
+    def __init__(
+        self,
+        geometry: SensorGeometry,
+        response: CameraResponse,
+        led_gain: Array | None = None,
+        *,
+        model: GelModel = gel.press,
+    ) -> None:
         """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`.
 
         led_gain: (12,) how bright each LED really is, as a share of its nominal brightness; it does not move the
-        exposure.
+        exposure. `model` computes the gel.
         """
         self.geometry = geometry
         self.light = ring_light(geometry)
+        self._model = model
         self.led_gain = np.ones(len(self.light)) if led_gain is None else led_gain
         self._gel = SensorGeometry(
+            gel_diameter_mm=geometry.gel_diameter_mm,
             gel_thickness_mm=geometry.gel_thickness_mm,
             poisson_ratio=geometry.poisson_ratio,
             coating_smoothing_mm=geometry.coating_smoothing_mm,
@@ -92,7 +103,7 @@ class Scene:
         return press in (None, self._lit[0]) or press in self._ready
 
     def _compute(self, press: Press) -> Lit:
-        deformation = deformed(press.object_name, press.depth_mm, self._gel)
+        deformation = deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
         surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
         return press, surface, self._light_up(surface)
 

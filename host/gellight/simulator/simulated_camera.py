@@ -9,7 +9,8 @@ time at which it was ready, so their age is true.
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
 from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board); and what makes one
 sensor differ from another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
-the LEDs' brightness, as a share), `dim` (all LEDs darker by this share).
+the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
+with `resolution` mm between vertices: a minute a press, kept on the disk.
 """
 
 import threading
@@ -30,6 +31,7 @@ from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import LED_COUNT
+from gellight.simulator.gel_models import GelKind, gel_model
 from gellight.simulator.scene import Array, Press, Scene
 from gellight.simulator.selfcheck import SelfCheck
 from gellight.simulator.shutter import Shutter, row_weights
@@ -190,6 +192,8 @@ class SimulatedUrl(BaseModel):
     crosstalk: float = Field(0.1, ge=0, le=0.5)
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
+    gel: GelKind = "layer"
+    resolution: float = Field(0.3, ge=0.1, le=2.5)
 
     def response(self) -> CameraResponse:
         """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
@@ -215,7 +219,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
-    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)))
+    model = gel_model(wanted.gel, wanted.resolution)
+    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
     if wanted.board and len(scene.light) != LED_COUNT:
         raise ConfigError(
             f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "
