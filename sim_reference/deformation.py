@@ -23,7 +23,7 @@ class NotConverged(RuntimeError):  # noqa: N818 - the name says what happened
     """The contact problem was not solved to the wanted tolerance."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Deformation:
     """The gel under a press, on the grid of the object, its centre in the middle."""
 

@@ -40,7 +40,7 @@ DOORS = {
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
     ),
     "google": ("reconstruction/onnx_messages.py",),
-    "onnxruntime": ("reconstruction/network_session.py", "evaluation/bench.py"),
+    "onnxruntime": ("reconstruction/network_session.py", "evaluation/frame_bench.py"),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),

@@ -25,9 +25,10 @@ def open_camera(
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 
-    `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made;
-    without one the LEDs of a real sensor stay dark, and a simulated one shows its ring full on. Raises CameraError,
-    BoardError, BundleError, InputError or ConfigError with the remedy.
+    `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made:
+    give the one that its frames are reconstructed with. Without a bundle the LEDs of a real sensor stay dark until
+    `Camera.adopt` lights them, and a simulated one shows its ring full on. `close`, or the end of `with`, makes the
+    LEDs dark. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
     text = f"v4l2://{url}" if str(url).startswith(NODES) else str(url)
     scheme = text.partition("://")[0].partition("?")[0]

@@ -35,7 +35,7 @@ window.measures = {
       const apart = (a, b) => beside(a, b) || a.bottom <= b.top + 1 || b.bottom <= a.top + 1;
       const groups = ["main > *:not(aside), aside > *", "body > *:not(.help)", "header > *", ".banners > *", ".banner > *",
           ".toolbar > *", ".panel > *", ".head > *", ".controls > *", ".contact-row > *", ".buttons > *", ".objects > *",
-          "th, .contacts td", "#checks td", ".drawer > *", ".pairs div > *", ".bars div > *", ".identity > *"];
+          "th, .contacts td", "#checks td", ".drawer > *", ".pairs div > *", ".bars div > *", ".steps > *", ".actions > *", ".needs li > *", ".progress > *", ".request > *", ".identity > *"];
       const wrong = [];
       for (const css of groups) {
           const all = seen(css);
@@ -90,7 +90,8 @@ window.measures = {
 
   /** Text under 12 px. */
   smallText() {
-      return texts().map((e) => [name(e), parseFloat(getComputedStyle(e).fontSize)]).filter(([, px]) => px < 12);
+      const scale = (e) => (e instanceof SVGElement ? e.getScreenCTM().a : 1);
+      return texts().map((e) => [name(e), parseFloat(getComputedStyle(e).fontSize) * scale(e)]).filter(([, px]) => px < 12);
   },
 };
 })();

@@ -135,6 +135,11 @@ class StreamSettings(StrictModel):
     zenoh_config: str = Field(
         default="", description="file of zenoh's own settings, for TLS and access control; empty: none"
     )
+    ros2: str = Field(
+        default="",
+        description="router of ROS 2's rmw_zenoh, such as tcp/localhost:7447, to publish topics by; empty: none",
+    )
+    ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
 
 
 class Settings(StrictModel):

@@ -43,7 +43,7 @@ _WHAT_IS_TAKEN_OFF = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Example:
     """One fresh press in full."""
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,9 +12,11 @@ import typer
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson
 from gellight.evaluation import bench
-from gellight.evaluation.bench import DepthScale, FrameTimes
+from gellight.evaluation.bench import DepthScale
+from gellight.evaluation.frame_bench import FrameTimes, frame_times
 from gellight.evaluation.simulated_presses import Figures, compare_ways
 from gellight.evaluation.synthetic import evaluate_simulated
+from gellight.frames.image_files import read_image
 
 
 class Subject(StrEnum):
@@ -32,11 +35,12 @@ def command(
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
     rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the network, both ways.")] = 1,
+    press: Annotated[Path | None, typer.Option(help="Picture of a press in the size of the bundle, timed too.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Time the frame path, or measure depth scale or accuracy.
 
-    `frames` times it against a plain run of its network.
+    `frames` times its stages, and the whole against its other forms and against a plain run of its network.
     `presses` presses the 4 mm ball 1 mm deep at 20 random places of the simulated sensor, with noise of 1 grey level.
     `photometric` compares GelNet with photometric stereo on other such presses, and on the ten benchmark objects.
     """
@@ -52,7 +56,8 @@ def command(
         ways = compare_ways(bundle)
         typer.echo(json.dumps(bench.as_rows(ways), indent=2) if as_json else _way_table(ways))
     else:
-        times = bench.frame_times(bundle, rounds=rounds, threads=threads)
+        picture = read_image(press) if press else None
+        times = frame_times(bundle, rounds=rounds, threads=threads, press=picture)
         typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
 
 
@@ -60,13 +65,16 @@ def _time_table(times: Sequence[FrameTimes]) -> str:
     lines = []
     for t in times:
         size = f"{t.image_width_px} x {t.image_height_px}"
-        lines.append(f"{t.scene} ({size} px, {t.touched:.1%} through the network), ms: minimum, median")
-        rows = [*t.stages.items(), ("whole frame", t.whole), ("plain one-batch network", t.plain)]
-        lines += [f"  {name:24}{ms.minimum_ms:9.2f}{ms.median_ms:9.2f}" for name, ms in rows]
         lines.append(
-            f"  the plain network takes {t.plain_over_slopes:.1f} x mask + gradient, "
-            f"{t.plain_over_whole:.1f} x the whole frame"
+            f"{t.scene}, {size} px, {t.touched:.1%} touched, {t.single:.1%} pixel by pixel, {t.computed_by}; "
+            "ms: CPU, wall"
         )
+        rows = [*t.stages.items(), ("whole frame", t.whole), *t.others.items()]
+        for name, ms in rows:
+            ratio = f"{t.ratios[name]:9.1f} x the whole frame" if name in t.ratios else ""
+            lines.append(f"  {name:26}{ms.cpu_ms:9.2f}{ms.wall_ms:9.2f}{ratio}")
+        shares = ", ".join(f"{name} {share:.0%}" for name, share in t.peak_fraction.items())
+        lines.append(f"  of what one core can do: {shares}")
     return "\n".join(lines)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from gellight.cli.advice import activation
 from gellight.cli.options import AsJson, simulated_settings, with_options
 from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
@@ -34,6 +35,8 @@ def command(
             open_browser(url)
         summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
         print(json.dumps(summary) if as_json else table(summary))
+    if told := activation():
+        print(told, file=sys.stderr)
 
 
 def open_browser(url: str) -> None:

@@ -13,6 +13,8 @@ VERBS = lazy_group(
     {
         "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
         "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
+        "status": ("status:command", "Show the daemons that run on this computer, and how they are."),
+        "service": ("service:app", "Let systemd run the sensor of this user."),
         "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
         "export": ("export:command", "Turn a recording into arrays, pictures, point clouds or a video."),
@@ -25,7 +27,7 @@ VERBS = lazy_group(
         "bench": ("bench:command", "Time the frame path, or measure depth scale or accuracy."),
         "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
         "optimize": ("optimize:app", "Find the best illumination and make its parts."),
-        "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
+        "simulate": ("simulate:app", "Press objects into the simulated gel."),
         "ring": ("ring:app", "The light ring by hand."),
         "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),
         "sim": ("simulated_board:command", "Run the firmware in a simulated board behind a pseudo-terminal."),

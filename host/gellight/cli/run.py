@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import CameraError
+from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings, load_settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.cli.advice import typeable
@@ -26,7 +27,8 @@ from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.opening import REAL
 from gellight.stream.network import LAN_PORT
-from gellight.stream.publisher import Publisher
+from gellight.stream.publisher import Publisher, name_of_sensor
+from gellight.stream.ros2 import Ros2Publisher
 
 STATUS_S = 1.0
 WAIT_S = 0.5
@@ -51,6 +53,7 @@ class Running:
     name: Annotated[str | None, typer.Option(help="Name to publish under.", show_default="that of the sensor")] = None
     lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
+    ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
     def flags(self) -> dict[str, object]:
@@ -67,6 +70,7 @@ class Running:
             "stream.name": self.name,
             "stream.lan": self.lan,
             "stream.zenoh_config": self.zenoh_config,
+            "stream.ros2": self.ros2,
         }
 
     def ended_by_hand(self) -> AbstractContextManager[None]:
@@ -101,8 +105,16 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
-        summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
+        manager = ServiceManager()
+        manager.ready()
+        summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
         print(json.dumps(summary) if as_json else table(summary))
+
+
+def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -> None:
+    """Print the status, and tell the service manager, where there is one, that the sensor works."""
+    manager.alive(int(str(status["frames"])), away=status["error"] is not None)
+    print_status(status, as_json)
 
 
 def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
@@ -123,15 +135,18 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
 
 @contextmanager
 def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
-    """Publish the frames to other programs, unless the settings say no."""
+    """Publish the frames to other programs, unless the settings say no, and to ROS 2 where they say so."""
     chosen = settings.stream
-    if not chosen.enabled:
-        yield
-        return
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
-    with Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config) as publisher:
-        there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
-        print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+    with ExitStack() as stack:
+        if chosen.enabled:
+            publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
+            there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
+            print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+        if chosen.ros2:
+            name = chosen.name or name_of_sensor(daemon.camera)
+            topics = stack.enter_context(Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain))
+            print(f"ROS 2 topics: {topics.prefix}/...", file=sys.stderr, flush=True)
         yield
 
 

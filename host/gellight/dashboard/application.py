@@ -25,6 +25,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
+from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.wizard import Wizard
@@ -83,10 +84,11 @@ class Dashboard:
         self._newest_command = -1
 
     def application(self) -> web.Application:
-        """Return the aiohttp application: page, `/status`, `/ws`, and the wizard's."""
+        """Return the aiohttp application: page, `/status`, `/ws`, `/metrics`, `/health`, and the wizard's."""
         app = web.Application(middlewares=[only_this_machine])
         app.router.add_get("/ws", self._serve_client)
         app.router.add_get("/status", self._show_status)
+        Metrics(self._status_text).add_routes(app)
         self._wizard.add_routes(app)
         app.router.add_get("/reference/{name}", self._show_reference)
         PageFiles(PAGE).add_routes(app)

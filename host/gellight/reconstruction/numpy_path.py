@@ -1,5 +1,7 @@
 """The frame path in NumPy, SciPy and OpenCV: the form to read, and the one that the native path is checked against."""
 
+import time
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
 from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Smoother
-from gellight.reconstruction.stages import STAGES, FlatMaps, Stages, tactile_frame
+from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages, tactile_frame
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -31,17 +33,20 @@ class NumpyPath:
         *,
         smoothing_px: int,
         masked: bool,
+        clock: Clock = time.perf_counter,
     ) -> None:
         """Take the parts; see `pipeline.Reconstructor`. cells: without, every touched pixel goes through `network`."""
         self._bundle, self._network, self._cells = bundle, network, cells
         self._undistortion = undistortion
         self._smoother = Smoother(smoothing_px)
         self._masked = masked
+        self._clock = clock
+        self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Return the maps and the contact of a frame of the bundle's size."""
-        stages = Stages()
+        stages = Stages(self._clock)
         follow = self._bundle.manifest.follow_light
         difference = difference_of(camera_frame.image, self._bundle.reference, follow_light=follow)
         stages.end("difference")

@@ -1,6 +1,7 @@
 """The frame path: camera frame in, tactile frame out."""
 
 import logging
+import time
 from enum import StrEnum
 from typing import Protocol
 
@@ -20,7 +21,7 @@ from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.network_session import jacobian_session
 from gellight.reconstruction.numpy_path import NumpyPath
 from gellight.reconstruction.smoothing import NARROWEST_PX
-from gellight.reconstruction.stages import TactilePath
+from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath
 
 logger = logging.getLogger(__name__)
 Floats = NDArray[np.float32]
@@ -65,13 +66,15 @@ class Reconstructor:
         masked: bool = True,
         undistorted: bool = True,
         form: Form = Form.NATIVE,
+        clock: Clock = time.perf_counter,
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
         threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
         run the network only where the image differs from the reference; without, everywhere, pixel by pixel.
         undistorted: take the lens out of the maps where the bundle has one; without, they lie over the picture, as
-        labels do. form: how to compute; what the native form cannot do is computed by NumPy. Raises BundleError.
+        labels do. form: how to compute; what the native form cannot do is computed by NumPy.
+        clock: that times the stages. Raises BundleError.
         """
         self.bundle = bundle
         self.masked = masked
@@ -85,19 +88,21 @@ class Reconstructor:
         jacobian = jacobian_session(self._network.session) if masked and form is not Form.PIXELS else None
         cells = CellNetwork(self._network, jacobian) if jacobian else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
-        numpy_path = NumpyPath(bundle, self._network, cells, lens, smoothing_px=smoothing_px, masked=masked)
+        numpy_path = NumpyPath(
+            bundle, self._network, cells, lens, smoothing_px=smoothing_px, masked=masked, clock=clock
+        )
         self._path: TactilePath = numpy_path
         self._computed_by = f"NumPy, {'cells' if cells else 'pixels'}"
         if form is Form.NATIVE and masked:
-            self._go_native(numpy_path, cells, lens, smoothing_px)
+            self._go_native(numpy_path, cells, lens, smoothing_px, clock)
 
     def _go_native(
-        self, judge: NumpyPath, cells: CellNetwork | None, lens: Undistortion | None, smoothing_px: int
+        self, judge: NumpyPath, cells: CellNetwork | None, lens: Undistortion | None, smoothing_px: int, clock: Clock
     ) -> None:
         """Compute natively where a library fits this machine and answers as NumPy does; else say so in the log."""
         try:
             name, library = fitting_library()
-            path = NativePath(library, self.bundle, self._network, cells, lens, smoothing_px=smoothing_px)
+            path = NativePath(library, self.bundle, self._network, cells, lens, smoothing_px=smoothing_px, clock=clock)
             refuse_disagreement(path, judge, self.bundle)
         except NativePathError as reason:
             logger.warning("frames are computed by NumPy, which takes longer: %s", reason)
@@ -116,6 +121,11 @@ class Reconstructor:
     def status(self) -> dict[str, object]:
         """Return the mode and what computes, ready for JSON."""
         return {"mode": "network", "computed_by": self._computed_by}
+
+    @property
+    def network_rows(self) -> NetworkRows:
+        """How often the network was asked for the latest frame."""
+        return self._path.network_rows
 
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""

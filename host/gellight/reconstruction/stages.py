@@ -1,7 +1,8 @@
 """What every way through the frame path shares: the names and times of its stages, and the frame at its end."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -15,10 +16,26 @@ STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
 
 Floats = NDArray[np.float32]
+Clock = Callable[[], float]
+"""seconds since some time"""
+
+
+@dataclass(frozen=True)
+class NetworkRows:
+    """How often the network was asked for one frame; 0 where nobody counts."""
+
+    coarse: int = 0
+    """means of 8 x 8 pixels, where nothing touches"""
+    cells: int = 0
+    """means of 4 x 4 pixels, with the Jacobian"""
+    pixels: int = 0
 
 
 class TactilePath(Protocol):
     """One way of computing: a camera frame of the bundle's size and type in, a tactile frame out."""
+
+    network_rows: NetworkRows
+    """of the latest frame"""
 
     def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
         """Return the maps and the contact."""
@@ -27,14 +44,15 @@ class TactilePath(Protocol):
 class Stages:
     """The wall time of each stage of one frame."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock = time.perf_counter) -> None:
         """Begin the first stage."""
         self.seconds: dict[str, float] = {}
-        self._began = time.perf_counter()
+        self._clock = clock
+        self._began = clock()
 
     def end(self, stage: str) -> None:
         """Record the time since the stage before ended."""
-        now = time.perf_counter()
+        now = self._clock()
         self.seconds[stage] = now - self._began
         self._began = now
 

@@ -1,6 +1,7 @@
 """What the page says of itself: what is not of now is not shown as if it were, and the page says why."""
 
 import json
+import threading
 from typing import Any
 
 import pytest
@@ -63,6 +64,27 @@ def test_an_object_that_is_being_prepared_is_named(opened: Open, source: Formula
     expect(page.get_by_test_id("banner-preparing")).to_contain_text("TSTEP is being prepared")
     source.stage.status = lambda: {**said(), "preparing": ""}  # type: ignore[method-assign]
     expect(page.get_by_test_id("banner-preparing")).to_have_count(0)
+
+
+def test_an_object_that_is_being_prepared_can_be_given_up(opened: Open, source: FormulaSource) -> None:
+    stage = source.stage
+    assert stage is not None
+    said, done = stage.status, threading.Event()
+    stage.status = lambda: {**said(), "preparing": "TSTEP"}  # type: ignore[method-assign]
+    stage.press = lambda *_: done.wait(20)  # type: ignore[method-assign, assignment]
+    try:
+        page = opened()
+        draw(page, source, 0.5)
+        page.get_by_test_id("object-TSTEP").click()
+        page.get_by_test_id("press-here").click()
+        page.get_by_test_id("banner-preparing").get_by_role("button").click()
+        waited = 0
+        while not stage.calls and waited < 10_000:
+            page.wait_for_timeout(50)
+            waited += 50
+        assert stage.calls == [None], "released while the press was still being computed"
+    finally:
+        done.set()
 
 
 def hold_status(page: Any, more: dict[str, object]) -> None:

@@ -32,6 +32,7 @@ export class PressPanel {
     element("press").hidden = !stage;
     document.body.classList.toggle("can-press", Boolean(stage));
     if (!stage) return;
+    if (stage.preparing) this.#goOn();
     if (element("objects").childElementCount !== stage.objects.length) this.#fill(stage);
     const who = stage.visitor ? "you" : "programme";
     element("stage-now").textContent = stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`;
@@ -54,6 +55,12 @@ export class PressPanel {
     const hint = element("press-hint");
     hint.textContent = type === "error" ? message : this.#advice;
     hint.classList.toggle("wrong", type === "error");
+    this.#flush();
+  }
+
+  /** Send what waits: a press that is being computed answers late, and a newer command takes its place. */
+  #goOn() {
+    this.#busy = false;
     this.#flush();
   }
 

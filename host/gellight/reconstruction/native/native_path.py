@@ -4,6 +4,7 @@ The network stays in ONNX Runtime, the transform along the rows in SciPy. The le
 """
 
 import ctypes
+import time
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from gellight.reconstruction.native.library import NativePathError
 from gellight.reconstruction.native.work import WorkMemory, address
 from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Windows
-from gellight.reconstruction.stages import STAGES, FlatMaps, Stages
+from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -45,6 +46,7 @@ class NativePath:
         undistortion: Undistortion | None,
         *,
         smoothing_px: int,
+        clock: Clock = time.perf_counter,
     ) -> None:
         """Take the parts; see `pipeline.Reconstructor`. cells: without, every touched pixel goes through `network`.
 
@@ -59,14 +61,17 @@ class NativePath:
         self._m = WorkMemory(bundle.image_shape, self._windows)
         self._m.coarse_rows[:, 3:] = network.coarse_position
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
+        self._clock = clock
+        self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Return the maps and the contact of a frame of the bundle's size."""
-        stages = Stages()
+        stages = Stages(self._clock)
         difference = self._difference(camera_frame.image)
         stages.end("difference")
         touched = self._touched()
+        self.network_rows = NetworkRows()
         stages.end("mask")
         if not touched:
             return self._flat.frame(camera_frame, difference, stages)
@@ -111,12 +116,15 @@ class NativePath:
         if touched < m.touched.size:
             self._run("coarse_rows", m.means, m.coarse_rows)
             np.subtract(self._network.session.slopes(m.coarse_rows), self._network.coarse_zero, out=m.coarse)
+        near = 0
         if self._cells is not None:
-            self._at_cells(self._cells)
+            near = self._at_cells(self._cells)
             limit = self._cells.limit_grey
         single = self._count(
             "blend", difference, m.touched, touched, m.planes, m.coarse, limit, m.slopes, m.index, m.work, m.bytes
         )
+        coarse = len(m.coarse) if touched < m.touched.size else 0
+        self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
         for start in range(0, single, _BLOCK_PIXELS):
             count = min(_BLOCK_PIXELS, single - start)
             at, rows = address(m.index, start), m.rows[:count]
@@ -124,8 +132,8 @@ class NativePath:
             answer, zero = self._network.session.slopes(rows), address(self._network.zero)
             self._c.store_pixels(at, address(answer), zero, address(m.slopes), count, self._width, self._height)
 
-    def _at_cells(self, cells: CellNetwork) -> None:
-        """The network and its Jacobian at the means of the cells near a touch, into planes."""
+    def _at_cells(self, cells: CellNetwork) -> int:
+        """The network and its Jacobian at the means of the cells near a touch, into planes; returns how many cells."""
         m = self._m
         near = self._count("cell_rows", m.means, m.near, m.index, m.rows)
         for start in range(0, near, BLOCK_CELLS):
@@ -133,6 +141,7 @@ class NativePath:
             slopes, jacobian = cells.jacobian.answer(rows)
             at = [address(a) for a in (rows, slopes, jacobian, cells.zero, m.planes)]
             self._c.store_cells(address(m.index, start), *at, len(rows), self._width, self._height)
+        return near
 
     def _narrow(self) -> None:
         m, windows = self._m, self._windows
