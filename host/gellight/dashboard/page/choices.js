@@ -27,6 +27,11 @@ export class Choices {
     details.addEventListener("toggle", () => this.#save());
   }
 
+  /** Apply all choices again, to what was not there when they were made. */
+  apply() {
+    for (const { read, write } of this.#controls.values()) write(read());
+  }
+
   /** Choose again what the page chooses on a first visit. */
   reset() {
     for (const { write, first } of this.#controls.values()) write(first);

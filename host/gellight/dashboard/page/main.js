@@ -18,7 +18,6 @@ import { Relief } from "./relief.js";
 import { Ring } from "./ring.js";
 import { saveNpz, savePly, savePng } from "./saving.js";
 import { judge, tellBanners } from "./state.js";
-import { Surface } from "./surface.js";
 import { listenToKeys, offerFullScreen } from "./toolbar.js";
 import { Truth } from "./truth.js";
 import { WatchNotice } from "./watch.js";
@@ -30,7 +29,7 @@ const element = (id) => document.getElementById(id);
 /** What the page knows, for scripts and tests. */
 const stats = {
   state: "connecting", sequence: -1, drawn: 0, drawn_fps: 0, fps: null, age_ms: null, level: "",
-  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], section: null, error: null, kept: 0,
+  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], section: null, error: null, kept: 0, surface: "waiting",
 };
 window.gellight = stats;
 
@@ -46,8 +45,8 @@ const watch = new WatchNotice();
 const choices = new Choices();
 const measure = new Measure(mark);
 const relief = new Relief(element("surface"));
-const surface = openSurface();
-const detail = new Detail(firstLevel());
+let surface = null; // drawn in 3D; its library is most of the page's bytes, so the first frame does not wait for it
+let detail = new Detail(RELIEF, RELIEF);
 const history = new History(element("history"), { choose: (timeS) => revisit(recent.nearest(timeS)), step: (count) => revisit(recent.step(shown?.header.time_s, count)) });
 
 let waiting = null; // the newest view not yet drawn
@@ -82,22 +81,23 @@ const pictures = new Pictures([...planes.canvases, element("truth")], {
   wheel: (event) => press.wheel(event),
 });
 
-function openSurface() {
+async function openSurface() {
+  const { Surface } = await import("./surface.js");
   try {
-    const made = new Surface(element("surface"), planes.imageCanvas, () => { turned = true; });
-    made.canvas.addEventListener("pointermove", (event) => event.buttons || measure.pointAt(made.placeAt(event)));
-    made.canvas.addEventListener("pointerleave", () => measure.pointAt(null));
-    return made;
+    surface = new Surface(element("surface"), planes.imageCanvas, () => { turned = true; });
   } catch (error) {
     console.info(`no WebGL, so the surface is drawn in 2D: ${error.message}`);
     element("detail").disabled = true;
-    return null;
+    stats.surface = "2D";
+    return;
   }
-}
-
-function firstLevel() {
-  if (!surface) return RELIEF;
-  return surface.software ? 1 : 0;
+  surface.canvas.addEventListener("pointermove", (event) => event.buttons || measure.pointAt(surface.placeAt(event)));
+  surface.canvas.addEventListener("pointerleave", () => measure.pointAt(null));
+  detail = new Detail(surface.software ? 1 : 0);
+  choices.apply();
+  surface.update(shown, planes.normalPixels);
+  drawSurface();
+  stats.surface = "3D";
 }
 
 // ---- frames ----
@@ -136,6 +136,7 @@ function turn(now) {
 }
 
 function draw(view) {
+  if (!shown) openSurface();
   shown = view;
   pictures.learn(view.header);
   planes.draw(view);

@@ -55,7 +55,8 @@ def elimination(image_shape: tuple[int, int]) -> Floats:
 
 def address(array: NDArray[Any], start: int = 0) -> int:
     """Where element `start` of a contiguous array lies."""
-    return int(array.ctypes.data) + start * array.itemsize
+    # A third of the time that `array.ctypes.data` takes, which counts at eighty a frame.
+    return int(array.__array_interface__["data"][0]) + start * array.itemsize
 
 
 def _floats(*shape: int) -> Floats:
