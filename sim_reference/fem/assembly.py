@@ -11,7 +11,7 @@ from sim_reference.fem.mesh import Indices
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pattern:
     """Which 3 x 3 blocks of a sparse matrix are there, as in scipy's BSR format."""
 

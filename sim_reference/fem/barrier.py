@@ -17,7 +17,7 @@ from sim_reference.fem.height_field import HeightField
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Barrier:
     """The barrier between vertices of the free surface and an object."""
 

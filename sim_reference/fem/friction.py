@@ -17,7 +17,7 @@ from sim_reference.fem.barrier import Barrier, semidefinite
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Friction:
     """Friction at the vertices of the free surface."""
 

@@ -18,7 +18,7 @@ REACH_MM = 0.5
 """how far a vertex may move sideways while the slopes around it bound the object's"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Heights:
     """Height of the object and its derivatives at some points."""
 

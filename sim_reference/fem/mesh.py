@@ -26,7 +26,7 @@ GROWTH_BELOW, GROWTH_BESIDE = 1 / 3, 1 / 2
 """how much larger tetrahedra become, in mm a mm below the surface and beside the dense region"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Tetrahedra of the gel at rest. Vertices are numbered from the coarsest level to the finest."""
 

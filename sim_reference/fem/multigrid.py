@@ -117,7 +117,7 @@ class Multigrid:
         return here.smooth(wanted, solution + here.prolongation @ self(left, level + 1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """What conjugate gradients found."""
 

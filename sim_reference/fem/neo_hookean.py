@@ -24,7 +24,7 @@ PATCH_CORNERS = 10
 """a tetrahedron has four corners and the middles of six edges; a cube of the first level has eight corners"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Strain:
     """What the energy and its derivatives need to know of every tetrahedron and patch."""
 

@@ -41,7 +41,7 @@ class Step:
     projected: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """The gel's vertices (N, 3) mm, and the depth of the object."""
 

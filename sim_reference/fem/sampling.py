@@ -16,7 +16,7 @@ RIM_SHARE = 0.9
 """of the gel's radius: beyond, the rim follows the tetrahedra, and the surface is continued instead"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sampled:
     """The surface under a press on a grid of n points a side about the object's centre."""
 

@@ -81,9 +81,13 @@ def test_the_support_holds_what_the_object_presses() -> None:
 def test_the_surface_is_at_the_depth_that_was_asked_for() -> None:
     press, _ = small_press()
     assert press.depth_mm == pytest.approx(0.2, abs=1e-4)
-    touching = press.surface.pressure > 0
+    # The contact is known to half of the spacing; well inside, the gel is as far in as the ball. Between vertices it
+    # may lie lower by the sagitta of the mesh's diagonal, and the ball is rounded by the spline of its grid.
+    spacing = solver_of(FINE, GEOMETRY).mesh.spacing_mm
+    allowed = 2 * spacing**2 / (8 * 4.0) + SPACING**2 / (3 * 4.0)
+    touching = press.surface.pressure > 0.3 * press.surface.pressure.max()
     ball = BALL + 0.2
-    assert np.abs(press.surface.depth_mm - ball)[touching].max() < 0.008
+    assert np.abs(press.surface.depth_mm - ball)[touching].max() < allowed
     assert press.surface.pressure.sum() * SPACING**2 == pytest.approx(force(press))
 
 
@@ -148,8 +152,8 @@ def test_a_press_goes_on_from_where_it_was_interrupted(stopped_after: int) -> No
 def test_friction_holds_the_gel_back() -> None:
     # A compressible gel is drawn towards the axis under a ball.
     geometry = replace(GEOMETRY, poisson_ratio=0.3)
-    sliding = COARSE.press(BALL, SPACING, 0.3, geometry)
-    sticking = replace(COARSE, friction=1.0).press(BALL, SPACING, 0.3, geometry)
+    sliding = COARSE.press(BALL, SPACING, 0.25, geometry)
+    sticking = replace(COARSE, friction=1.0).press(BALL, SPACING, 0.25, geometry)
     inside = np.hypot(AT[None, :], AT[:, None]) < 0.8
     moved = [np.abs(press.surface.tangential_mm[inside]).max() for press in (sliding, sticking)]
     assert moved[1] < 0.8 * moved[0]

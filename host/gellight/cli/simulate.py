@@ -26,7 +26,7 @@ app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
 
 @app.callback()
 def simulate() -> None:
-    """Press objects into the simulated gel."""
+    """Press objects into the simulated gel, as files."""
 
 
 @app.command()

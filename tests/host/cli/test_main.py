@@ -33,7 +33,7 @@ def test_a_group_shows_of_a_verb_the_first_paragraph_of_its_help(verb: LazyVerb)
     assert " ".join(verb.load().help.split("\n\n")[0].split()) == verb.help
 
 
-HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference"}
+HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference", "zenoh", "mcap"}
 
 
 @pytest.mark.parametrize(

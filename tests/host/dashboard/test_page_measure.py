@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
@@ -94,6 +95,28 @@ def test_a_line_over_a_picture_gives_the_section_with_the_truth_beside_it(opened
     )
     page.get_by_test_id("clear-line").click()
     expect(page.get_by_test_id("section-text")).to_contain_text("draw a line")
+
+
+def test_the_line_lies_over_the_surface(opened_3d: Open, source: FormulaSource) -> None:
+    page = opened_3d()
+    page.get_by_test_id("detail").select_option("1")
+    draw(page, source, 0.0)
+    page.wait_for_timeout(300)
+    without = white_pixels(page)
+    page.get_by_test_id("measure").click()
+    page.mouse.move(*at(page, "depth", -15.0, 0.0))
+    page.mouse.down()
+    page.mouse.move(*at(page, "depth", 15.0, 0.0))
+    page.mouse.up()
+    page.mouse.move(0, 0)
+    page.wait_for_timeout(500)
+    assert white_pixels(page) > without + 100
+
+
+def white_pixels(page: Page) -> int:
+    shown = cv2.imdecode(np.frombuffer(page.get_by_test_id("surface").screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    assert shown is not None
+    return int((shown.min(axis=2) > 220).sum())
 
 
 def test_the_arrow_keys_measure_too(opened: Open, source: FormulaSource) -> None:

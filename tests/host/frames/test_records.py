@@ -22,7 +22,7 @@ def classes() -> Iterator[type]:
     """Yield every dataclass of our packages, wherever it is defined."""
     for package in (gellight, sim_reference, gelnet):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if module.name.endswith("__main__"):
+            if module.name.endswith("__main__") or "-" in module.name:  # a library of some platform
                 continue
             for item in vars(importlib.import_module(module.name)).values():
                 if isinstance(item, type) and item.__module__ == module.name and dataclasses.is_dataclass(item):

@@ -80,6 +80,7 @@ export class Surface {
     this.#uniforms.image.value = new THREE.CanvasTexture(imageCanvas);
     this.#uniforms.image.value.flipY = false;
     this.#line.frustumCulled = false;
+    this.#line.renderOrder = 1; // over the mesh
     this.#scene.add(this.#line);
     this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
     new ResizeObserver(() => this.#resize(box, changed)).observe(box);
@@ -173,7 +174,7 @@ export class Surface {
   #aim() {
     const half = Math.tan((this.#camera.fov * Math.PI) / 360);
     const { widthMm = 40, heightMm = 30 } = this.#size;
-    this.#reach = (Math.hypot(widthMm, heightMm) * 0.445) / (half * Math.min(this.#camera.aspect, 1.1));
+    this.#reach = (Math.hypot(widthMm, heightMm) / half) * Math.max(0.53 / this.#camera.aspect, 0.405);
   }
 }
 
