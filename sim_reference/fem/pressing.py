@@ -32,7 +32,7 @@ MOST_LAGS = 20
 """how often friction is evaluated with the contact as it has become"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Checkpoint:
     """A press under way, after one of Newton's steps: what it takes to go on from there."""
 

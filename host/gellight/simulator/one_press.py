@@ -67,7 +67,7 @@ class PressReport:
     peak_memory_gb: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Result:
     depth_mm: Array
     pressure_mpa: Array
