@@ -31,7 +31,7 @@ pytest: $(VENV)/.dev | tools
 bench: $(VENV)/.dev
 	$(BIN)/gellight bench $(ARGS)
 
-# A stamp says what is installed: `host` is what a user runs, `dev` adds training and the test tools.
+# A stamp says what is installed: `host` is what a user runs, `dev` adds PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
 	$(BIN)/pip install --quiet --editable .
 	@touch $@

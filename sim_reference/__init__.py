@@ -6,7 +6,7 @@ The paper in ten files, in its order; `optimizer` continues with sections 2.3 an
 |---|---|
 | 2.1.1, 3.1: the sensor | `geometry.SensorGeometry` |
 | 2.1.2: the benchmark objects | `objects.object_height` |
-| 2.2.1: deformation of the gel | `gel.press`, a `deformation.GelModel`; placed under the pixels by `surface.sample` |
+| 2.2.1: deformation of the gel | `fem.gel.FemGel` or `gel.press`; placed under the pixels by `surface.sample` |
 | 2.2.2, equation 1: Lambert, so f_BRDF is the albedo | in equations 2 and 3 |
 | equation 2: directional light | `imaging.directional_image` |
 | equation 3: spot lights near the gel | `imaging.led_irradiance`, summed by `imaging.ring_irradiance` |
@@ -19,7 +19,6 @@ The paper in ten files, in its order; `optimizer` continues with sections 2.3 an
 | equation 8: largest elevation angle of a ball | `metrics.maximum_elevation` |
 | depth from slopes | `integration.integrate` |
 
-Where we differ from the paper: it deforms the gel by finite elements with contact; here the gel is an elastic layer of
-small strain, which agrees with finite elements to some ten micrometres under the ball and is a hundred times faster.
-Another model takes its place as `surface.press_object(..., model=...)`.
+The paper deforms the gel by finite elements with contact. So does `fem.gel.FemGel`; the default is `gel.press`, an
+elastic layer of small strain, which is a hundred times faster. Either is `surface.press_object(..., model=...)`.
 """

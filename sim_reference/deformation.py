@@ -1,7 +1,7 @@
 """What a model of the gel takes and gives (section 2.2.1): an object's height map in, the gel's surface out.
 
-Any `GelModel` can replace the model of the gel: pass it as `surface.press_object(..., model=...)`. The default is
-`gel.press`, an elastic layer of small strain.
+Any `GelModel` can be passed as `surface.press_object(..., model=...)`: `gel.press`, an elastic layer of small strain,
+is the default; `fem.gel.FemGel` is the finite-element gel.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class NotConverged(RuntimeError):  # noqa: N818 - the name says what happened
     """The contact problem was not solved to the wanted tolerance."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Deformation:
     """The gel under a press, on the grid of the object, its centre in the middle."""
 
@@ -52,6 +52,9 @@ def grid(size: int, spacing_mm: float) -> Array:
 
 class GelModel(Protocol):
     """Presses a rigid object into the gel."""
+
+    def __hash__(self) -> int:
+        """Models can be keys: what one has computed is kept."""
 
     def __call__(
         self, object_height_mm: Array, spacing_mm: float, press_depth_mm: float, geometry: SensorGeometry, /

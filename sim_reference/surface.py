@@ -22,7 +22,7 @@ GRID_EXTENT_MM = 64.0
 """an object 35 mm across and three gel thicknesses around it; 0.125 mm between points"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surface:
     """The gel surface on the pixels of the camera."""
 

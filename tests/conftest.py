@@ -28,7 +28,7 @@ LONGEST = (
     "host/daemon/test_modes.py", "host/design/test_studies.py", "host/dashboard/test_page.py",
     "host/sensor/lighting/test_sequenced.py", "host/watch/test_rezero.py",
     "host/evaluation/test_measured_response.py", "firmware/test_fuzz.py", "firmware/test_image.py",
-    "host/dashboard/test_page_in_use.py",
+    "host/dashboard/test_page_in_use.py", "host/dashboard/test_page_layout.py",
 )  # fmt: skip
 """files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
 

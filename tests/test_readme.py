@@ -4,6 +4,7 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
+from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,10 @@ def test_every_public_name_can_be_had(name: str) -> None:
     assert getattr(gellight, name).__doc__
 
 
+def test_the_version_is_that_of_the_installed_package() -> None:
+    assert gellight.__version__ == version("gellight")
+
+
 def test_importing_the_package_imports_nothing_heavy() -> None:
-    code = "import sys, gellight; print([m for m in ('numpy', 'cv2', 'onnxruntime', 'aiohttp') if m in sys.modules])"
+    code = "import sys, gellight; print([m for m in ('numpy', 'cv2', 'onnxruntime', 'aiohttp', 'zenoh', 'mcap') if m in sys.modules])"
     assert run([sys.executable, "-c", code], check=True).stdout.strip() == "[]"

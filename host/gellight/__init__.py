@@ -5,6 +5,7 @@ nothing that is not needed.
 """
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from gellight.reconstruction.pipeline import Reconstructor
     from gellight.stream.sensor import Sensor, connect
     from gellight.stream.subscription import Subscription, subscribe
+
+    __version__: str
 
 _HOME = {
     "Bundle": "bundle.bundle",
@@ -63,7 +66,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name from the module it lives in."""
+    """Import a public name from the module it lives in; `__version__` is that of the installed package."""
+    if name == "__version__":
+        return version("gellight")
     if name not in _HOME:
         raise AttributeError(f"module 'gellight' has no attribute {name!r}")
     return getattr(import_module(f"gellight.{_HOME[name]}"), name)

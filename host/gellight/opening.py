@@ -1,8 +1,9 @@
 """Cameras by URL: image files, a simulated sensor, a real one; the code that uses them cannot tell which.
 
 A file, a folder or a pattern: images. `sim://`: the simulated sensor. `auto`: the one sensor that is plugged in.
+`replay://FILE`: a recording.
 `sensor://NAME`: the sensor with this serial number or at this USB port. `v4l2:///dev/...`: that camera, its ring only
-where `?ring=` names one. docs/capture.md lists the parameters.
+where `?ring=` names one; `/dev/video0` and `/dev/v4l/...` mean the same. docs/capture.md lists the parameters.
 """
 
 from collections.abc import Mapping
@@ -13,17 +14,23 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
 
+NODES = ("/dev/video", "/dev/v4l/")
+"""how the device nodes of cameras begin"""
+REAL = ("auto", "sensor://", "v4l2://", *NODES)
+"""how the URLs of real sensors begin"""
+
 
 def open_camera(
     url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None, bundle: Bundle | None = None
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 
-    `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made;
-    without one the LEDs of a real sensor stay dark, and a simulated one shows its ring full on. Raises CameraError,
-    BoardError, BundleError, InputError or ConfigError with the remedy.
+    `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made:
+    give the one that its frames are reconstructed with. Without a bundle the LEDs of a real sensor stay dark until
+    `Camera.adopt` lights them, and a simulated one shows its ring full on. `close`, or the end of `with`, makes the
+    LEDs dark. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
-    text = str(url)
+    text = f"v4l2://{url}" if str(url).startswith(NODES) else str(url)
     scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:
         from gellight.simulator.simulated_camera import open_simulated
@@ -33,6 +40,10 @@ def open_camera(
         from gellight.sensor.sensor_camera import open_sensor
 
         return open_sensor(text, bundle=bundle)
+    if scheme == "replay":
+        from gellight.recording.replay_camera import open_replay
+
+        return _adopted(open_replay(text), bundle)
     if scheme == "opencv":
         from gellight.sensor.opencv_camera import open_opencv
 

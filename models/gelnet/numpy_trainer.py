@@ -22,7 +22,8 @@ from gelnet.parameters import (
 from gelnet.recipes import Recipe
 
 _BLOCK = 256
-"""pixels of a batch that are worked through at a time: 32 kB for the activations of a layer of 32 units"""
+"""pixels of a batch that are worked through at a time: 32 kB for the activations of a layer of 32 units; whole batches
+of 2048 took 2.3 times as long"""
 _FADING = np.array([[0.9], [0.999]])
 """of Adam's two moving averages: of the gradient, and of its square"""
 _ADAM_EPSILON = np.float32(1e-8)
@@ -49,9 +50,9 @@ class NumpyTrainer:
 
     def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
         """Start with random weights; the range of inputs and output is that of the training rows."""
-        self.start(random_network(pixels, gradient, width=width, random=self._random), recipe)
+        self.begin_with(random_network(pixels, gradient, width=width, random=self._random), recipe)
 
-    def start(self, network: Parameters, recipe: Recipe) -> None:
+    def begin_with(self, network: Parameters, recipe: Recipe) -> None:
         """Start with these weights and this range."""
         self._network, self.recipe = network, recipe
         self._values = np.concatenate([part.ravel() for layer in network.layers for part in layer])

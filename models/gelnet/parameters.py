@@ -27,7 +27,7 @@ class Layer(NamedTuple):
     """(units,)"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Parameters:
     """A network: its layers, and the range of its inputs and output."""
 

@@ -64,7 +64,7 @@ class Options:
     epochs: int = 30
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sensor:
     """The simulated sensor, exposed."""
 

@@ -15,7 +15,7 @@ class TableError(ValueError):
     """The table cannot be learnt from; the message says what is wrong, where, and what to do."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Table:
     """Labelled pixels of several images of one sensor."""
 

@@ -4,7 +4,7 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -85,13 +85,7 @@ def train(
     jitter_px = recipe.place_jitter * table.press_distance_px
     for epoch in range(1, epochs + 1):
         shifted = pixels + jitter_px * _PLACE * trainer.normal(len(pixels)) if jitter_px else pixels
-        order = trainer.order(len(pixels))
-        seen, wanted = shifted[order], gradient[order]
-        total = 0.0
-        for start in range(0, len(seen), batch):
-            part = slice(start, start + batch)
-            total += trainer.step(seen[part], wanted[part], next(rates)) * len(seen[part])
-        losses.append(total / len(seen))
+        losses.append(_one_epoch(trainer, shifted, gradient, batch, rates))
         progress(epoch, epochs, losses[-1])
     return Training(
         network=trainer,
@@ -100,6 +94,17 @@ def train(
         rows=len(pixels),
         cpu_seconds=time.process_time() - started,
     )
+
+
+def _one_epoch(trainer: Trainer, pixels: Floats, gradient: Floats, batch: int, rates: Iterator[float]) -> float:
+    """Learn from every row once in random order; return the mean loss."""
+    order = trainer.order(len(pixels))
+    pixels, gradient = pixels[order], gradient[order]
+    total = 0.0
+    for start in range(0, len(pixels), batch):
+        part = slice(start, start + batch)
+        total += trainer.step(pixels[part], gradient[part], next(rates)) * len(pixels[part])
+    return total / len(pixels)
 
 
 def unchanged(pixels: Floats) -> Floats:

@@ -48,7 +48,7 @@ class Sampling:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PressedObject:
     """A gel surface of which the pixels of `region` are evaluated."""
 

@@ -24,7 +24,7 @@ CHOSEN_NUMBER = 12
 """of lights: the choice of section 3.1.1"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Light:
     """One azimuth, and what does not depend on the incident angle."""
 
@@ -117,7 +117,7 @@ def _mean_of_largest_rayleigh(share: float) -> float:
     return threshold + sqrt(pi / 2) * erfc(threshold / sqrt(2)) / share
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CoarseResult:
     """The errors of every object under every light group, and what follows from them."""
 

@@ -84,7 +84,7 @@ class Candidate:
         return float(getattr(self, f"{name}_rad"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Place:
     """Where the error is measured: scenes that share the points x, y (P,) in mm."""
 
@@ -138,7 +138,7 @@ def errors(
     return mae, top5, top1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Search:
     """What the simplex varies: incident angle, height and brightest grey level, as shares (3,) of their bounds."""
 

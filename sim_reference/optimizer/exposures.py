@@ -19,7 +19,7 @@ from sim_reference.photometric_stereo import ring_directions
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scheme:
     """A way of reading the ring."""
 

@@ -28,7 +28,7 @@ SHADOW_SIGMAS = 3.0
 """observations up to this many standard deviations of the noise count as shadow"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ring:
     """The light of each LED at P points of the gel."""
 
@@ -40,7 +40,7 @@ class Ring:
     """(K, P) tangent of the light's elevation in the gel: a horizon that is higher shadows the point"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A pressed object on the points where it is evaluated."""
 

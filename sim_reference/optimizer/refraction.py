@@ -57,7 +57,7 @@ def transmittance(angle_rad: Array, inside_rad: Array, medium: Medium) -> Array:
     return np.asarray(1 - (across + along) / 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rays:
     """The rays from a point source at a height to points on the gel."""
 

@@ -14,18 +14,22 @@ import pickle
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import cv2
 import numpy as np
 
 from gellight.base.mailbox import Mailbox
-from gellight.frames.frames import Provenance, TactileFrame
+from gellight.bundle.bundle import load_bundle
+from gellight.frames.frames import EncodedImage, Provenance, TactileFrame
 from gellight.stream import network, shared_memory
 from gellight.stream.shared_memory import SharedMemory
 from gellight.stream.wire import decode, encode
@@ -84,6 +88,8 @@ def read_socket(port: int, seconds: float) -> None:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             size = int.from_bytes(stream.read(LENGTH), "little")
+            if size == 0:  # nothing more comes
+                break
             frame = pickle.loads(stream.read(size))
             ages.append(time.monotonic() - frame["time_s"])
     report(ages, processor_s() - begun, seconds)
@@ -168,6 +174,31 @@ def measure(name: str, way: Callable[[], object], readers: int, seconds: float) 
     )
 
 
+def recording_costs(frames: int = 100) -> None:
+    """Print what it costs to record a frame, with the camera's JPEG and with RGB, without and with depth."""
+    from gellight.recording.frame_record import FrameRecord
+    from gellight.recording.recording_file import DepthKind, RecordingWriter
+
+    bundle, base = load_bundle("synthetic"), bump(0.8, 1.0, 0.0)
+    image = base.camera_frame.image
+    jpeg = EncodedImage(data=cv2.imencode(".jpg", image)[1].tobytes(), letters="MJPG", line_bytes=0)
+    for kind, encoded in (("JPEG", jpeg), ("RGB", None)):
+        for depth in DepthKind:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "a.mcap"
+                writer = RecordingWriter(path, "bench", depth=depth)
+                begun = processor_s()
+                for number in range(frames):
+                    frame = frame_of(number, base)
+                    camera_frame = replace(frame.camera_frame, encoded=encoded)
+                    writer.add(FrameRecord.of(camera_frame, unix_s=time.time(), zero=bundle.identity), bundle)
+                    writer.add_depth(frame)
+                writer.close()
+                cost_ms = (processor_s() - begun) / frames * 1e3
+                size_mb = path.stat().st_size / frames / 1e6
+            print(f"record {kind:4} depth {depth:8}: {cost_ms:5.2f} ms of processor a frame, {size_mb:.2f} MB")
+
+
 def main() -> None:
     """Measure every way, or be a reader of one."""
     if sys.argv[1:2] == ["zenoh"]:
@@ -176,6 +207,7 @@ def main() -> None:
         read_socket(int(sys.argv[2]), float(sys.argv[3]))
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 6.0
     print(f"{len(encode(frame_of(0, bump(0.8, 1.0, 0.0)))) / 1e6:.2f} MB a frame, {os.getloadavg()[0]:.1f} load")
+    recording_costs()
     for readers in (1, 4):
         measure("zenoh, shared memory", lambda: over_zenoh(True), readers, seconds)
         measure("zenoh, TCP", lambda: over_zenoh(False), readers, seconds)

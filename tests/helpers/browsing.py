@@ -59,6 +59,6 @@ def playing(source: FormulaSource, fps: float = 10) -> Iterator[None]:
 
 
 def draw(page: Page, source: FormulaSource, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
-    """Put a bump before the sensor and wait until the page has drawn it."""
+    """Put a bump before the sensor and wait until the page has drawn it, its surface too."""
     sequence = source.put(bump(depth_mm, x_mm, y_mm))
-    page.wait_for_function("sequence => gellight.sequence === sequence", arg=sequence)
+    page.wait_for_function("sequence => gellight.sequence === sequence && gellight.surface !== 'waiting'", arg=sequence)

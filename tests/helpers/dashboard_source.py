@@ -5,11 +5,13 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
+from gellight.reconstruction.contact import find_contact
 
 HEIGHT, WIDTH, PIXEL_MM = 480, 640, 0.0588
 SIGMA_MM = 3.0
@@ -45,6 +47,25 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
         contact=contact(depth, pixel),
         stage_seconds={"gelnet": 0.008, "integration": 0.003},
     )
+
+
+def two_bumps(*, truth_factor: float | None = None) -> TactileFrame:
+    """Return two bumps far apart, 1 mm and 0.5 mm deep; the truth is `truth_factor` times as deep."""
+    first, second = bump(1.0, 7.0, 3.0), bump(0.5, -9.0, -5.0)
+    depth = first.depth_mm + second.depth_mm
+    gradient = first.gradient_map + second.gradient_map
+    frame = replace(first, depth_mm=depth, gradient_map=gradient, contact=find_contact(depth, PIXEL_MM))
+    return frame if truth_factor is None else with_truth(frame, truth_factor)
+
+
+def with_truth(frame: TactileFrame, factor: float) -> TactileFrame:
+    """Return `frame` with a truth that is `factor` times as deep."""
+    truth = GroundTruth(
+        depth_mm=frame.depth_mm * np.float32(factor),
+        gradient_map=frame.gradient_map * np.float32(factor),
+        contact=frame.contact.mask,
+    )
+    return replace(frame, camera_frame=replace(frame.camera_frame, truth=truth))
 
 
 def shade(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,6 +107,13 @@ class RecordingStage:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, float, float, float] | None] = []
+        self.prepared: list[tuple[str, float, float, float]] = []
+        self.may_prepare = threading.Event()
+        self.may_prepare.set()
+
+    def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        self.prepared.append((object_name, depth_mm, x_mm, y_mm))
+        self.may_prepare.wait(10)
 
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         self.calls.append((object_name, depth_mm, x_mm, y_mm))
@@ -95,7 +123,7 @@ class RecordingStage:
 
     def status(self) -> dict[str, object]:
         name, depth, x, y = (self.calls and self.calls[-1]) or ("", 0.0, 0.0, 0.0)
-        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls)}
+        return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls), "preparing": ""}
 
 
 class FormulaSource:
@@ -115,6 +143,7 @@ class FormulaSource:
             "stage_ms": {"gelnet": 8.1, "integration": 3.2, "contact": 0.6},
             "selfcheck": {
                 "passed": True,
+                "verdict": "passed",
                 "sequence": 1200,
                 "depth_error_mm": 0.0042,
                 "normal_error_deg": 0.183,

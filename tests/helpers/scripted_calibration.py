@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.store import ListedBundle
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationState
+from gellight.daemon.needs import Need
 
 STEPS = ("prepare", "reference", "pixel_size", "presses", "fit", "verify")
 WIDTH, HEIGHT = 640, 480
@@ -49,7 +50,7 @@ def pressing(**news: Any) -> dict[str, Any]:
             "instruction": "Press the ball of 4 mm radius, 1 to 2 mm deep, at ever other places.",
             "actions": ["next", "correct", "drop", "abort"],
             "progress": {"done": 18, "wanted": 40, "unit": "presses"},
-            "advice": "12 more presses on the left edge",
+            "advice": "4 places are empty on the left edge: about 2 more presses",
             "press": {
                 "number": 18,
                 "center_x_px": 300.0,
@@ -68,7 +69,7 @@ def pressing(**news: Any) -> dict[str, Any]:
                 "reference": {"noise_grey": 1.02, "drift_grey": 0.004},
                 "pixel_size": {"x_mm": 0.0588, "y_mm": 0.0589, "spread_px": 0.008},
             },
-            "pictures": ["live", "press"],
+            "pictures": ["live", "press", "difference"],
             **news,
         },
     )
@@ -89,6 +90,9 @@ class Scripted:
         self.bundles: list[ListedBundle] = []
         self.interrupted = False
         self.simulated = False
+        self.calibrating = False
+        self.hand = False
+        self.needs: tuple[Need, ...] = ()
         self.refusal = ""
         self.asked: list[Any] = []
 
@@ -101,6 +105,8 @@ class Scripted:
             in_service="0123456789abcdef",
             bundles=tuple(self.bundles),
             routine=self.routine,
+            hand=self.hand,
+            needs=self.needs,
         )
 
     def _ask(self, *what: Any) -> None:

@@ -58,7 +58,7 @@ class CountingReconstructor:
     """Passes frames through; holds each until `gate` is open."""
 
     bundle = SimpleNamespace(
-        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted")
+        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted"), metrics={}
     )
 
     def __init__(self) -> None:

@@ -37,7 +37,7 @@ def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[TorchTrainer, N
     """Both trainers with the same weights."""
     by_torch, by_numpy = TorchTrainer(seed=1), NumpyTrainer(seed=1)
     by_torch.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=width, recipe=recipe)
-    by_numpy.start(by_torch.parameters(), recipe)
+    by_numpy.begin_with(by_torch.parameters(), recipe)
     return by_torch, by_numpy
 
 
@@ -105,6 +105,35 @@ def test_the_same_batches_give_the_same_network(recipe: Recipe) -> None:
     assert not np.allclose(flat(by_numpy.parameters()), flat(pair(recipe, table)[1].parameters()), atol=10 * rate)
 
 
+class Borrower(NumpyTrainer):
+    """NumPy's steps with torch's random numbers."""
+
+    def __init__(self, *, seed: int) -> None:
+        super().__init__(seed=seed)
+        self.lender = TorchTrainer(seed=seed)
+
+    def order(self, count: int) -> np.ndarray:
+        return self.lender.order(count)
+
+    def normal(self, count: int) -> Floats:
+        return self.lender.normal(count)
+
+    def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
+        self.lender.begin(pixels, gradient, width=width, recipe=recipe)
+        self.begin_with(self.lender.parameters(), recipe)
+
+
+@recipes
+def test_with_the_same_random_numbers_a_whole_training_ends_at_the_same_error(recipe: Recipe) -> None:
+    training, held_out = split_by_image(pressed(), fraction=0.3)
+    short = replace(recipe, epochs=6, least_visits=0, batch=256, largest_table=4000)
+    by_torch, by_numpy = (train(training, short, made(seed=5), width=32) for made in (TorchTrainer, Borrower))
+    assert by_numpy.rows == by_torch.rows == 4000
+    np.testing.assert_allclose(by_numpy.losses, by_torch.losses, rtol=1e-3)
+    errors = [normal_error_deg(trained.network, held_out)["mean"] for trained in (by_torch, by_numpy)]
+    assert errors[1] == pytest.approx(errors[0], rel=2e-3)
+
+
 def test_their_files_answer_the_same() -> None:
     table = pressed()
     answers = []
@@ -161,11 +190,11 @@ def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.
 def test_dropout_is_left_out_of_answers_and_repeats_with_the_seed() -> None:
     table = pressed(per_image=100)
     pixels, gradient = table.rows[:, :5].copy(), table.rows[:, 5:].copy()
+    network = pair(RECIPES["paper"], table)[1].parameters()
     losses = []
     for seed in (1, 1, 2):
-        _, trainer = pair(RECIPES["paper"], table)
-        trainer.start(trainer.parameters(), RECIPES["paper"])
-        trainer._random = np.random.default_rng(seed)
+        trainer = NumpyTrainer(seed=seed)
+        trainer.begin_with(network, RECIPES["paper"])
         losses.append(trainer.loss(pixels, gradient)[0])
         assert (trainer.answer(pixels) == trainer.answer(pixels)).all()
     assert losses[0] == losses[1] != losses[2]

@@ -6,4 +6,5 @@ allowed.py   what a pydantic model allows, in a user's words
 writing.py   files written whole or not at all, flushed to the disk
 mailbox.py   keeps the newest item, from thread to thread
 holders.py   who else has a device open
+service_manager.py   what systemd is told of a service
 """

@@ -29,15 +29,16 @@ class SensorSettings(StrictModel):
     """Which sensor."""
 
     url: str = Field(
-        default="sim://",
+        default="auto",
         min_length=1,
-        description="where the camera is: `sim://`, `auto`, `sensor://NAME`, `v4l2:///dev/...` or a folder of images",
+        description="where the camera is: `auto` (the one sensor that is plugged in), `sensor://NAME`, `/dev/video0`, "
+        "`v4l2:///dev/...`, a folder of images, or `sim://`",
     )
-    calibration: str = Field(
-        default="synthetic",
+    calibration: str | None = Field(
+        default=None,
         min_length=1,
         description="calibration bundle: a folder, a .gelcal file, `synthetic`, or `auto`: the one of this sensor, "
-        "which its board names",
+        "which its board names. Not given: as `auto`, but `synthetic` for `sim://` and for a sensor that has none yet",
     )
 
 
@@ -134,6 +135,11 @@ class StreamSettings(StrictModel):
     zenoh_config: str = Field(
         default="", description="file of zenoh's own settings, for TLS and access control; empty: none"
     )
+    ros2: str = Field(
+        default="",
+        description="router of ROS 2's rmw_zenoh, such as tcp/localhost:7447, to publish topics by; empty: none",
+    )
+    ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
 
 
 class Settings(StrictModel):
@@ -225,7 +231,8 @@ def reference_markdown() -> str:
 
 
 def _markdown_row(setting: Setting) -> str:
-    default = "see above" if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
+    missing = "see above" if setting.section == "geometry" else "not given"
+    default = missing if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
     return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 

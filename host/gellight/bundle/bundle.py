@@ -67,6 +67,11 @@ class Bundle:
     source: str
     """where it was loaded from, for messages"""
 
+    def __repr__(self) -> str:
+        """Return sensor, identity, size and place in one line."""
+        height, width = self.image_shape
+        return f"<Bundle {self.identity} of sensor {self.manifest.sensor}, {width}x{height}, {self.source}>"
+
     @property
     def image_shape(self) -> tuple[int, int]:
         """(H, W)"""
@@ -175,6 +180,7 @@ class Description(TypedDict, total=False):
     """What the caller of `write_bundle` says about the sensor, by the names of the manifest."""
 
     sensor: Required[str]
+    name: str
     reference_frames: Required[int]
     noise_grey: Required[float]
     pixel_size_mm: Required[tuple[float, float]]

@@ -56,7 +56,9 @@ class Manifest(BaseModel):
 
     schema_version: Literal[1] = 1
     sensor: Annotated[str, Field(min_length=1)]
-    """serial number or name"""
+    """what the sensor is known by: the serial number of its board"""
+    name: str = ""
+    """what people call the sensor; nothing depends on it"""
     created: AwareDatetime
     software: str
     image_width_px: Annotated[int, Field(ge=2)]

@@ -52,6 +52,8 @@ class ListedBundle(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     sensor: str
+    name: str = ""
+    """what people call the sensor"""
     identity: str
     path: Path
     created: datetime | None = None
@@ -66,7 +68,7 @@ class ListedBundle(BaseModel):
     def of(cls, stored: StoredBundle, bundle: Bundle, *, in_service: bool) -> Self:
         """Return what is shown of a stored bundle that was loaded."""
         created, report = bundle.manifest.created, REPORT in bundle.files
-        return cls(**vars(stored), created=created, report=report, in_service=in_service)
+        return cls(**vars(stored), name=bundle.manifest.name, created=created, report=report, in_service=in_service)
 
 
 class BundleStore:

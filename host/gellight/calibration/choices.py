@@ -22,7 +22,9 @@ class RoutineOptions:
     out: Path
     """folder of the bundle that is written when the verdict is good"""
     sensor: str = "unnamed"
-    """serial number or name of the sensor"""
+    """what the sensor is known by, see `Manifest.sensor`"""
+    name: str = ""
+    """what people call the sensor; empty: as the interrupted calibration was begun with"""
     ball_radius_mm: float = 4.0
     cylinder_diameter_mm: float = 8.0
     pin_pitch_mm: float | None = None

@@ -69,12 +69,14 @@ _SIDES: tuple[tuple[str, tuple[slice, slice]], ...] = (
 )
 
 
-def _missing(found: Coverage, presses: int) -> list[tuple[int, str]]:
-    """Return how many more presses are needed where, most first."""
+def _missing(found: Coverage, presses: int) -> list[tuple[int, int, str]]:
+    """Return how many more presses are needed, for how many empty places of the map, and where; most first."""
     places = np.array(found.places)
     cells_per_press = max(places.sum() / max(presses, 1), 1.0)
     lacking = {name: int(np.maximum(WANTED - places[cells], 0).sum()) for name, cells in _SIDES}
-    return sorted(((ceil(cells / cells_per_press), name) for name, cells in lacking.items() if cells), reverse=True)
+    return sorted(
+        ((ceil(cells / cells_per_press), cells, name) for name, cells in lacking.items() if cells), reverse=True
+    )
 
 
 def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
@@ -84,8 +86,9 @@ def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
     """
     places = _missing(found, presses)
     if places and presses >= 3:
-        count, name = places[0]
-        return f"{count} more press{'es' if count > 1 else ''} {name}"
+        count, cells, name = places[0]
+        empty = f"{cells} place{'s are' if cells > 1 else ' is'} empty {name}"
+        return f"{empty}: about {count} more press{'es' if count > 1 else ''}"
     if presses >= 3 and found.steepest_deg < STEEP_DEG:
         return f"press deeper: the steepest slope so far is {found.steepest_deg:.0f} degrees"
     if presses >= wanted or (settled and not places):

@@ -30,7 +30,7 @@ _LEAST_RADIUS_PX = 12.0
 _LARGEST_SCATTER = 0.03
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Imprint:
     """The edge of one cylinder press: an ellipse along the axes of the picture."""
 

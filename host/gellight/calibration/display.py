@@ -41,7 +41,7 @@ class Changes(TypedDict, total=False):
     bundle: str
 
 
-@dataclass
+@dataclass(eq=False)
 class Display:
     """Text, figures and pictures for the user; `snapshot` is a consistent copy."""
 

@@ -8,6 +8,7 @@ from gellight.calibration.records import Fit, UntouchedGel
 from gellight.calibration.run import CalibrationRun
 from gellight.training import training
 from gellight.training.presses import TableOptions
+from gellight.training.rehearsal import rehearse
 from gellight.training.training import Reference
 
 TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
@@ -20,7 +21,10 @@ def fit(run: CalibrationRun) -> None:
     presses = run.folder.presses()
     if len(presses) < LEAST_PRESSES:
         raise InputError(f"{len(presses)} presses are too few to fit: at least {LEAST_PRESSES} are needed")
-    run.display.update(instruction="The network is being trained. Nothing is to be done.", actions=("abort",))
+    trainer = rehearse(run.options.training.trainer, check=run.check_stopped)
+    run.display.update(
+        instruction=f"The network is being trained by {trainer}. Nothing is to be done.", actions=("abort",)
+    )
     losses: list[float] = []
 
     def report(epoch: int, epochs: int, loss: float) -> None:

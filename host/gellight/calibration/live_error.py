@@ -25,7 +25,7 @@ _OUTLIER = 3.0
 _OUTLIER_DEG = 4.0
 
 
-@dataclass
+@dataclass(eq=False)
 class LiveError:
     """Presses as sums for a least-squares fit, one entry a press."""
 

@@ -7,11 +7,12 @@ from gellight.calibration.circle import circle_of, corrected_circle, drawn
 from gellight.calibration.coverage import advice, coverage, coverage_picture
 from gellight.calibration.display import Picture, Progress
 from gellight.calibration.live_error import LiveError
-from gellight.calibration.records import BallPresses, LiveCoverage, PixelSize
+from gellight.calibration.records import BallPresses, Circle, LiveCoverage, PixelSize
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, detector_of, next_press, wait_free
 from gellight.calibration.state import PressRecord
 from gellight.frames.image_files import read_image
+from gellight.report.pictures import difference_picture
 from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.presses import Ball
 
@@ -102,7 +103,7 @@ class _Collector:
         record = run.folder.add_press(image, circle)
         self.learn(record)
         run.display.update(problem="", press=record.shown("taken"))
-        run.display.show(press=drawn(image, circle))
+        self.show_press(image, circle)
         self.show_progress()
         if len(run.folder.state.presses) == ball_radius.LEAST_PRESSES:
             self.check_radius()
@@ -118,8 +119,13 @@ class _Collector:
         record = self.run.folder.correct_press(number, circle)
         image = self.learn(record)
         self.run.display.update(press=record.shown("corrected"))
-        self.run.display.show(press=drawn(image, circle))
+        self.show_press(image, circle)
         self.show_progress()
+
+    def show_press(self, image: Picture, circle: Circle) -> None:
+        """Show a press, and its difference image, which shows the contact best; the page draws the circle on it."""
+        difference = difference_picture(image - self.reference)
+        self.run.display.show(press=drawn(image, circle), difference=difference)
 
     def last(self) -> PressRecord:
         if not self.run.folder.state.presses:

@@ -21,10 +21,9 @@ def check_target(options: RoutineOptions, folder: Path, image_shape: tuple[int, 
     """
     if not options.sensor.strip():
         raise InputError("the sensor has an empty name: give it one")
-    height, width = image_shape
     presses = options.presses + options.verifications
-    for place in {nearest(folder), nearest(options.out), Path(tempfile.gettempdir())}:
-        _check_place(place, presses * height * width * _BYTES_PER_PIXEL)
+    for place in (folder, options.out, Path(tempfile.gettempdir()) / "calibration"):
+        check_room(place, image_shape, presses)
     if options.out.exists():
         _check_replaceable(options, image_shape)
 
@@ -34,8 +33,9 @@ def nearest(path: Path) -> Path:
     return next(place for place in path.absolute().parents if place.exists())
 
 
-def _check_place(place: Path, needed_bytes: int) -> None:
-    """Refuse a folder that cannot be written, or has too little room."""
+def check_room(path: Path, image_shape: tuple[int, int], presses: int) -> int:
+    """Return the free bytes where something at `path` is made; InputError where presses cannot be kept there."""
+    place, needed_bytes = nearest(path), presses * image_shape[0] * image_shape[1] * _BYTES_PER_PIXEL
     if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
         raise InputError(f"nothing can be written in {place}: give another folder, or get the right to write there")
     free = shutil.disk_usage(place).free
@@ -44,6 +44,7 @@ def _check_place(place: Path, needed_bytes: int) -> None:
             f"{free / 1e6:.0f} MB are free in {place}, a calibration may need {needed_bytes / 1e6:.0f} MB: make room, "
             "or give another folder"
         )
+    return free
 
 
 def _check_replaceable(options: RoutineOptions, image_shape: tuple[int, int]) -> None:

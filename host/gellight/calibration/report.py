@@ -43,7 +43,7 @@ _WHAT_IS_TAKEN_OFF = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Example:
     """One fresh press in full."""
 
@@ -78,7 +78,8 @@ class Example:
 
 def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: Example) -> str:
     """Return the page as HTML; figures: means over the fresh presses."""
-    folder, name = run.folder, run.options.sensor
+    folder, sensor = run.folder, run.options.sensor
+    name = f"{folder.state.name} ({sensor})" if folder.state.name else sensor
     sections = (
         _tiles(run, verdict, figures),
         f"<p>{escape(verdict.text)}</p>",

@@ -36,6 +36,9 @@ class CalibrationRun:
         self.hand = hand
         self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
+        if options.name:
+            self.folder.state.name = options.name
+            self.folder.save()
         self._actions: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
 

@@ -75,7 +75,7 @@ def detector_of(run: CalibrationRun) -> TouchDetector:
     return TouchDetector(run.folder.reference(), run.folder.figures(UntouchedGel).noise_grey)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Capture:
     """A press that held still."""
 

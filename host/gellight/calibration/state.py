@@ -111,6 +111,8 @@ class State(BaseModel):
     """of the pin grid"""
     extra_presses: int = 0
     """wanted beyond what was asked for, because a verdict was bad"""
+    name: str = ""
+    """what people call the sensor"""
     finished: bool = False
     """a finished calibration is not taken up again"""
 

@@ -31,7 +31,7 @@ from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.report.pictures import depth_picture
+from gellight.report.pictures import depth_picture, difference_picture
 from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
 from gellight.training.polynomial import powers_up_to, ridge, terms_of
@@ -147,7 +147,8 @@ def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: _Judg
     felt, errors = judge.errors(capture.frame, Press(image=run.folder.path, **dict(circle)))
     record = run.folder.add_check(image, circle, errors)
     run.display.update(problem="", press=record.shown("checked"))
-    run.display.show(press=drawn(image, circle), verify=depth_picture(felt.depth_mm))
+    difference = difference_picture(image - reference)
+    run.display.show(press=drawn(image, circle), difference=difference, verify=depth_picture(felt.depth_mm))
 
 
 def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
@@ -242,5 +243,5 @@ def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: st
         metrics={**draft.metrics, **measured},
         extra_files={**draft.files, REPORT: report.encode()},
         overwrite=run.options.overwrite,
-        **{**kept, "led": led_settings(prepared.led), "camera": prepared.camera},
+        **{**kept, "name": run.folder.state.name, "led": led_settings(prepared.led), "camera": prepared.camera},
     )

@@ -24,6 +24,16 @@ def program() -> Path:
     return Path(shutil.which(NAME) or NAME)
 
 
+def activation() -> str:
+    """Return how the shell comes to find `gellight`, in one line; empty where it does, or where that is not known."""
+    activate = program().with_name("activate")
+    if shutil.which(NAME) or not activate.is_file():
+        return ""
+    here = Path.cwd()
+    place = activate.relative_to(here) if activate.is_relative_to(here) else activate
+    return f"`. {shlex.quote(str(place))}` puts {NAME} on the PATH of this shell; `{NAME} --help` shows what it can do"
+
+
 def typeable(text: str) -> str:
     """Return a message whose commands in backquotes name `gellight` so that the shell, or sudo, finds it."""
     if f"`{NAME} " not in text and f"sudo {NAME} " not in text:

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, with_options
+from gellight.cli.advice import activation
+from gellight.cli.options import AsJson, simulated_settings, with_options
 from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
 
@@ -24,7 +24,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
-    settings = load_settings({"sensor.url": sensor, **running.flags()})
+    settings = simulated_settings({"sensor.url": sensor, **running.flags()})
     with (
         running.ended_by_hand(),
         open_session(settings) as daemon,
@@ -35,6 +35,8 @@ def command(
             open_browser(url)
         summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
         print(json.dumps(summary) if as_json else table(summary))
+    if told := activation():
+        print(told, file=sys.stderr)
 
 
 def open_browser(url: str) -> None:

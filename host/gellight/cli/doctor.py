@@ -20,7 +20,7 @@ from gellight.training.rehearsal import check_trainer
 
 def command(
     sensor: Annotated[
-        str | None, typer.Argument(help="Serial number, USB port, or /dev/video0.", show_default="every sensor")
+        str | None, typer.Argument(help="URL, serial number, USB port, or /dev/video0.", show_default="every sensor")
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -2,8 +2,9 @@
 
 import json
 
+from gellight.cli.advice import typeable
 from gellight.cli.options import AsJson
-from gellight.sensor.discovery import Discovery, Node, discover
+from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, discover
 
 
 def command(as_json: AsJson = False) -> None:
@@ -12,8 +13,8 @@ def command(as_json: AsJson = False) -> None:
     if as_json:
         print(json.dumps(as_dictionary(found)))
         return
-    if not (found.cameras or found.rings or found.sensors):
-        found.only()  # says what to do
+    if found.empty:
+        print(typeable(f"{NOTHING}: {SEE_SIMULATED}"))
     for sensor in found.sensors:
         print(f"{found.url_of(sensor)}   USB {sensor.port}, camera {sensor.camera.path}, {sensor.camera.name}, ring "
               f"{sensor.ring.path if sensor.ring else 'none'}")  # fmt: skip

@@ -9,10 +9,8 @@ import typer
 from gellight.ring.firmware import build as building
 from gellight.ring.firmware import generate as generating
 from gellight.ring.firmware.build import CHECKOUT, IMAGE, committed_image
-from gellight.ring.firmware.flash import check_board, copy_uf2, flash_board
 from gellight.ring.firmware.image import image_crc
 from gellight.ring.protocol import VERSION, schema_crc
-from gellight.ring.transport import board_ports, find_port
 
 app = typer.Typer(help="The firmware of the light ring: what it is, build it, flash it.", no_args_is_help=True)
 Checkout = Annotated[Path | None, typer.Option(help="sources; default: the checkout this package runs from")]
@@ -54,6 +52,10 @@ def flash(
     drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
 ) -> None:
     """Flash the board at a port, or the one that waits in its boot loader; then open it and compare the image."""
+    # the driver of the ring needs NumPy, which the other verbs do without
+    from gellight.ring.firmware.flash import check_board, copy_uf2, flash_board
+    from gellight.ring.transport import board_ports, find_port
+
     content = building.read_image(image) if image else committed_image()
     name = find_port(port.removeprefix("serial://")) if port and port.startswith("serial://") else port
     before = {found.device for found in board_ports()} - {name}

@@ -1,6 +1,6 @@
 """Options that several verbs share, and how groups of them are declared."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -9,14 +9,27 @@ from typing import Annotated, Any
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.settings import Settings, load_settings
 
 LONGEST_S = 1e6
 """longest time that can be asked for"""
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or sim://")]
+Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or auto")]
 Calibration = Annotated[str, typer.Option(help="Bundle: a folder, a .gelcal file, or 'synthetic'.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
+
+
+def simulated_settings(flags: Mapping[str, object]) -> Settings:
+    """Return the settings of a verb for the simulated sensor, `sim://` unless a flag or the settings name another.
+
+    Where the settings name a real sensor, neither that nor its calibration counts.
+    """
+    settings = load_settings(flags)
+    if flags.get("sensor.url") is not None or settings.sensor.url.startswith("sim://"):
+        return settings
+    named = {name: value for name, value in flags.items() if value is not None}
+    return load_settings({"sensor.url": "sim://", "sensor.calibration": "synthetic", **named})
 
 
 def refuse_existing(out: Path, overwrite: bool) -> None:

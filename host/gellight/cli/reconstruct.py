@@ -73,23 +73,29 @@ def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:
 def _written(frame: TactileFrame, image: Path, out: Path, depth_scale_um: float) -> Row:
     """Write what was found in an image, and return what is said about it."""
     npz, png = out / f"{image.stem}.npz", out / f"{image.stem}.png"
-    contact, maps = frame.contact, io.BytesIO()
-    np.savez(
-        maps,
-        gradient_map=frame.gradient_map,
-        normal_map=frame.normal_map,
-        depth_mm=frame.depth_mm,
-        contact=contact.mask,
-    )
+    contact = frame.contact
     try:
         out.mkdir(parents=True, exist_ok=True)
-        write_file(npz, maps.getvalue())
+        write_file(npz, maps_file(frame))
         write_file(png, encode_png(four_panels(frame, scale_um=depth_scale_um)))
     except OSError as error:
         raise InputError(
             f"{npz} or .png was not written ({error.strerror}): give --out a folder that can be written and has space"
         ) from error
     return Row(str(image), str(npz), str(png), contact.indentation_mm, contact.area_mm2, contact.centroid_mm)
+
+
+def maps_file(frame: TactileFrame) -> bytes:
+    """Return the content of an .npz file with the maps of a frame."""
+    content = io.BytesIO()
+    np.savez(
+        content,
+        gradient_map=frame.gradient_map,
+        normal_map=frame.normal_map,
+        depth_mm=frame.depth_mm,
+        contact=frame.contact.mask,
+    )
+    return content.getvalue()
 
 
 def _table(rows: Sequence[Row]) -> str:

@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -14,8 +14,10 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import CameraError
-from gellight.base.settings import Settings, load_settings, read_layers
-from gellight.bundle.bundle import SYNTHETIC
+from gellight.base.service_manager import ServiceManager
+from gellight.base.settings import Settings, load_settings
+from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
+from gellight.cli.advice import typeable
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import with_options
 from gellight.daemon.assembly import open_session
@@ -23,8 +25,10 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
+from gellight.opening import REAL
 from gellight.stream.network import LAN_PORT
-from gellight.stream.publisher import Publisher
+from gellight.stream.publisher import Publisher, name_of_sensor
+from gellight.stream.ros2 import Ros2Publisher
 
 STATUS_S = 1.0
 WAIT_S = 0.5
@@ -34,7 +38,9 @@ WAIT_S = 0.5
 class Running:
     """How a sensor runs."""
 
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="synthetic")] = None
+    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="that of the sensor")] = (
+        None
+    )
     port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")] = (
         None
     )
@@ -47,6 +53,7 @@ class Running:
     name: Annotated[str | None, typer.Option(help="Name to publish under.", show_default="that of the sensor")] = None
     lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
+    ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
     def flags(self) -> dict[str, object]:
@@ -63,6 +70,7 @@ class Running:
             "stream.name": self.name,
             "stream.lan": self.lan,
             "stream.zenoh_config": self.zenoh_config,
+            "stream.ros2": self.ros2,
         }
 
     def ended_by_hand(self) -> AbstractContextManager[None]:
@@ -75,7 +83,7 @@ def command(
     running: Running,
     sensor: Annotated[
         str | None,
-        typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="auto, or the settings"),
+        typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="as in the settings, or auto"),
     ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
     as_json: Annotated[
@@ -86,56 +94,66 @@ def command(
 
     While it is unplugged the status is served, and the sensor is looked for.
     """
-    settings = settings_of(sensor, running.flags())
+    run_sensor(load_settings({"sensor.url": sensor, **running.flags()}), running, dashboard=dashboard, as_json=as_json)
+
+
+def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
+    """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     with (
         running.ended_by_hand(),
         open_session(settings) as daemon,
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
-        summary = follow(daemon, running.frames, partial(print_status, as_json=as_json and not running.frames))
+        manager = ServiceManager()
+        manager.ready()
+        summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
         print(json.dumps(summary) if as_json else table(summary))
 
 
-def settings_of(sensor: str | None, flags: Mapping[str, object]) -> Settings:
-    """Return the settings; where none of them names a sensor it is the one that is plugged in, not a simulated one."""
-    given = {"sensor.url": sensor, **flags}
-    if not any("url" in layer.values.get("sensor", {}) for layer in read_layers(given)):
-        given["sensor.url"] = "auto"
-    return load_settings(given)
+def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -> None:
+    """Print the status, and tell the service manager, where there is one, that the sensor works."""
+    manager.alive(int(str(status["frames"])), away=status["error"] is not None)
+    print_status(status, as_json)
 
 
-def warn_of_foreign_bundle(settings: Settings) -> None:
+def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
     """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
-    if settings.sensor.calibration != SYNTHETIC:
+    if bundle.identity != load_bundle(SYNTHETIC).identity:
         return
-    changed = ", ".join(settings.geometry.overrides())
-    if settings.sensor.url.startswith(("auto", "sensor://", "v4l2://")):
-        print("gellight: the bundle `synthetic` is of the simulated sensor: calibrate yours before you trust its depth",
-              file=sys.stderr)  # fmt: skip
+    changed, told = ", ".join(settings.geometry.overrides()), ""
+    if settings.sensor.url.startswith(REAL):
+        told = "the simulated sensor: calibrate yours with `gellight calibrate` before you trust its depth"
     elif settings.sensor.url.startswith("sim://") and changed:
-        print(f"gellight: the bundle `synthetic` is of the paper's sensor, the settings change its {changed}: make one "
-              "with `gellight calibrate --auto` before you trust the depth", file=sys.stderr)  # fmt: skip
+        told = (
+            f"the paper's sensor, the settings change its {changed}: make one with `gellight calibrate --auto --sensor "
+            "sim://` before you trust the depth"
+        )
+    if told:
+        print(typeable(f"gellight: the bundle `synthetic` is of {told}"), file=sys.stderr)
 
 
 @contextmanager
 def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
-    """Publish the frames to other programs, unless the settings say no."""
+    """Publish the frames to other programs, unless the settings say no, and to ROS 2 where they say so."""
     chosen = settings.stream
-    if not chosen.enabled:
-        yield
-        return
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
-    with Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config) as publisher:
-        there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
-        print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+    with ExitStack() as stack:
+        if chosen.enabled:
+            publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
+            there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
+            print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+        if chosen.ros2:
+            name = chosen.name or name_of_sensor(daemon.camera)
+            topics = stack.enter_context(Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain))
+            print(f"ROS 2 topics: {topics.prefix}/...", file=sys.stderr, flush=True)
         yield
 
 
 @contextmanager
 def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[str]:
     """Serve the dashboard, if wanted, and yield its address, which is empty without one."""
-    warn_of_foreign_bundle(settings)
+    warn_of_foreign_bundle(daemon.bundle, settings)
     if not wanted:
         yield ""
         return

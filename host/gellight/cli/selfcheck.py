@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.settings import load_settings
 from gellight.cli.ending import Ending
-from gellight.cli.options import AsJson
+from gellight.cli.options import AsJson, simulated_settings
 from gellight.evaluation.checked_presses import check_presses
 from gellight.frames.frames import SelfCheckResult
 
@@ -21,6 +20,7 @@ COLUMNS = (
     ("indentation_mm", "depth mm", 1.0),
     ("true_indentation_mm", "true mm", 1.0),
 )
+VERDICTS = {"passed": "ok", "failed": "OUT OF BOUNDS", "not judged": "not judged"}
 
 
 def command(
@@ -31,9 +31,9 @@ def command(
     """Compare the simulated sensor with the reference simulator.
 
     The ball and the ten objects are pressed; depth, normals and picture are compared. The exit status is 1 when a
-    comparison is out of its bounds.
+    comparison is out of its bounds, or when there are none for this sensor.
     """
-    settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
+    settings = simulated_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
     if not as_json:
         print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
@@ -51,4 +51,4 @@ def command(
 def line(name: str, result: SelfCheckResult) -> str:
     """Return one row of the table."""
     numbers = [f"{getattr(result, field) * scale:12.3f}" for field, _, scale in COLUMNS]
-    return " ".join([name.ljust(26), *numbers, "ok" if result.passed else "OUT OF BOUNDS"])
+    return " ".join([name.ljust(26), *numbers, VERDICTS[result.verdict]])

@@ -7,5 +7,6 @@ assembly.py             puts a daemon together as the settings say
 modes.py                network, photometric or hybrid
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard
+needs.py                the check list before a calibration
 installing.py           puts a bundle into service
 """

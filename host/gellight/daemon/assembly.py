@@ -1,7 +1,7 @@
 """Puts a running sensor together: camera, calibration, reconstruction and, where it can be, the self-check."""
 
 from gellight.base.settings import Settings
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import bundle_of
@@ -42,12 +42,16 @@ def open_session(settings: Settings) -> Daemon:
 def chosen_bundle(settings: Settings) -> Bundle:
     """Return the bundle that `settings` name; "auto" asks the board of the sensor, which is opened for that.
 
-    Raises BundleError for a bundle that is damaged or missing, else as `open_camera`.
+    Where they name none it is that of the simulated sensor for `sim://`, and for a sensor that has none yet. Raises
+    BundleError for a bundle that is damaged or missing, else as `open_camera`.
     """
-    if settings.sensor.calibration != AUTO:
-        return load_bundle(settings.sensor.calibration)
-    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
-        return bundle_of(camera, BundleStore())
+    named, url = settings.sensor.calibration, settings.sensor.url
+    if named is None and url.startswith("sim://"):
+        named = SYNTHETIC
+    if named is not None and named != AUTO:
+        return load_bundle(named)
+    with open_camera(url, geometry=settings.geometry.overrides()) as camera:
+        return bundle_of(camera, BundleStore(), default=SYNTHETIC if named is None else None)
 
 
 def path_for(bundle: Bundle, settings: Settings) -> FramePath:

@@ -23,6 +23,7 @@ from gellight.calibration.routine import Install, Routine
 from gellight.calibration.state import discard, unfinished
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore, sensor_name
+from gellight.daemon.needs import Need, needs
 from gellight.frames.camera import Camera
 from gellight.simulator.virtual_hand import hand_of
 
@@ -65,6 +66,10 @@ class CalibrationState(BaseModel):
     """of this sensor"""
     routine: Mapping[str, object] | None
     """see `Routine.snapshot`; None before the first"""
+    hand: bool = False
+    """whether the virtual hand presses in this routine"""
+    needs: tuple[Need, ...] = ()
+    """what a calibration needs; empty while one goes on"""
 
 
 MakeRoutine = Callable[[CalibrationRequest, Install], Routine]
@@ -95,6 +100,7 @@ class CalibrationService:
         self._led_colours = led_colours or RING_COLOURS
         self._make_routine = make_routine or self._usual_routine
         self._routine: Routine | None = None
+        self._hand = False
         self._end: threading.Thread | None = None
         """waits for the end of the routine, then sets the sensor as its bundle says"""
         self._closing = threading.Event()
@@ -108,14 +114,20 @@ class CalibrationService:
     def __exit__(self, *problem: object) -> None:
         """Stop a calibration that still runs, keep what it has measured, and set the sensor as its bundle says."""
         self._closing.set()
-        if self._routine is not None and not self._routine.ended:
+        if self._routine is not None and self.calibrating:
             self._routine.stop()
         if self._end is not None:
             self._end.join()
 
+    @property
+    def calibrating(self) -> bool:
+        """Whether a calibration is going on: it sets the light and wants no other presses than its own."""
+        return self._routine is not None and not self._routine.ended
+
     def state(self) -> CalibrationState:
         """Return all that the wizard shows."""
         interrupted, defaults = self._interrupted()
+        listed = () if self.calibrating else needs(self._daemon, self._folder, defaults.presses)
         return CalibrationState(
             sensor=self.sensor,
             simulated=self._daemon.stage is not None,
@@ -124,6 +136,8 @@ class CalibrationService:
             in_service=self._daemon.bundle.identity,
             bundles=tuple(self._store.bundles(self.sensor)),
             routine=self._routine.snapshot() if self._routine else None,
+            hand=self._hand,
+            needs=listed,
         )
 
     def _interrupted(self) -> tuple[bool, CalibrationRequest]:
@@ -148,6 +162,7 @@ class CalibrationService:
             if request.anew:
                 discard(self._folder)
             self._routine = routine = self._make_routine(request, self._install)
+            self._hand = request.hand
             try:
                 self._daemon.lend()
                 routine.act("start")
@@ -166,7 +181,7 @@ class CalibrationService:
 
     def _check_idle(self, intention: str) -> None:
         """Raise InputError while a calibration goes on, or while the sensor cannot be set as its bundle says."""
-        if self._routine is not None and not self._routine.ended:
+        if self.calibrating:
             raise InputError(f"a calibration is going on: stop it before you {intention}")
         if self._end is not None:
             self._end.join(SETTLE_S)

@@ -20,6 +20,8 @@ from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
+VERIFIED = ("presses", "depth_mm", "true_depth_mm", "normal_deg")
+"""what the status says of the verification of the bundle: see `calibration.records.Verification`"""
 CALIBRATING_PAUSE_S = 0.3
 """between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
 nothing"""
@@ -34,6 +36,12 @@ class _InUse:
     reconstructor: FramePath
     watch: SensorWatch | None
     selfcheck: FrameJudge | None
+
+    @property
+    def verified(self) -> dict[str, object] | None:
+        """The mean errors of the bundle on fresh presses; None where none were made, or it says nothing of them."""
+        figures = self.bundle.metrics.get("verification")
+        return {name: value for name, value in figures.items() if name in VERIFIED} if figures else None
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         """Reconstruct a frame, and say with what that was done."""
@@ -266,8 +274,8 @@ class Daemon:
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
         mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
-        same names), calibration {sensor, identity}, watch (None, or see `SensorWatch.status`), error (text or None) and
-        camera (what the camera says).
+        same names), calibration {sensor, identity, verified: None, or its errors on fresh presses}, watch (None, or
+        see `SensorWatch.status`), error (text or None) and camera (what the camera says).
         """
         result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {
@@ -275,7 +283,11 @@ class Daemon:
             **used.reconstructor.status(),
             **self._threads.statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
-            "calibration": {"sensor": used.bundle.manifest.sensor, "identity": used.bundle.identity},
+            "calibration": {
+                "sensor": used.bundle.manifest.sensor,
+                "identity": used.bundle.identity,
+                "verified": used.verified,
+            },
             "watch": used.watch.status() if used.watch else None,
             "error": self._threads.problem or camera.get("why"),
             "camera": camera,

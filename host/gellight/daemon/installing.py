@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from gellight.base.errors import BundleError
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
 from gellight.daemon.daemon import Daemon
@@ -39,10 +39,13 @@ class Installed:
 
 
 def sensor_name(camera: Camera) -> str:
-    """Return the serial number of the board of a sensor; the simulated sensor's name, or the URL, where it has none."""
+    """Return the serial number of the board of a sensor, by which its bundles are known.
+
+    Where it has none it is the simulated sensor's name, or the URL without its parameters.
+    """
     if camera.ring is not None:
         return camera.ring.hello.unique_id.hex().upper()
-    return SIMULATED if camera.url.startswith("sim://") else camera.url
+    return SIMULATED if camera.url.startswith("sim://") else camera.url.partition("?")[0]
 
 
 def install(
@@ -159,12 +162,15 @@ def _configure(ring: LightRing, configuration: Configuration) -> None:
             time.sleep(0.005)
 
 
-def bundle_of(camera: Camera, store: BundleStore) -> Bundle:
+def bundle_of(camera: Camera, store: BundleStore, *, default: str | None = None) -> Bundle:
     """Return the bundle of the sensor behind a camera: the one its board names, else the one in service for it.
 
-    The simulated sensor falls back to the bundle that comes with GelLight. Raises BundleError where there is none,
-    or where the bundle that the board names belongs to another sensor.
+    That of a recording came with its frames.
+    default: names the bundle of a sensor that has none yet; for the simulated sensor it is the one that comes with
+    GelLight. Raises BundleError where there is none, or where the bundle that the board names is of another sensor.
     """
+    if camera.bundle is not None:
+        return camera.bundle
     sensor = sensor_name(camera)
     identity = camera.ring.configuration().bundle if camera.ring is not None else b""
     if any(identity) and set(identity) != {0xFF}:
@@ -177,6 +183,8 @@ def bundle_of(camera: Camera, store: BundleStore) -> Bundle:
             ) from error
         check_sensor(bundle, sensor)
         return bundle
-    if camera.url.startswith("sim://") and sensor not in store.sensors():
-        return load_bundle("synthetic")
+    if camera.url.startswith("sim://"):
+        default = SYNTHETIC
+    if default is not None and sensor not in store.sensors():
+        return load_bundle(default)
     return store.current(sensor).load()

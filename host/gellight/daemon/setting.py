@@ -12,7 +12,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
     """The controls of a camera and the light of its ring."""
 

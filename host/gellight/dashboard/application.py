@@ -13,7 +13,7 @@ import logging
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -25,6 +25,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
+from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.wizard import Wizard
@@ -41,6 +42,9 @@ STATUS_PERIOD_S = 0.25
 MAX_CREDITS = 8
 """a greedy page is not flooded"""
 MAX_COMMAND_BYTES = 4096
+STAGE_THREADS = 2
+"""so that an object can be released while another is computed"""
+CALIBRATING = "a calibration is running, and only its own presses may touch the gel: finish or stop it in the wizard"
 LOOPBACK_NAMES = {"127.0.0.1", "localhost", "::1"}
 
 
@@ -52,6 +56,8 @@ class Client:
     credits: int = 0
     sent: int = -1
     """number of the message sent last"""
+    tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    """what is done for it: frames, status, commands"""
 
 
 class Dashboard:
@@ -60,6 +66,7 @@ class Dashboard:
     def __init__(self, source: Daemon, calibration: CalibrationService | None = None) -> None:
         """Serve `source`, and the wizard where there is a `calibration`; nothing runs before the application starts."""
         self._source = source
+        self._calibration = calibration
         self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
         self._references = ReferenceViews()
@@ -72,13 +79,16 @@ class Dashboard:
         self._error: str | None = None
         self._changed = asyncio.Condition()
         self._waiter = ThreadPoolExecutor(1, thread_name_prefix="dashboard-frames")
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="dashboard-commands")
+        self._teller = ThreadPoolExecutor(1, thread_name_prefix="dashboard-status")
+        self._worker = ThreadPoolExecutor(STAGE_THREADS, thread_name_prefix="dashboard-commands")
+        self._newest_command = -1
 
     def application(self) -> web.Application:
-        """Return the aiohttp application: page, `/status`, `/ws`, and the wizard's."""
+        """Return the aiohttp application: page, `/status`, `/ws`, `/metrics`, `/health`, and the wizard's."""
         app = web.Application(middlewares=[only_this_machine])
         app.router.add_get("/ws", self._serve_client)
         app.router.add_get("/status", self._show_status)
+        Metrics(self._status_text).add_routes(app)
         self._wizard.add_routes(app)
         app.router.add_get("/reference/{name}", self._show_reference)
         PageFiles(PAGE).add_routes(app)
@@ -99,6 +109,7 @@ class Dashboard:
         pump.cancel()
         await asyncio.gather(pump, return_exceptions=True)
         self._waiter.shutdown(wait=True, cancel_futures=True)
+        self._teller.shutdown(wait=True, cancel_futures=True)
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     async def _pump(self) -> None:
@@ -153,16 +164,17 @@ class Dashboard:
         await socket.prepare(request)
         client = Client(socket)
         self._clients.add(client)
-        tasks = [asyncio.create_task(self._send_frames(client)), asyncio.create_task(self._send_status(client))]
+        client.tasks |= {asyncio.create_task(send(client)) for send in (self._send_frames, self._send_status)}
         try:
             await self._listen(client)
         except ConnectionResetError:
             logger.debug("a page left while it was being answered")
         finally:
             self._clients.discard(client)
-            for task in tasks:
+            ended = [*client.tasks]
+            for task in ended:
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.gather(*ended, return_exceptions=True)
         return socket
 
     async def _listen(self, client: Client) -> None:
@@ -187,13 +199,14 @@ class Dashboard:
 
     async def _status_text(self) -> str:
         loop = asyncio.get_running_loop()
-        return json.dumps(without_nan(await loop.run_in_executor(self._worker, self._status)), allow_nan=False)
+        return json.dumps(without_nan(await loop.run_in_executor(self._teller, self._status)), allow_nan=False)
 
     def _status(self) -> dict[str, object]:
         """Return the source's status, the stage and the server's clock, by which the page computes a frame's age."""
         status = dict(self._source.status())
         status["error"] = status.get("error") or self._error
         status |= {"type": "status", "now_s": time.monotonic(), "clients": len(self._clients)}
+        status["calibrating"] = self._calibrating
         stage = self._source.stage
         pressed = stage and {"objects": list(stage.objects), "max_depth_mm": stage.max_depth_mm, **stage.status()}
         return {**status, "stage": pressed}
@@ -219,8 +232,14 @@ class Dashboard:
                 client.credits = min(client.credits + command.count, MAX_CREDITS)
                 self._changed.notify_all()
             return
+        self._newest_command += 1
+        task = asyncio.create_task(self._carry_out(client, command, self._newest_command))
+        client.tasks.add(task)
+        task.add_done_callback(client.tasks.discard)
+
+    async def _carry_out(self, client: Client, command: Press | Release, number: int) -> None:
         try:
-            await asyncio.get_running_loop().run_in_executor(self._worker, self._move_stage, command)
+            await asyncio.get_running_loop().run_in_executor(self._worker, self._move_stage, command, number)
         except (GellightError, ValueError) as error:
             await _answer_error(client, command.type, str(error))
         except Exception:
@@ -229,15 +248,26 @@ class Dashboard:
         else:
             await client.socket.send_json({"type": "done", "command": command.type})
 
-    def _move_stage(self, command: Press | Release) -> None:
+    @property
+    def _calibrating(self) -> bool:
+        return self._calibration is not None and self._calibration.calibrating
+
+    def _move_stage(self, command: Press | Release, number: int) -> None:
+        """Do what a page asks for; a press is dropped when a newer command has come before it was computed."""
         stage = self._source.stage
         if stage is None:
             raise ValueError("this sensor has no stage: objects can be pressed on a simulated sensor only (sim://)")
+        if self._calibrating:
+            raise ValueError(CALIBRATING)
         if isinstance(command, Release):
             stage.release()
             return
         command.check(stage, self._view_mm())
-        stage.press(command.object, command.depth_mm, command.x_mm, command.y_mm)
+        press = command.object, command.depth_mm, command.x_mm, command.y_mm
+        if number == self._newest_command:
+            stage.prepare(*press)
+        if number == self._newest_command and not self._calibrating:
+            stage.press(*press)
 
     def _view_mm(self) -> tuple[float, float]:
         if self._image_shape is None:

@@ -31,7 +31,6 @@ absolute error of the measured depth over the contact (over the whole map where 
 import json
 import math
 import struct
-import time
 from typing import Any
 
 import numpy as np
@@ -68,7 +67,6 @@ def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float], reference
         "light_drift": drift,
         "view_px": [shape[1], shape[0]],
         "planes": _places(planes),
-        "encoded_s": time.monotonic(),
     }
     text = json.dumps(without_nan(header), separators=(",", ":"), allow_nan=False).encode()
     return b"".join([PREFIX.pack(MAGIC, VERSION, len(text)), text, *planes.values()])

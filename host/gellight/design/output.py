@@ -150,7 +150,7 @@ def fine_charts(result: FineResult) -> Files:
     }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BallResult:
     """The recommended calibration ball, and equation 8."""
 

@@ -156,7 +156,7 @@ def _errors_at(
     return np.array([[mae, top1] for mae, _, top1 in errors])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FineResult:
     """The fine stage: how a plane is lit, and how well the normals are reconstructed, at each height."""
 
@@ -193,7 +193,7 @@ def fine_study(setup: Setup, heights_mm: tuple[float, ...]) -> Study[FineResult]
     return Study(tasks, combine)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BeyondResult:
     """MAE, Top5 and Top1 in rad of the methods beyond the paper, averaged over the objects."""
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, FrameJudge
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
@@ -32,6 +33,9 @@ class PressStage(Protocol):
     def max_depth_mm(self) -> float:
         """Deepest press allowed."""
 
+    def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Compute a press ahead, which takes up to some seconds, while frames go on."""
+
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Press an object `depth_mm` deep at (x, y) mm from the image centre; it stays until released."""
 
@@ -42,7 +46,8 @@ class PressStage(Protocol):
         """Lift the object, and let no programme press by itself any more."""
 
     def status(self) -> dict[str, object]:
-        """Return object, depth_mm, x_mm, y_mm and visitor: whether someone other than a programme presses."""
+        """Return object, depth_mm, x_mm, y_mm; visitor: whether someone other than a programme presses; preparing: the
+        object whose press is being computed, "" for none."""
 
 
 class CameraControls(Protocol):
@@ -76,6 +81,8 @@ class Camera(Protocol):
     """the stage of a simulated sensor; None where objects are pressed by hand"""
     ring: LightRing | None = None
     """the light ring of the same sensor, closed with the camera; None where the light cannot be driven"""
+    bundle: Bundle | None = None
+    """the calibration bundle that came with the frames of a recording; None for sensors, whose board names theirs"""
     controls: CameraControls | None = None
     """exposure, gain and white balance; None where there is nothing to set"""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
 from gellight.frames.timing import CameraTiming
@@ -30,6 +31,7 @@ class CameraWrapper(Camera):
     image_shape: tuple[int, int] = _passed_on("image_shape")
     stage: PressStage | None = _passed_on("stage")
     ring: LightRing | None = _passed_on("ring")
+    bundle: Bundle | None = _passed_on("bundle")
     controls: CameraControls | None = _passed_on("controls")
 
     def __init__(self, camera: Camera) -> None:

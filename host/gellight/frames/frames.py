@@ -3,19 +3,21 @@
 Axes: x right (columns), y down (rows), z from the gel to the camera. Arrays are indexed ``[row, column]``.
 Depth is indentation in mm, positive into the sensor, 0 where the gel is at rest. Positions in mm are measured
 from the centre of the image.
+
+What holds arrays is equal to itself alone: comparing arrays gives no single answer.
 """
 
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class GroundTruth:
     """The gel surface that a simulated camera looked at: what only a simulator can know."""
 
@@ -25,6 +27,20 @@ class GroundTruth:
     """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless"""
     contact: NDArray[np.bool_]
     """(H, W) where the object touches the gel (contact pressure above zero)"""
+    object_name: str = ""
+    """what is pressed; empty: nothing, or it is not known"""
+    press_depth_mm: float = 0.0
+    place_mm: tuple[float, float] = (0.0, 0.0)
+    """(x, y) of the object's middle from the image centre"""
+
+    def __repr__(self) -> str:
+        """Return size and largest depth in one line."""
+        return f"<GroundTruth {_size(self.depth_mm)}, {float(self.depth_mm.max()):.3f} mm deep>"
+
+
+def _size(image: NDArray[Any]) -> str:
+    """Return columns and rows of an image or a map."""
+    return f"{image.shape[1]}x{image.shape[0]}"
 
 
 class LightState(StrEnum):
@@ -48,6 +64,17 @@ class LightLabel:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EncodedImage:
+    """A picture as the camera gave it, before it was decoded."""
+
+    data: bytes
+    letters: str
+    """format, as V4L2 names it: MJPG, YUYV, RGB3 or GREY"""
+    line_bytes: int
+    """of a picture line in `data`; 0: there is nothing between the lines, or the picture is compressed"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFrame:
     """One picture of the gel."""
 
@@ -65,9 +92,16 @@ class CameraFrame:
     """the light group of a sequence that lit it; None where no sequence runs"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
+    encoded: EncodedImage | None = None
+    """what `image` was decoded from, for recordings; None where it was not"""
+
+    def __repr__(self) -> str:
+        """Return size, number, time and light in one line."""
+        light = f", {self.label.state} light" if self.label else ""
+        return f"<{type(self).__name__} {_size(self.image)}, sequence {self.sequence}, {self.time_s:.3f} s{light}>"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ExposureSeries(CameraFrame):
     """The exposures of all light groups; as a camera frame it is the first of them.
 
@@ -91,7 +125,7 @@ class ExposureSeries(CameraFrame):
         return [[frame.image for frame in frames] for frames in self.frames]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Contact:
     """Where and how deep the gel is touched."""
 
@@ -102,6 +136,17 @@ class Contact:
     """largest depth, 0 where nothing touches"""
     centroid_mm: tuple[float, float] | None
     """(x, y) of the patch from the image centre; None where nothing touches"""
+
+    def __repr__(self) -> str:
+        """Return depth, area and place in one line."""
+        return f"<Contact: {self.in_words()}>"
+
+    def in_words(self) -> str:
+        """Return depth, area and place, or that nothing touches."""
+        if self.centroid_mm is None:
+            return "no contact"
+        x_mm, y_mm = self.centroid_mm
+        return f"{self.indentation_mm:.3f} mm deep, {self.area_mm2:.1f} mm2 at ({x_mm:.1f}, {y_mm:.1f}) mm"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +164,7 @@ class Patch:
     """largest angle between the gel surface and the gel at rest"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ExposureReport:
     """What is known of a series of exposures under different lights that were put together to one tactile frame."""
 
@@ -135,7 +180,7 @@ class ExposureReport:
     """what noise can do of it"""
     misfit: float
     """how badly the exposures fit one surface at worst; above 1 they do not"""
-    lights: NDArray[np.uint8]
+    lights: NDArray[np.uint8] = field(repr=False)
     """(H, W) LEDs that were neither shadowed nor clipped, and so were used"""
     least_lights: int
     """with fewer than this the slope of a pixel is a guess"""
@@ -174,7 +219,7 @@ class Provenance:
     """camera frames between the last tactile frame that this reader had and this one"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TactileFrame:
     """What the sensor feels in one camera frame."""
 
@@ -204,6 +249,12 @@ class TactileFrame:
         object.__setattr__(other, "provenance", replace(self.provenance, dropped=dropped))
         return other
 
+    def __repr__(self) -> str:
+        """Return size, number, time and contact in one line."""
+        taken = self.camera_frame
+        when = f"sequence {taken.sequence}, {taken.time_s:.3f} s"
+        return f"<TactileFrame {_size(self.depth_mm)}, {when}, {self.contact.in_words()}>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class SelfCheckResult:
@@ -213,7 +264,7 @@ class SelfCheckResult:
     depth_error_mm: float
     """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
     shape_error_mm: float
-    """the same after the best constant is taken off"""
+    """the same after the best constant is taken off: no verdict rests on it"""
     normal_error_deg: float
     """mean angle between the normals over the whole map"""
     contact_normal_error_deg: float
@@ -225,16 +276,23 @@ class SelfCheckResult:
     indentation_mm: float
     true_indentation_mm: float
     bounds: Mapping[str, float]
-    """by the names of the errors they bound"""
+    """by the names of the errors they bound; none where it is not judged"""
+    not_judged: str = ""
+    """why there are no bounds for what is pressed; empty where there are"""
 
     @property
     def passed(self) -> bool:
-        """Whether every error is within its bound."""
-        return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+        """Whether it is judged, and every error is within its bound."""
+        return not self.not_judged and all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    @property
+    def verdict(self) -> str:
+        """Return passed, failed or not judged."""
+        return "not judged" if self.not_judged else "passed" if self.passed else "failed"
 
     def as_json(self) -> dict[str, object]:
         """Return the numbers, rounded for people."""
-        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed}
+        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed, "verdict": self.verdict}
         return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
 
 

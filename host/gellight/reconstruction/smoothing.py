@@ -58,7 +58,7 @@ def fixed(slopes: Floats, half_width: int, out: Floats | None = None) -> Floats:
     return np.asarray(cv2.sepFilter2D(slopes, -1, taps, taps, out, borderType=cv2.BORDER_REPLICATE))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Windows:
     """The windows of one narrowest half width, at least 2, as the native path takes them."""
 

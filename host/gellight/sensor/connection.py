@@ -47,7 +47,7 @@ class Surroundings:
         return discover(sysfs=self.sysfs, dev=self.dev)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setup:
     """How a sensor is to be set and lit."""
 

@@ -15,6 +15,8 @@ from gellight.ring.usb_numbers import is_board
 from gellight.sensor.v4l2.errors import UnpluggedError
 
 SYSFS, DEV = Path("/sys"), Path("/dev")
+NOTHING = "no camera and no light ring are plugged in"
+SEE_SIMULATED = "check the cable; `gellight demo` shows a simulated sensor"
 _LIST = "`gellight find` lists what is there"
 
 
@@ -46,6 +48,12 @@ class Node:
     usb: UsbDevice | None
     """None where it is not on USB"""
 
+    def is_at(self, url: str) -> bool:
+        """Whether the URL of a ring names it: by its serial number, or by its node or a link to that."""
+        serial = self.usb.serial if self.usb else ""
+        by_number = bool(serial) and url in (f"serial://{serial}", f"usb://{serial}")
+        return by_number or Path(url).resolve() == Path(self.path).resolve()
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
@@ -73,6 +81,10 @@ class Sensor:
     def port(self) -> str:
         """USB port of the camera; the node where it is not on USB."""
         return self.camera.usb.port if self.camera.usb else self.camera.path
+
+    def is_called(self, name: str) -> bool:
+        """Whether that is its serial number, its USB port or the node of its camera."""
+        return name in (self.name, self.port, self.camera.path, self.camera.stable, *self.serials)
 
     @property
     def name(self) -> str:
@@ -104,6 +116,11 @@ class Discovery:
         there = _either(self.sensors) or "none is plugged in"
         raise UnpluggedError(f"no sensor is called {name} (there: {there}): check the cable; {_LIST}")
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing at all was found."""
+        return not (self.cameras or self.rings or self.sensors)
+
     def url_of(self, sensor: Sensor) -> str:
         """Return the URL that opens this sensor and no other that is plugged in."""
         named = [other for other in self.sensors if sensor.name in {other.port, *other.serials}]
@@ -116,8 +133,11 @@ class Discovery:
         if self.sensors:
             choice = " or ".join(self.url_of(sensor) for sensor in self.sensors)
             raise CameraError(f"{len(self.sensors)} sensors are plugged in: choose {choice}")
-        if not self.cameras and not self.rings:
-            raise UnpluggedError("no camera and no light ring are plugged in: check the cable, or try --sensor sim://")
+        if self.empty:
+            raise UnpluggedError(
+                f"{NOTHING}: check the cable, or name the simulated sensor, sim:// (--sensor sim://); `gellight demo` "
+                "shows it"
+            )
         cameras, rings = (", ".join(node.stable for node in nodes) or "none" for nodes in (self.cameras, self.rings))
         remedy = "plug both into one hub of their own"
         if self.cameras and self.rings:

@@ -7,15 +7,17 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
-from gellight.base.errors import GellightError
+from gellight.base.errors import BoardError, GellightError, InputError
 from gellight.base.holders import holders
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
-from gellight.sensor.discovery import Discovery, Node, Sensor, attribute
+from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, Sensor, attribute
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
 from gellight.sensor.sensor_checks import check_sensor
+from gellight.sensor.v4l2.options import parse_url
 
 HIGH_SPEED_MBPS = 480.0
 LEAST_DISK_BYTES = 1_000_000_000
@@ -26,16 +28,23 @@ SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies")
 def examine(
     name: str | None = None, *, surroundings: Surroundings, folder: Path, rules: Path = udev.FOLDER
 ) -> Iterator[Finding]:
-    """Check the computer, then every sensor, or the one that `name` is: a serial number, a USB port, a camera's node.
+    """Check the computer, then every sensor, or the one that `name` is: its URL, serial number, USB port or camera.
 
-    `folder` is where recordings go.
+    `folder` is where recordings go. Raises InputError for a URL of no real sensor.
     """
+    name, ring = _named(name)
     yield check_rule(rules)
     yield check_disk(folder)
     yield from check_clock(surroundings.sysfs)
     found = surroundings.look()
     yield from check_found(found, name)
     for sensor in _chosen(found, name):
+        if ring is not None:
+            try:
+                sensor = _lit_by(found, sensor, ring)
+            except BoardError as error:
+                yield failure("sensors", error)
+                continue
         yield from check_speed(found, sensor)
         reachable = [check_permission(node) for node in reversed(sensor.nodes)]
         yield from reachable
@@ -43,11 +52,27 @@ def examine(
             yield from check_sensor(sensor, surroundings)
 
 
+def _named(text: str | None) -> tuple[str | None, str | None]:
+    """Return the name in what a user gives, None for every sensor, and the URL of the ring that it names."""
+    if text is None or ("://" not in text and text != "auto"):
+        return text, None
+    if not text.startswith(("auto", "sensor://", "v4l2://")):
+        raise InputError(f"{text} is no real sensor: give one of `gellight find`, or nothing for every sensor")
+    place, options = parse_url(text)
+    return None if place == "auto" else place, options.ring
+
+
 def _chosen(found: Discovery, name: str | None) -> list[Sensor]:
-    """Return the sensors to examine: all, or the one with a name, a USB port, or a camera at a path."""
-    if name is None:
-        return list(found.sensors)
-    return [s for s in found.with_cameras() if name in (s.name, s.port, s.camera.path, s.camera.stable)]
+    """Return the sensors to examine: all, or those with a name, a USB port, or a camera at a path."""
+    return list(found.sensors) if name is None else [each for each in found.with_cameras() if each.is_called(name)]
+
+
+def _lit_by(found: Discovery, sensor: Sensor, url: str) -> Sensor:
+    """Return the sensor with the ring at a URL; BoardError where there is none."""
+    for ring in (*found.rings, *(other.ring for other in found.sensors if other.ring)):
+        if ring.is_at(url):
+            return replace(sensor, ring=ring)
+    raise BoardError(f"no light ring is at {url}: plug it in; `gellight find` lists what is there")
 
 
 def check_rule(folder: Path) -> Finding:
@@ -84,7 +109,9 @@ def check_found(found: Discovery, name: str | None) -> Iterator[Finding]:
         what, _, remedy = text.rpartition(": ")
         yield problem("sensors", what, remedy)
     chosen = _chosen(found, name)
-    if not chosen:
+    if found.empty:
+        yield problem("sensors", NOTHING, SEE_SIMULATED)
+    elif not chosen:
         try:
             _ = found.called(name) if name else found.only()
         except GellightError as error:

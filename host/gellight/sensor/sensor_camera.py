@@ -233,14 +233,8 @@ def _check_ring(found: Discovery, sensor: Sensor, options: CaptureOptions) -> No
     """Refuse a ring that is named in the URL and belongs to another camera."""
     named = options.ring
     for other in found.sensors:
-        if named and other.ring and other.camera.path != sensor.camera.path and _names(named, other.ring):
+        if named and other.ring and other.camera.path != sensor.camera.path and other.ring.is_at(named):
             raise CameraError(
                 f"ring and camera are of different sensors: {named} belongs to the camera {other.camera.stable}, not "
                 f"to {sensor.camera.stable}; use sensor://{other.name}, or the ring of this camera"
             )
-
-
-def _names(ring_url: str, ring: Node) -> bool:
-    serial = ring.usb.serial if ring.usb else ""
-    by_number = bool(serial) and ring_url in (f"serial://{serial}", f"usb://{serial}")
-    return by_number or Path(ring_url).resolve() == Path(ring.path).resolve()

@@ -1,7 +1,10 @@
 """The sensor that needs no hardware: a gel computed by `sim_reference`, lit by the emulated board.
 
-simulated_camera.py    the camera of sim://, and the stage that presses objects
+simulated_camera.py    the camera of sim://
+stage.py               what presses objects into its gel
 simulated_controls.py  its exposure, gain and white balance
+gel_models.py          the gel as a layer or by finite elements, whose presses are kept
+one_press.py           one object pressed, as files
 scene.py               what it looks at, computed once for a press
 shutter.py             a rolling shutter under pulsed LEDs
 selfcheck.py           the host judged by the simulator

@@ -1,12 +1,15 @@
 """What a simulated camera looks at: the gel under a press, lit by the ring, before the noise of the camera."""
 
+import threading
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_reference import gel
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
+from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import led_irradiance, ring_light
 from sim_reference.surface import Surface, press_object, sample, untouched
@@ -16,6 +19,8 @@ BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
 deformed = lru_cache(maxsize=64)(press_object)
 """what a press does to the gel: the same for every scene, and wherever it happens"""
+READY = 3
+"""so many presses are kept that were computed ahead, 15 MB each"""
 
 
 @dataclass(frozen=True)
@@ -28,27 +33,42 @@ class Press:
     y_mm: float = 0.0
 
 
+Lit = tuple[Press | None, Surface, NDArray[np.float32]]
+"""a press, the gel under it, and (12, H, W) its irradiance by every LED, full on"""
+
+
 class Scene:
     """Computes what the camera would see without noise, and keeps what it will need again."""
 
-    def __init__(self, geometry: SensorGeometry, response: CameraResponse, led_gain: Array | None = None) -> None:
+    def __init__(
+        self,
+        geometry: SensorGeometry,
+        response: CameraResponse,
+        led_gain: Array | None = None,
+        *,
+        model: GelModel = gel.press,
+    ) -> None:
         """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`.
 
         led_gain: (12,) how bright each LED really is, as a share of its nominal brightness; it does not move the
-        exposure.
+        exposure. `model` computes the gel.
         """
         self.geometry = geometry
         self.light = ring_light(geometry)
+        self._model = model
         self.led_gain = np.ones(len(self.light)) if led_gain is None else led_gain
         self._gel = SensorGeometry(
+            gel_diameter_mm=geometry.gel_diameter_mm,
             gel_thickness_mm=geometry.gel_thickness_mm,
             poisson_ratio=geometry.poisson_ratio,
             coating_smoothing_mm=geometry.coating_smoothing_mm,
         )
         """what a deformation depends on"""
         self._flat = untouched(geometry).single_precision()
-        self._lit: tuple[Press | None, Surface, NDArray[np.float32]] = None, self._flat, self._light_up(self._flat)
+        self._lit: Lit = None, self._flat, self._light_up(self._flat)
         self._untouched_lit = self._lit
+        self._ready: dict[Press, Lit] = {}
+        self._keeping = threading.Lock()
         irradiance = under_light(self._lit[2], self.light)
         self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
 
@@ -63,13 +83,29 @@ class Scene:
         return linear_grey(irradiance, self.response).astype(np.float32), self._lit[1]
 
     def prepare(self, press: Press | None) -> None:
-        """Do what takes long: deform the gel and light it with every LED."""
+        """Do what takes long, unless it was done ahead: deform the gel and light it with every LED."""
         if press is None:
             self._lit = self._untouched_lit
         elif self._lit[0] != press:
-            deformation = deformed(press.object_name, press.depth_mm, self._gel)
-            surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
-            self._lit = press, surface, self._light_up(surface)
+            self._lit = self._ready.get(press) or self._compute(press)
+
+    def prepare_ahead(self, press: Press) -> None:
+        """Do what takes long for a press that will be shown; any thread may, while others show something else."""
+        if self.is_ready(press):
+            return
+        lit = self._compute(press)
+        with self._keeping:
+            kept = list(self._ready.items())[1 - READY :]
+            self._ready = {**dict(kept), press: lit}
+
+    def is_ready(self, press: Press | None) -> bool:
+        """Whether a press can be shown at once."""
+        return press in (None, self._lit[0]) or press in self._ready
+
+    def _compute(self, press: Press) -> Lit:
+        deformation = deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
+        surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
+        return press, surface, self._light_up(surface)
 
     def _light_up(self, surface: Surface) -> NDArray[np.float32]:
         """(12, H, W) irradiance of every LED, full on."""

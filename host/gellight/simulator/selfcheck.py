@@ -11,7 +11,6 @@ The pictures are compared at a quarter of the resolution, so that a check costs 
 """
 
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from gellight.base.errors import InputError
 from gellight.frames.frames import SelfCheckResult, TactileFrame
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.simulator.scene import Scene
+from gellight.simulator.selfcheck_bounds import bounds_of
 from sim_reference.camera import linear_grey
 from sim_reference.imaging import normals, ring_irradiance, ring_light
 from sim_reference.integration import integrate
@@ -30,22 +30,6 @@ SHRINK = 4
 """pictures and integrals are compared on blocks of 4 x 4 pixels"""
 
 
-SMOOTH = MappingProxyType(
-    {"depth_error_mm": 0.010, "normal_error_deg": 0.28, "integral_error_mm": 0.005, "picture_error_grey": 2.0}
-)
-"""Where no slope is steeper than the light falls, as under a ball pressed to a quarter of its radius. The paper reports
-0.02 mm and 0.28 degrees for its ball (section 3.2.5)."""
-STEEP = MappingProxyType(
-    {"shape_error_mm": 0.150, "normal_error_deg": 3.5, "integral_error_mm": 0.030, "picture_error_grey": 4.0}
-)
-"""For the steps and walls of the benchmark, pressed 0.8 mm. They throw shadows, in which one picture cannot tell a
-slope; and they touch the whole view, so that no slope tells the height of it all, and its shape is judged.
-These bounds were set by what was measured (at worst 0.105 mm and 2.5 degrees): they notice a change for the worse, they
-are no promise of accuracy."""
-STEEP_QUANTILE = 0.997
-"""the slope that all but 0.3 % of the pixels stay below decides which bounds hold"""
-
-
 class SelfCheck:
     """Compares tactile frames of a simulated sensor with the reference simulator."""
 
@@ -54,7 +38,6 @@ class SelfCheck:
         self._scene = scene
         self._pixel_size_mm = pixel_size_mm
         geometry = scene.geometry
-        self._light_slope = (geometry.camera_height_mm - geometry.mounting_height_mm) / geometry.ring_radius_mm
         self._small = replace(
             geometry,
             image_width_px=geometry.image_width_px // SHRINK,
@@ -70,7 +53,7 @@ class SelfCheck:
         where = truth.contact if truth.contact.any() else np.ones_like(truth.contact)
         depth_error = (frame.depth_mm - truth.depth_mm)[where]
         angles = np.degrees(angular_error(frame.normal_map, normals(truth.gradient_map.astype(np.float64))))
-        steepest = np.quantile(np.linalg.norm(truth.gradient_map, axis=2), STEEP_QUANTILE)
+        bounds, not_judged = bounds_of(truth, self._scene.geometry)
         return SelfCheckResult(
             sequence=frame.camera_frame.sequence,
             depth_error_mm=float(np.abs(depth_error).mean()),
@@ -81,7 +64,8 @@ class SelfCheck:
             picture_error_grey=self._picture_error_grey(frame),
             indentation_mm=frame.contact.indentation_mm,
             true_indentation_mm=float(truth.depth_mm.max()),
-            bounds=STEEP if steepest > self._light_slope else SMOOTH,
+            bounds=bounds,
+            not_judged=not_judged,
         )
 
     def _integral_error_mm(self, frame: TactileFrame) -> float:

@@ -9,134 +9,39 @@ time at which it was ready, so their age is true.
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
 from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board); and what makes one
 sensor differ from another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
-the LEDs' brightness, as a share), `dim` (all LEDs darker by this share).
+the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
+with `resolution` mm between vertices: a minute a press, kept on the disk.
 """
 
-import itertools
 import threading
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
-from math import hypot, inf
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
-from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
+from gellight.base.errors import BoardError, CameraError, ConfigError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import LED_COUNT
+from gellight.simulator.gel_models import GelKind, gel_model
 from gellight.simulator.scene import Array, Press, Scene
 from gellight.simulator.selfcheck import SelfCheck
 from gellight.simulator.shutter import Shutter, row_weights
 from gellight.simulator.simulated_controls import SimulatedControls
+from gellight.simulator.stage import Stage
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
 
-RETURN_FRAMES = 300
-"""so long after a visitor's last touch the programme goes on"""
 DARK_S = 5.0
 """LEDs that the board has made dark are lit again within this time, or never"""
-
-
-PROGRAMME = (
-    Press("BALL", 1.0, 0.0, 0.0),
-    Press("BALL", 1.5, -9.0, 4.0),
-    Press("TSTEP", 0.8, 0.0, 0.0),
-    Press("BALL", 0.7, 10.0, -5.0),
-    Press("SINWAVE", 0.9, 0.0, 0.0),
-    Press("CCONVEX", 0.9, 0.0, 0.0),
-)
-
-
-def programme_of_presses() -> Iterator[Press | None]:
-    """Yield what a virtual hand does in each frame, for ever: press in, hold, release, pause."""
-    for press in itertools.cycle(PROGRAMME):
-        steps = np.linspace(0, 1, 6)[1:]
-        ramp = [replace(press, depth_mm=round(float(press.depth_mm * step), 3)) for step in steps]
-        yield from (step for step in ramp for _ in range(2))
-        yield from itertools.repeat(press, 90)
-        yield from (step for step in reversed(ramp[:-1]) for _ in range(2))
-        yield from itertools.repeat(None, 15)
-
-
-class Stage:
-    """Presses objects into the gel, on behalf of a visitor or of the programme."""
-
-    objects: tuple[str, ...] = OBJECT_NAMES
-    probes: tuple[str, ...] = PROBE_NAMES
-    """pressed as objects are, to calibrate"""
-
-    def __init__(self, geometry: SensorGeometry, *, programme: bool = True) -> None:
-        """Start with nothing in the gel; `programme` lets the virtual hand play while no visitor presses."""
-        self._geometry = geometry
-        self._lock = threading.Lock()
-        self._wanted: Press | None = None
-        self._programme = programme_of_presses() if programme else None
-        self._frames_until_programme = 0
-
-    @property
-    def max_depth_mm(self) -> float:
-        """Deepest press offered: the elastic layer is a small-strain model."""
-        return 0.4 * self._geometry.gel_thickness_mm
-
-    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
-        """Press `object_name` `depth_mm` into the gel at (x, y) from the image centre, until told otherwise.
-
-        Raises InputError for an unknown object, a depth outside 0..max_depth_mm, or a place off the gel.
-        """
-        known = self.objects + self.probes
-        if object_name not in known:
-            raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
-        if not 0 <= depth_mm <= self.max_depth_mm:
-            raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
-        radius_mm = self._geometry.gel_diameter_mm / 2
-        if not hypot(x_mm, y_mm) <= radius_mm:
-            raise InputError(
-                f"a press at ({x_mm}, {y_mm}) mm is off the gel: stay within {radius_mm:g} mm of the centre"
-            )
-        self._want(Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None)
-
-    def hold(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
-        """Press for good: no programme plays afterwards. Raises as `press` does."""
-        self.press(object_name, depth_mm, x_mm, y_mm)
-        self._programme = None
-
-    def release(self) -> None:
-        """Lift the object off the gel."""
-        self._want(None)
-
-    def take_over(self) -> None:
-        """Lift the object; no programme plays afterwards."""
-        self._want(None)
-        self._programme = None
-
-    def status(self) -> dict[str, object]:
-        """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays)."""
-        with self._lock:
-            press, visitor = self._wanted, self._frames_until_programme > 0
-        shown = asdict(press or Press("", 0.0))
-        return {"object": shown.pop("object_name"), **shown, "visitor": visitor}
-
-    def next_press(self) -> Press | None:
-        """Return what is in the gel during the next frame."""
-        with self._lock:
-            if self._frames_until_programme > 0:
-                self._frames_until_programme -= self._wanted is None
-            elif self._programme is not None:
-                self._wanted = next(self._programme)
-            return self._wanted
-
-    def _want(self, press: Press | None) -> None:
-        with self._lock:
-            self._wanted = press
-            self._frames_until_programme = RETURN_FRAMES
 
 
 class SimulatedCamera(Camera):
@@ -153,6 +58,10 @@ class SimulatedCamera(Camera):
         self.stage: Stage = stage
         self.image_shape = scene.geometry.image_shape
         self._scene = scene
+        stage.prepare_ahead = scene.prepare_ahead
+        self._ahead: threading.Thread | None = None
+        self._press: Press | None = None
+        """what the newest frame shows"""
         self._shutter = Shutter()
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)
@@ -196,14 +105,32 @@ class SimulatedCamera(Camera):
         """
         if self._closed:
             raise CameraError(f"{self.url} is closed: open it again")
-        press = self.stage.next_press()
-        self._scene.prepare(press)
+        press = self._press = self._next_press()
         begun_s, weights, colours = self._expose()
         grey, truth = self._look(press, weights)
         image = digitise(grey, self._scene.response.noise_grey, self._rng)
         self._sequence += 1
         return CameraFrame(image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours,
                            truth=truth)  # fmt: skip
+
+    def _next_press(self) -> Press | None:
+        """Return what the next frame shows, computed; while a press of the programme is computed, what is there."""
+        press = self.stage.next_press()
+        if press is None or self._scene.is_ready(press):
+            self._scene.prepare(press)
+            return press
+        if self.stage.plays:
+            if self._ahead is None or not self._ahead.is_alive():
+                self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=True)
+                self._ahead.start()
+            return self._press
+        with self.stage.computing(press):
+            self._scene.prepare(press)
+        return press
+
+    def _prepare_ahead(self, press: Press) -> None:
+        with self.stage.computing(press):
+            self._scene.prepare_ahead(press)
 
     def _expose(self) -> tuple[float, Array, NDArray[np.uint8]]:
         """Return when the next frame that is due began, and its light as `_light_since` does."""
@@ -240,6 +167,9 @@ class SimulatedCamera(Camera):
                 depth_mm=surface.depth_mm.astype(np.float32, copy=False),
                 gradient_map=surface.gradient_map.astype(np.float32, copy=False),
                 contact=surface.contact,
+                object_name=press.object_name if press else "",
+                press_depth_mm=press.depth_mm if press else 0.0,
+                place_mm=(press.x_mm, press.y_mm) if press else (0.0, 0.0),
             )
             self._shown = press, key, grey, truth
         return self._shown[2], self._shown[3]
@@ -262,6 +192,8 @@ class SimulatedUrl(BaseModel):
     crosstalk: float = Field(0.1, ge=0, le=0.5)
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
+    gel: GelKind = "layer"
+    resolution: float = Field(0.3, ge=0.1, le=2.5)
 
     def response(self) -> CameraResponse:
         """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
@@ -287,7 +219,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
-    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)))
+    model = gel_model(wanted.gel, wanted.resolution)
+    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
     if wanted.board and len(scene.light) != LED_COUNT:
         raise ConfigError(
             f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "

@@ -80,5 +80,7 @@ def spread(seed: int, number: int) -> tuple[float, float, float]:
 def hand_of(camera: Camera, *, seed: int = 0) -> VirtualHand:
     """Return a hand for a simulated sensor; InputError for a camera into which nothing can be pressed."""
     if camera.stage is None:
-        raise InputError(f"{camera.url} has no virtual hand: press by hand, or calibrate the simulated sensor (sim://)")
+        raise InputError(
+            f"{camera.url} has no virtual hand: press by hand, or name the simulated sensor (--sensor sim://)"
+        )
     return VirtualHand(camera.stage, seed=seed)

@@ -8,5 +8,7 @@ wire.py           the message that carries a frame; docs/wire-format.md
 calls.py          what others may ask of a daemon
 network.py        sessions of zenoh, and its keys
 shared_memory.py  frames that need not go through the network
+ros2.py           Ros2Publisher: topics of ROS 2, without ROS
+recorder.py       Recorder: a daemon's frames in a file
 running.py        which daemons of this user publish on this computer
 """

@@ -17,6 +17,7 @@ import zenoh
 
 from gellight.base.errors import GellightError
 from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import Camera
 from gellight.stream.calls import answer, read_call
 from gellight.stream.network import close, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
@@ -26,6 +27,16 @@ from gellight.stream.wire import MOST_DETAILS, encode
 logger = logging.getLogger(__name__)
 POLL_S = 0.5
 """how often the thread looks whether it should stop"""
+
+
+def own_name(camera: Camera) -> str:
+    """Return the serial number or USB port of a real sensor; empty for others, of which there may be several."""
+    return str(camera.status().get("name", ""))
+
+
+def name_of_sensor(camera: Camera) -> str:
+    """Return the name that a sensor has for other programs, unless another one is given."""
+    return own_name(camera) or urlsplit(camera.url).scheme or "images"
 
 
 class Publisher:
@@ -70,9 +81,8 @@ class Publisher:
 
     def _announced(self, endpoint: str) -> AbstractContextManager[RunningDaemon]:
         camera = self._daemon.camera
-        own = str(camera.status().get("name", ""))
-        name = self._asked or own or urlsplit(camera.url).scheme or "images"
-        return announced(name, endpoint, camera.url, numbered=not (self._asked or own))
+        numbered = not (self._asked or own_name(camera))
+        return announced(self._asked or name_of_sensor(camera), endpoint, camera.url, numbered=numbered)
 
     def _note_readers(self, status: zenoh.MatchingStatus) -> None:
         if status.matching:

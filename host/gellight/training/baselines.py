@@ -44,7 +44,7 @@ class Baseline(Protocol):
         """Return (H, W, 2) d(depth)/dx, d(depth)/dy of a (H, W, 3) difference image, grey levels."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LookupTable:
     """Slopes by colour change alone."""
 
@@ -74,7 +74,7 @@ def _cells(difference: Floats) -> NDArray[np.intp]:
     return np.asarray(np.clip(cells, 0, _CELLS - 1))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomial:
     """The normal as a polynomial of colour change and place; no colour change is flat, everywhere."""
 

@@ -69,7 +69,7 @@ class TableOptions:
     """chooses the untouched pixels"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PressTable:
     """Labelled pixels of several presses."""
 

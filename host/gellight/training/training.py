@@ -37,7 +37,7 @@ class TrainingOptions:
     trainer: TrainerName = "auto"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
     """The untouched gel."""
 

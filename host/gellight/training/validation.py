@@ -22,7 +22,7 @@ from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle,
 Floats = NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PressError:
     """The tactile frame of one press against its label."""
 

@@ -38,12 +38,14 @@ _EVERY_PX = 32
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedError:
-    """Errors on top of those that the bundle has anyway; means over the view."""
+    """Errors on top of those that the bundle has anyway; means over the view, unless said otherwise."""
 
     zero_deg: float
     """of the normals where nothing touches, until the zero is set anew"""
     zero_mm: float
     """of the depth where nothing touches, until the zero is set anew"""
+    zero_most_mm: float
+    """the same at the worst pixel: as deep a touch is shown while nothing touches"""
     gain_deg: float
     """of the normals in contact, until the sensor is calibrated again"""
     gain_mm: float
@@ -76,11 +78,13 @@ class ErrorEstimate:
 
     def of(self, change: Cells, reference: Cells, zeroed: Cells) -> ExpectedError:
         """Return what a (h, w, 3) change of the light from `reference` costs, of which `zeroed` is in the zero."""
-        zero_deg, zero_mm = self._zero(change - zeroed)
+        zero_deg, zero_mm, zero_most_mm = self._zero(change - zeroed)
         gain_deg, gain_mm = self._gain(change, reference)
-        return ExpectedError(zero_deg=zero_deg, zero_mm=zero_mm, gain_deg=gain_deg, gain_mm=gain_mm)
+        return ExpectedError(
+            zero_deg=zero_deg, zero_mm=zero_mm, zero_most_mm=zero_most_mm, gain_deg=gain_deg, gain_mm=gain_mm
+        )
 
-    def _zero(self, change: Cells) -> tuple[float, float]:
+    def _zero(self, change: Cells) -> tuple[float, float, float]:
         difference = spread(change, self._bundle.image_shape)
         if self._bundle.manifest.follow_light:
             difference -= light_drift(difference)
@@ -92,7 +96,8 @@ class ErrorEstimate:
             bulge=self._bundle.manifest.bulge,
         )
         angle = np.degrees(np.arctan(np.hypot(slopes[..., 0], slopes[..., 1])))
-        return float(angle.mean()), float(np.abs(depth_mm).mean())
+        error_mm = np.abs(depth_mm)
+        return float(angle.mean()), float(error_mm.mean()), float(error_mm.max())
 
     def _gain(self, change: Cells, reference: Cells) -> tuple[float, float]:
         share = 1 + change / np.maximum(reference, 1.0)

@@ -16,7 +16,7 @@ DRIFT, STRONG_DRIFT = 0.03, 0.10
 MOVED_PX = 0.3
 UNEVEN_GREY = 1.0
 ADVISED_DEG, ADVISED_MM = 1.0, 0.05
-"""expected errors of the gain beyond which a new calibration is advised"""
+"""expected errors beyond which a new zero or a new calibration is advised"""
 
 
 class Severity(StrEnum):
@@ -32,7 +32,7 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest or recalibrate"""
+    """drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest, zero_off or recalibrate"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -140,13 +140,21 @@ def never_at_rest(seconds: float) -> WatchFinding:
 
 
 def advice(expected: ExpectedError) -> Iterator[WatchFinding]:
-    """Advise a new calibration where the change costs more than a zero can mend."""
-    if expected.gain_deg < ADVISED_DEG and expected.gain_mm < ADVISED_MM:
-        return
-    yield WatchFinding(
-        kind="recalibrate",
-        severity=Severity.WARNING,
-        text=f"calibrate again: contacts are felt about {expected.gain_deg:.1f} degrees and {expected.gain_mm:.2f} mm "
-        "(of a press of 1 mm) worse than when the sensor was calibrated",
-        figures=dict(expected.as_json()),
-    )
+    """Advise a new zero, and a new calibration where the change costs more than a zero can mend."""
+    if expected.zero_deg >= ADVISED_DEG or expected.zero_mm >= ADVISED_MM:
+        yield WatchFinding(
+            kind="zero_off",
+            severity=Severity.WARNING,
+            text=f"the zero is wrong: depth is off by up to {expected.zero_most_mm:.2f} mm, on average "
+            f"{expected.zero_mm:.2f} mm and {expected.zero_deg:.1f} degrees, also where nothing touches; lift "
+            "everything off and set the zero, or calibrate again",
+            figures=dict(expected.as_json()),
+        )
+    if expected.gain_deg >= ADVISED_DEG or expected.gain_mm >= ADVISED_MM:
+        yield WatchFinding(
+            kind="recalibrate",
+            severity=Severity.WARNING,
+            text=f"calibrate again: even with the right zero contacts are felt about {expected.gain_deg:.1f} degrees "
+            f"and {expected.gain_mm:.2f} mm (of a press of 1 mm) worse than when the sensor was calibrated",
+            figures=dict(expected.as_json()),
+        )

@@ -33,7 +33,7 @@ _EVERY = 3
 """every third cell of every third row is enough for three numbers"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RingLight:
     """The light of each LED, as the untouched gel shows it."""
 

@@ -40,7 +40,7 @@ ESTIMATE_GREY = 0.3
 """rms by which the change must have changed for another estimate of its cost"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Judgement:
     """What the looks at rest add up to."""
 
@@ -52,7 +52,7 @@ class _Judgement:
     explanation: Explanation
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Zero:
     """A new zero: what light and place have changed, and the reference image with it."""
 

@@ -33,7 +33,7 @@ _RIDGE = 1e-6
 """of the mean square of a column: keeps columns that resemble each other from running away"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Rest:
     """A change of the picture, taken apart."""
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from math import isclose, radians
 from pathlib import Path
 
@@ -11,9 +12,13 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import GeometrySettings, Settings, reference, reference_markdown
+from gellight.bundle.bundle import Bundle, pack_bundle
 from gellight.cli.config import app
+from gellight.daemon.assembly import open_session
+from gellight.sensor.sensor_camera import SensorCamera
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.places import CHECKOUT
+from tests.helpers.sensor_bench import Bench, lit_bundle
 from tests.helpers.settings import loaded
 
 ROOT = CHECKOUT
@@ -44,7 +49,7 @@ def complaint(folders: dict[str, Path], text: str = "", environment: dict[str, s
 def test_without_any_source_the_defaults_hold(folders: dict[str, Path]) -> None:
     settings = loaded(environment={}, **folders)
     assert settings == Settings()
-    assert (settings.sensor.url, settings.dashboard.port, settings.geometry.overrides()) == ("sim://", 8420, {})
+    assert (settings.sensor.url, settings.dashboard.port, settings.geometry.overrides()) == ("auto", 8420, {})
 
 
 def test_each_source_wins_over_the_weaker_ones(folders: dict[str, Path]) -> None:
@@ -168,10 +173,30 @@ def test_the_documentation_holds_the_reference() -> None:
     assert tables.strip() == reference_markdown().strip(), "run `gellight config schema --markdown` and paste it there"
 
 
-def test_the_example_of_the_documentation_is_accepted(folders: dict[str, Path]) -> None:
-    document = (ROOT / "docs/configuration.md").read_text()
-    write(folders, document.split("```toml\n")[1].split("```")[0])
-    assert loaded(environment={}, **folders).dashboard.port == 8500
+EXAMPLES = re.findall(r"```toml\n(.*?)```", (ROOT / "docs/configuration.md").read_text(), re.DOTALL)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_example_of_the_documentation_is_accepted_and_opened(
+    example: str, folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The camera it names is plugged into a computer made of nothing, its bundle lies where it says."""
+    write(folders, example)
+    settings = loaded(environment={}, **folders)
+    bench = Bench(tmp_path / "computer")
+    bench.plug("1-2", "GL0001")
+    monkeypatch.chdir(tmp_path)
+
+    def opened(url: str, bundle: Bundle) -> SensorCamera:
+        assert url == "v4l2:///dev/video0", "the node of the sensor"
+        return bench.open(url.replace("/dev", str(bench.usb.dev)), bundle)
+
+    monkeypatch.setattr("gellight.sensor.sensor_camera.open_sensor", opened)
+    assert settings.sensor.calibration is not None
+    Path(settings.sensor.calibration).parent.mkdir()
+    pack_bundle(lit_bundle(tmp_path / "made"), settings.sensor.calibration)
+    with open_session(settings) as daemon:
+        assert daemon.bundle.manifest.sensor == "GL0001"
 
 
 @pytest.mark.parametrize("setting", reference(), ids=lambda setting: f"{setting.section}.{setting.key}")
@@ -197,7 +222,7 @@ class TestCommand:
         text = self.run("show")
         assert "port = 8001  # environment variable GELLIGHT_DASHBOARD_PORT" in text
         assert "threads = 2  # " in text
-        assert 'url = "sim://"\n' in text
+        assert 'url = "auto"\n' in text
 
     def test_what_show_prints_can_be_read_back(self, folders: dict[str, Path]) -> None:
         write(folders, self.run("show"))

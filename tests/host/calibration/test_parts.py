@@ -109,9 +109,11 @@ def test_the_untouched_gel_is_smooth_light_and_a_hand_on_it_is_not(scene: Scene)
 
 def test_the_missing_edge_is_named_with_how_many_presses_it_needs() -> None:
     presses = [at(x, y, 30) for x in range(110, 320, 30) for y in range(10, 240, 30)]
-    words = advice(coverage(presses, BALL, SHAPE), len(presses), 100, settled=False)
-    assert words.endswith("more presses on the left edge")
-    assert 2 <= int(words.split()[0]) <= 12
+    found = coverage(presses, BALL, SHAPE)
+    words = advice(found, len(presses), 100, settled=False)
+    empty = sum(count == 0 for row in found.places for count in row[:2])
+    assert words.startswith(f"{empty} places are empty on the left edge: about "), "as many as the map shows"
+    assert 2 <= int(words.split()[-3]) <= min(empty, 12)
 
 
 def test_enough_is_enough_when_every_place_is_covered_and_the_error_rests() -> None:

@@ -7,20 +7,22 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, CameraError
 from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.cli.main import app
+from gellight.sensor.discovery import discover
 
 
 def gellight(*arguments: str) -> Result:
     return CliRunner().invoke(app, ["calibrate", *arguments])
 
 
-def made(folder: Path, sensor: str, mark: str) -> Path:
+def made(folder: Path, sensor: str, mark: str, name: str = "") -> Path:
     synthetic = load_bundle("synthetic")
     write_bundle(
         folder,
         sensor=sensor,
+        name=name,
         reference=synthetic.reference,
         reference_frames=10,
         noise_grey=1.0,
@@ -53,3 +55,30 @@ def test_bundles_are_installed_listed_and_restored(tmp_path: Path, monkeypatch: 
     done = gellight("install", str(other), *sensor)
     assert isinstance(done.exception, BundleError)
     assert "is the bundle of sensor 'GL-9', this is 'simulated': nothing was replaced" in str(done.exception)
+
+
+def test_a_name_for_people_is_listed_and_changes_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_: tmp_path)
+    bundle = made(tmp_path / "mine", "simulated", "1", name="left finger")
+    assert gellight("install", str(bundle), "--sensor", "sim://?board=0").exit_code == 0
+    assert gellight("list").stdout.rstrip().endswith("left finger")
+    listed = json.loads(gellight("list", "--name", "left finger", "--json").stdout)["bundles"]
+    assert [(entry["sensor"], entry["name"], entry["in_service"]) for entry in listed] == [
+        ("simulated", "left finger", True)
+    ]
+    assert json.loads(gellight("list", "--name", "right finger", "--json").stdout)["bundles"] == []
+
+
+@pytest.mark.parametrize("verb", [["install", "BUNDLE"], ["restore"], ["lights", "--out", "lit"], []])
+def test_without_a_sensor_no_verb_takes_the_simulated_one(
+    verb: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_: tmp_path / "data")
+    monkeypatch.setattr("platformdirs.user_config_path", lambda *_: tmp_path / "config")
+    monkeypatch.delenv("GELLIGHT_SENSOR_URL", raising=False)
+    monkeypatch.setattr("gellight.sensor.connection.discover", lambda **_: discover(sysfs=tmp_path, dev=tmp_path))
+    bundle = made(tmp_path / "mine", "simulated", "1")
+    refused = gellight(*(str(bundle) if word == "BUNDLE" else word for word in verb)).exception
+    assert isinstance(refused, CameraError)
+    assert "are plugged in: check the cable, or name the simulated sensor, sim:// (--sensor sim://)" in str(refused)

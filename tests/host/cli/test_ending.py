@@ -10,7 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.cli import ending
-from gellight.cli.advice import program, typeable
+from gellight.cli.advice import activation, program, typeable
 from gellight.cli.ending import MEANINGS, Ending, end, until_interrupted
 from tests.helpers.places import CHECKOUT
 
@@ -94,3 +94,14 @@ def test_sudo_gets_the_path_also_where_the_shell_finds_the_program(
     assert typeable("`sudo gellight install-udev`, then `gellight find`") == (
         f"`sudo '{installed}' install-udev`, then `gellight find`"
     )
+
+
+def test_the_demo_says_how_the_shell_finds_the_program(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert activation() == "", "no environment that could be activated"
+    activate = installed.with_name("activate")
+    activate.write_text("")
+    assert activation().startswith(f"`. '{activate}'` puts gellight on the PATH")
+    monkeypatch.chdir(installed.parents[2])
+    assert activation().startswith("`. 'my env/bin/activate'` puts gellight on the PATH")
+    monkeypatch.setenv("PATH", str(installed.parent))
+    assert activation() == ""

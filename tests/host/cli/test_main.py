@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
+from gellight.bundle.bundle import load_bundle
 from gellight.cli import main
 from gellight.cli.lazy import LazyVerb
 from gellight.cli.run import warn_of_foreign_bundle
@@ -32,7 +33,7 @@ def test_a_group_shows_of_a_verb_the_first_paragraph_of_its_help(verb: LazyVerb)
     assert " ".join(verb.load().help.split("\n\n")[0].split()) == verb.help
 
 
-HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference"}
+HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference", "zenoh", "mcap"}
 
 
 @pytest.mark.parametrize(
@@ -90,13 +91,16 @@ def test_an_error_of_ours_is_one_line_and_status_2(
             "paper's sensor, the settings change its gel_thick",
         ),
         ({"sensor.url": "sim://", "geometry.gel_thickness_mm": 3.0, "sensor.calibration": "mine"}, ""),
-        ({"sensor.url": "auto"}, "of the simulated sensor: calibrate yours"),
+        *(({"sensor.url": url}, "of the simulated sensor: calibrate yours") for url in ("auto", "/dev/video0")),
     ],
 )
 def test_the_bundle_of_another_sensor_is_told(
     settings: dict[str, object], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    warn_of_foreign_bundle(load_settings(settings))
+    bundle = load_bundle("synthetic")
+    if "sensor.calibration" in settings:
+        bundle = bundle.with_reference(bundle.reference + 0.5, frames=1)
+    warn_of_foreign_bundle(bundle, load_settings(settings))
     told = capsys.readouterr().err
     assert words in told
     assert bool(told) == bool(words)

@@ -120,3 +120,13 @@ def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) ->
     done = gellight("sim", "--seconds", "30")
     assert "has ended" in str(done.exception)
     assert not started[0].running
+
+
+def test_building_the_firmware_asks_for_its_sources_before_any_compiler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As from a wheel: there are no sources, and no compiler either."""
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    refused = str(gellight("firmware", "build", "--checkout", str(tmp_path)).exception)
+    assert f"{tmp_path} does not hold the sources of the firmware: clone GelLight's repository" in refused
+    assert "pip" not in refused

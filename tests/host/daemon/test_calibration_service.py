@@ -1,9 +1,11 @@
 """The calibration beside a running sensor: the stream goes on, the watch rests, only what passes is taken over."""
 
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -98,6 +100,28 @@ def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(
     assert service.state().defaults.ball_radius_mm == 4.0
     (tmp_path / "state" / "state.json").write_text("{")
     assert service.state().defaults.ball_radius_mm == 4.0
+
+
+def test_what_a_calibration_needs_is_listed_before_and_not_while_it_goes_on(
+    service: Service, daemon: Daemon, routines: list[ScriptedRoutine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    daemon.wait_frame(1, 10)
+    listed = {need.name: need for need in service.state().needs}
+    assert {name: need.state for name, need in listed.items()} == {
+        "ball": "yours", "cylinder": "yours", "gel": "yours", "light": "yours", "camera": "ready", "disk": "ready",
+        "training": "ready",
+    }  # fmt: skip
+    assert listed["disk"].text.endswith("GB free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: SimpleNamespace(free=1_000))
+    full = next(need for need in service.state().needs if need.name == "disk")
+    assert full.state == "missing"
+    assert "0 MB are free" in full.text
+    assert not service.calibrating
+    service.begin(Request())
+    assert service.calibrating
+    assert service.state().needs == ()
+    routines[0].over.set()
+    assert not service.calibrating
 
 
 def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(

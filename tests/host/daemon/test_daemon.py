@@ -110,6 +110,18 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
     assert daemon.pixel_size_mm == (0.1, 0.2)
 
 
+def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: Path) -> None:
+    camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.002)
+    bundle = linear_bundle(tmp_path / "bundle", (24, 32))
+    with Daemon(camera, Reconstructor(bundle)) as daemon:
+        assert daemon.status()["calibration"] == {
+            "sensor": bundle.manifest.sensor, "identity": bundle.identity, "verified": None,
+        }  # fmt: skip
+        bundle.metrics["verification"] = {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2, "second_opinions": {}}
+        calibration: Any = daemon.status()["calibration"]
+        assert calibration["verified"] == {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
+
+
 def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path: Path) -> None:
     first = linear_bundle(tmp_path / "first", (24, 32))
     second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -180,3 +181,14 @@ def test_auto_takes_the_bundle_of_this_sensor(tmp_path: Path, monkeypatch: pytes
     store.put_in_service(store.add(mine))
     with open_session(settings) as daemon:
         assert daemon.bundle.identity == mine.identity
+
+
+def test_a_sensor_without_a_bundle_runs_with_that_of_the_simulated_one_unless_its_own_is_asked_for(
+    tmp_path: Path,
+) -> None:
+    store = BundleStore(tmp_path / "store")
+    camera = SimpleNamespace(ring=None, url="v4l2:///dev/video0?fps=30")
+    assert bundle_of(camera, store, default="synthetic").identity == load_bundle("synthetic").identity  # type: ignore[arg-type]
+    with pytest.raises(BundleError, match="has no calibration bundle"):
+        bundle_of(camera, store)  # type: ignore[arg-type]
+    assert sensor_name(camera) == "v4l2:///dev/video0", "other parameters are no other sensor"  # type: ignore[arg-type]

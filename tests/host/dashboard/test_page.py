@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import SIZES, Open, draw, playing
+from tests.helpers.browsing import Open, draw, playing
 from tests.helpers.dashboard_source import PIXEL_MM, FormulaSource, bump
 
 pytestmark = pytest.mark.browser
@@ -53,7 +53,6 @@ def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> Non
     assert page.evaluate("gellight.area_mm2") == truth.area_mm2
     shown = {
         "indentation": f"{truth.indentation_mm:.3f}",
-        "indentation-um": f"{truth.indentation_mm * 1000:.0f}",
         "area": f"{truth.area_mm2:.1f}",
         "centroid": f"{truth.centroid_mm[0]:.2f}, {truth.centroid_mm[1]:.2f}",
         "fps": "30.0",
@@ -71,6 +70,19 @@ def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> Non
     expect(page.get_by_test_id("stages")).to_contain_text("gelnet")
 
 
+def test_the_header_names_the_bundle_and_its_verified_error(opened: Open, source: FormulaSource) -> None:
+    verified: dict[str, object] = {"presses": 6, "depth_mm": 0.0031, "normal_deg": 0.243}
+    calibration = {"sensor": "S1", "identity": "9cb18a19860f7702", "verified": None}
+    source.figures["calibration"] = calibration
+    page = opened()
+    bundle = page.get_by_test_id("bundle")
+    expect(bundle).to_have_text("S1 9cb18a, not verified")
+    source.figures["calibration"] = {**calibration, "verified": verified}
+    expect(bundle).to_have_text("S1 9cb18a, shape ±3 µm, normals ±0.2°")
+    source.figures["calibration"] = {**calibration, "verified": {**verified, "true_depth_mm": 0.0123}}
+    expect(bundle).to_have_text("S1 9cb18a, depth ±12 µm, normals ±0.2°")
+
+
 def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: FormulaSource) -> None:
     page = opened()
     expect(page.get_by_test_id("mode")).to_be_empty()
@@ -85,10 +97,13 @@ def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: 
 
 
 def test_a_failed_self_check_is_shown_as_failed(opened: Open, source: FormulaSource) -> None:
-    source.figures["selfcheck"] = {"passed": False, "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
+    source.figures["selfcheck"] = {"verdict": "failed", "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
     page = opened()
     expect(page.get_by_test_id("verdict")).to_have_class("verdict failed")
     expect(page.get_by_test_id("check-depth_error_mm")).to_have_class("failed")
+    source.figures["selfcheck"] = {"verdict": "not judged", "not_judged": "not judged beyond 2 mm", "bounds": {}}
+    expect(page.get_by_test_id("verdict")).to_have_text("not judged")
+    expect(page.get_by_test_id("verdict")).to_have_attribute("title", "not judged beyond 2 mm")
     source.figures["selfcheck"] = None
     expect(page.get_by_test_id("checks")).to_have_text("no reference to compare with")
     expect(page.get_by_test_id("verdict")).to_be_empty()
@@ -99,7 +114,7 @@ def test_what_the_sensor_says_is_text_never_markup(opened: Open, source: Formula
     source.error = "<b>cable</b>"
     page = opened()
     expect(page.get_by_test_id("sensor")).to_have_text("<img src=x onerror=alert(1)>")
-    expect(page.get_by_test_id("error")).to_have_text("<b>cable</b>")
+    expect(page.get_by_test_id("banner-error").locator("p")).to_have_text("<b>cable</b>")
 
 
 def test_what_the_watch_has_found_is_told_above_the_pictures(opened: Open, source: FormulaSource) -> None:
@@ -133,10 +148,10 @@ def test_the_colour_of_a_depth_does_not_depend_on_the_rest_of_the_frame(opened: 
 def test_the_depth_scale_can_be_chosen_and_says_its_ends(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 0.4)
-    expect(page.get_by_test_id("ticks").locator("li").first).to_have_text("1600 µm")
+    expect(page.get_by_test_id("ticks").locator("li")).to_have_text(["0 µm", "800 µm", "1600 µm"])
     before = pixel(page, "depth", 160, 120)
     page.get_by_test_id("scale").select_option("200")
-    expect(page.get_by_test_id("ticks").locator("li").first).to_have_text("200 µm")
+    expect(page.get_by_test_id("ticks").locator("li").last).to_have_text("200 µm")
     above = pixel(page, "depth", 160, 120)
     assert above != before
     assert above[:3] == [255, 92, 160], "what is above the scale is told apart"
@@ -179,6 +194,19 @@ def test_detail_falls_when_pictures_take_long_and_can_be_fixed(opened: Open) -> 
     assert levels == [1, 2, 2, 0, 0, 0]
 
 
+def test_detail_rises_again_when_there_is_time_but_does_not_swing(opened: Open) -> None:
+    """After two falls it waits for 160 easy pictures; a fall that follows doubles the wait."""
+    levels = opened().evaluate("""async () => {
+        const { Detail } = await import("./detail.js");
+        const feed = (detail, ms, count) => { for (let i = 0; i < count; i++) detail.note(ms); return detail.level; };
+        const detail = new Detail(0);
+        const middling = new Detail(1, 1);
+        return [feed(detail, 300, 14), feed(detail, 10, 161), feed(detail, 10, 1), feed(detail, 300, 7),
+                feed(detail, 10, 321), feed(detail, 10, 1), feed(middling, 10, 500)];
+    }""")
+    assert levels == [2, 2, 1, 2, 2, 1, 1]
+
+
 def test_without_webgl_the_surface_is_a_relief(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 1.0)
@@ -199,55 +227,3 @@ def test_the_surface_is_drawn_at_every_level(opened_3d: Open, source: FormulaSou
     draw(page, source, 0.0)
     page.wait_for_timeout(500)
     assert shown.screenshot() != bumped
-
-
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
-@pytest.mark.parametrize(
-    "error", [None, "/dev/video0 delivers nothing: " + "check the cable " * 5], ids=["well", "error"]
-)
-def test_nothing_overlaps_and_everything_is_in_sight(
-    opened: Open, source: FormulaSource, size: dict[str, int], error: str | None
-) -> None:
-    source.error = error
-    source.figures["sensor"] = "sim://?" + "object=BALL&" * 10
-    drift = {"kind": "drift", "severity": "notice", "text": "the light has changed " * 5, "figures": {}}
-    source.figures["watch"] = {"state": "at rest", "findings": [drift] if error else []}
-    source.figures["stage_ms"] = dict.fromkeys(("difference", "mask", "gradient", "depth", "normals", "contact"), 2.0)
-    page = opened()
-    page.set_viewport_size(size)  # type: ignore[arg-type]
-    draw(page, source, 1.0)
-    expect(page.get_by_test_id("verdict")).to_have_text("passed")
-    expect(page.get_by_test_id("error")).to_have_text((error or "").strip())
-    assert page.evaluate(OVERLAPS) == []
-    assert page.evaluate(OUTSIDE) == []
-
-
-OVERLAPS = """() => {
-    const box = (element) => {
-        const range = document.createRange(); // a heading's words, not its whole line
-        range.selectNodeContents(element);
-        return (element.tagName === "H2" ? range : element).getBoundingClientRect();
-    };
-    const beside = (a, b) => a.right <= b.left + 1 || b.right <= a.left + 1;
-    const apart = (a, b) => beside(a, b) || a.bottom <= b.top + 1 || b.bottom <= a.top + 1;
-    const name = (element) => element.id || element.className || element.textContent;
-    const wrong = [];
-    for (const css of ["main > *, aside > *", "header > *", ".panel > *", ".contact-row > *", ".buttons > *", "td"]) {
-        const seen = [...document.querySelectorAll(css)].filter((e) => e.checkVisibility() && e.tagName !== "ASIDE");
-        seen.forEach((e, i) => {
-            for (const f of seen.slice(i + 1)) if (!apart(box(e), box(f))) wrong.push([name(e), name(f)]);
-        });
-    }
-    return wrong;
-}"""
-OUTSIDE = """() => {
-    const name = (element) => element.id || element.className || element.textContent;
-    const out = ({ left, top, right, bottom }) => left < 0 || top < 0 || right > innerWidth || bottom > innerHeight;
-    const cut = (element) => element.scrollWidth > element.clientWidth + 1;
-    const shown = [...document.querySelectorAll(".panel, .error, header > *")].filter((e) => e.checkVisibility());
-    const wrong = shown.filter((e) => out(e.getBoundingClientRect()));
-    wrong.push(...[...document.querySelectorAll(".objects button, td, dd, h2, header > :not(#sensor)")].filter(cut));
-    const aside = document.querySelector("aside");
-    if (aside.scrollHeight > aside.clientHeight) wrong.push(aside);
-    return wrong.filter((e) => e.checkVisibility()).map(name);
-}"""

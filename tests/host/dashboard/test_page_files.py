@@ -3,6 +3,7 @@
 import asyncio
 import gzip
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from threading import Event, Thread
@@ -62,6 +63,20 @@ def test_libraries_are_kept_by_the_browser_for_good(server: DashboardServer) -> 
 def test_all_that_the_page_loads_is_small(server: DashboardServer) -> None:
     names = [path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*.js")]
     assert sum(len(get(server.url + name, **PACKED)[1]) for name in names) < 260_000
+
+
+def imported(name: str) -> set[str]:
+    """Return the modules that a module of the page needs before it runs."""
+    text = (PAGE / name).read_text()
+    found = set(re.findall(r'^import .*? from "\./([^"]+)";', text, re.MULTILINE))
+    return found.union(*(imported(other) for other in found))
+
+
+@pytest.mark.parametrize(("page", "main"), [("index.html", "main.js"), ("calibrate.html", "wizard.js")])
+def test_all_modules_are_asked_for_at_once_and_not_one_after_the_other(page: str, main: str) -> None:
+    asked = re.findall(r'<link rel="modulepreload" href="([^"]+)">', (PAGE / page).read_text())
+    assert sorted(asked) == sorted(imported(main))
+    assert not [name for name in asked if name.startswith("vendor/")], "the first picture does not wait for 3D"
 
 
 @pytest.fixture

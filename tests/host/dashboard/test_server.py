@@ -14,6 +14,7 @@ import pytest
 from gellight.base.errors import CameraError, InputError, ServerError
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import HEIGHT, PIXEL_MM, WIDTH, FormulaSource, RecordingStage, bump
+from tests.helpers.scripted_calibration import Scripted
 from tests.helpers.view_messages import decode
 
 FRAME_S = 5.0
@@ -198,6 +199,76 @@ def test_press_and_release_reach_the_stage(server: DashboardServer, source: Form
     with_pages(server, 1, act)
     assert source.stage is not None
     assert source.stage.calls == [("WAVE", 0.75, -3.0, 4.5), None]
+
+
+def test_a_running_calibration_is_in_the_status_and_nobody_else_may_press(source: FormulaSource) -> None:
+    calibration = Scripted()
+    calibration.calibrating = True
+
+    async def act(page: Page) -> None:
+        await page.credit()
+        source.put(bump(1.0, 0, 0))
+        await page.frame()
+        assert (await page.text("status"))["calibrating"] is True
+        for command in (PRESS, {"type": "release"}):
+            assert "a calibration is running" in (await page.answer(**command))["message"]
+        calibration.calibrating = False
+        assert (await page.answer(**PRESS))["type"] == "done"
+        while (await page.text("status"))["calibrating"]:
+            pass
+
+    with DashboardServer(source, port=0, calibration=calibration) as server:  # type: ignore[arg-type]
+        with_pages(server, 1, act)
+    assert source.stage is not None
+    assert source.stage.calls == [("BALL", 0.5, 0.0, 0.0)]
+
+
+def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(
+    server: DashboardServer, source: FormulaSource
+) -> None:
+    assert source.stage is not None
+    stage = source.stage
+
+    async def act(page: Page) -> None:
+        await page.credit(8)
+        source.put(bump(1.0, 0, 0))
+        await page.frame()
+        stage.may_prepare.clear()
+        await page.send(**PRESS)
+        while not stage.prepared:
+            await asyncio.sleep(0.01)
+        sequence = source.put(bump(1.0, 0, 0))
+        assert (await page.frame())["sequence"] == sequence
+        first = await page.text("status")
+        assert (await page.text("status"))["now_s"] > first["now_s"]
+        assert stage.calls == []
+        stage.may_prepare.set()
+        assert (await page.text("done", "error"))["type"] == "done"
+
+    with_pages(server, 1, act)
+    assert stage.calls == [("BALL", 0.5, 0.0, 0.0)]
+
+
+def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(
+    server: DashboardServer, source: FormulaSource
+) -> None:
+    assert source.stage is not None
+    stage = source.stage
+
+    async def act(page: Page) -> None:
+        await page.credit()
+        source.put(bump(1.0, 0, 0))
+        await page.frame()
+        stage.may_prepare.clear()
+        await page.send(**PRESS)
+        while not stage.prepared:
+            await asyncio.sleep(0.01)
+        assert await page.answer(type="release") == {"type": "done", "command": "release"}
+        stage.may_prepare.set()
+        assert await page.text("done", "error") == {"type": "done", "command": "press"}
+
+    with_pages(server, 1, act)
+    assert stage.calls == [None]
 
 
 PRESS = {"type": "press", "object": "BALL", "depth_mm": 0.5, "x_mm": 0.0, "y_mm": 0.0}

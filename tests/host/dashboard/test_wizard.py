@@ -9,13 +9,11 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from gellight.daemon.needs import Need
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import PATIENCE_MS, Open, opening
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.scripted_calibration import WIDTH, Scripted, pressing, snapshot, stored
-
-PHONE = {"width": 390, "height": 800}
-SIZES = ({"width": 1280, "height": 800}, PHONE)
 
 
 @pytest.fixture
@@ -144,7 +142,7 @@ def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, ca
     calibration.routine = pressing()
     page = opened()
     expect(page.get_by_test_id("instruction")).to_contain_text("Press the ball of 4 mm radius")
-    expect(page.get_by_test_id("advice")).to_have_text("12 more presses on the left edge")
+    expect(page.get_by_test_id("advice")).to_have_text("4 places are empty on the left edge: about 2 more presses")
     expect(page.get_by_test_id("done")).to_have_text("18 of 40 presses")
     expect(page.get_by_test_id("steps").locator("[aria-current]")).to_have_text("Ball presses")
     expect(page.get_by_test_id("places").locator("rect")).to_have_count(48)
@@ -159,10 +157,61 @@ def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, ca
 
 
 @pytest.mark.browser
+def test_the_words_count_the_empty_places_that_the_map_shows(opened: Open, calibration: Scripted) -> None:
+    calibration.routine = pressing()
+    page = opened()
+    counts = page.get_by_test_id("places").locator("text")
+    expect(counts).to_have_count(48)
+    empty = counts.all_text_contents().count("0")
+    assert empty > 0
+    expect(page.get_by_test_id("places-note")).to_have_text(f"presses that reached each place; {empty} of 48 are empty")
+
+
+@pytest.mark.browser
+def test_where_a_virtual_hand_presses_nothing_is_asked_of_yours(opened: Open, calibration: Scripted) -> None:
+    calibration.simulated = True
+    page = opened()
+    expect(page.get_by_test_id("instruction")).to_contain_text("a virtual hand presses everything")
+    calibration.hand, calibration.routine = True, pressing()
+    expect(page.get_by_test_id("instruction")).to_contain_text("The virtual hand presses the ball")
+    expect(page.get_by_test_id("advice")).to_be_empty()
+    calibration.hand = False
+    expect(page.get_by_test_id("instruction")).to_contain_text("Press the ball of 4 mm radius")
+
+
+@pytest.mark.browser
+def test_the_check_list_stands_before_the_start_and_not_beside_the_work(opened: Open, calibration: Scripted) -> None:
+    calibration.needs = (
+        Need(name="ball", state="yours", text="smooth and hard"),
+        Need(name="disk", state="missing", text="1 MB are free: make room"),
+        Need(name="training", state="ready", text="by NumPy"),
+    )
+    page = opened()
+    needs = page.get_by_test_id("needs").locator("li")
+    expect(needs).to_have_text(["○ballsmooth and hard", "✗disk1 MB are free: make room", "✓trainingby NumPy"])
+    expect(needs.nth(1).get_by_role("img")).to_have_attribute("aria-label", "missing")
+    calibration.routine = pressing()
+    expect(page.get_by_test_id("needs")).to_be_hidden()
+
+
+@pytest.mark.browser
+def test_after_success_the_live_view_is_the_first_button(opened: Open, calibration: Scripted) -> None:
+    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed."}
+    calibration.routine = snapshot("finished", verdict=verdict, actions=[])
+    page = opened()
+    expect(page.get_by_test_id("actions").locator("> *")).to_have_text(["Live view", "Calibrate again"])
+    calibration.routine = snapshot("failed", verdict={**verdict, "passed": False}, actions=[])
+    expect(page.get_by_test_id("actions").locator("> *")).to_have_text(["Calibrate again"])
+    calibration.routine = snapshot("finished", verdict=verdict, actions=[])
+    page.get_by_test_id("action-live").click()
+    page.wait_for_function("() => window.gellight")
+
+
+@pytest.mark.browser
 def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, calibration: Scripted) -> None:
     calibration.routine = pressing()
     page = opened()
-    page.wait_for_function("() => wizard.picture === 'press' && wizard.shown > 1")
+    page.wait_for_function("() => wizard.picture === 'difference' && wizard.shown > 1")
     box = page.get_by_test_id("picture").bounding_box()
     assert box is not None
     scale = box["width"] / WIDTH
@@ -244,46 +293,3 @@ def test_the_zero_is_set_and_the_wizard_opened_from_the_live_page(
         expect(page.get_by_test_id("action-begin")).to_be_visible()
         page.get_by_test_id("back").click()
         expect(page.get_by_test_id("findings")).to_be_visible()
-
-
-@pytest.mark.browser
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: str(size["width"]))
-def test_nothing_is_cut_or_overlaps(opened: Open, calibration: Scripted, size: dict[str, int]) -> None:
-    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. " + "6 fresh presses. " * 5}
-    made = "2026-11-01T10:00:00+00:00"
-    calibration.bundles = [stored("a" * 16, created=made)]
-    calibration.routine = pressing(
-        verdict=verdict, problem="the contact at (12, 40) px leaves the picture: press elsewhere"
-    )
-    page = opened()
-    page.set_viewport_size(size)  # type: ignore[arg-type]
-    page.wait_for_function("() => wizard.shown > 1")
-    expect(page.get_by_test_id("verdict")).to_be_visible()
-    assert page.evaluate(WRONG) == []
-    guide = page.get_by_test_id("actions").bounding_box()
-    assert guide is not None
-    assert guide["y"] + guide["height"] <= size["height"], "what is to be done is in sight without scrolling"
-
-
-WRONG = """() => {
-    const box = (element) => {
-        const range = document.createRange(); // a heading's words, not its whole line
-        range.selectNodeContents(element);
-        return (element.tagName === "H2" ? range : element).getBoundingClientRect();
-    };
-    const beside = (a, b) => a.right <= b.left + 1 || b.right <= a.left + 1;
-    const apart = (a, b) => beside(a, b) || a.bottom <= b.top + 1 || b.bottom <= a.top + 1;
-    const name = (element) => element.id || element.className || element.textContent;
-    const wrong = [];
-    for (const css of [".panel", ".steps li", "header > *", ".actions button", ".panel > *"]) {
-        const seen = [...document.querySelectorAll(css)].filter((e) => e.checkVisibility());
-        seen.forEach((e, i) => {
-            if (box(e).left < -1 || box(e).right > innerWidth + 1) wrong.push(["outside", name(e)]);
-            for (const f of seen.slice(i + 1)) if (!apart(box(e), box(f))) wrong.push([name(e), name(f)]);
-        });
-    }
-    for (const e of document.querySelectorAll(".panel, .panel p, td, h2, .actions button")) {
-        if (e.checkVisibility() && e.scrollWidth > e.clientWidth + 1) wrong.push(["cut", name(e)]);
-    }
-    return wrong;
-}"""

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.base.errors import BoardError, InputError
 from gellight.cli.main import app
 from gellight.sensor import doctor, udev
 from gellight.sensor.discovery import discover
@@ -245,7 +245,8 @@ def test_a_computer_without_sensor_rule_disk_or_date_is_told(tmp_path: Path, mon
     assert set(found) == {"udev rule", "disk", "clock", "sensors"}
     assert "0.5 GB" in found["disk"].text
     assert "believes it is 1970" in " ".join(finding.text for finding in findings)
-    assert "sim://" in found["sensors"].remedy
+    assert "gellight demo" in found["sensors"].remedy
+    assert "sim://" not in found["sensors"].remedy, "the doctor looks at real sensors"
 
 
 def test_ambiguous_and_missing_sensors_are_findings(clinic: Clinic, tmp_path: Path) -> None:
@@ -296,7 +297,31 @@ def test_find_lists_sensors_and_what_is_left_over(clinic: Clinic, monkeypatch: p
 def test_find_says_what_to_do_where_nothing_is_plugged_in(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:
     usb = clinic.usb
     monkeypatch.setattr("gellight.cli.find.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
-    assert isinstance(invoke("find").exception, CameraError)
+    found = invoke("find")
+    assert (found.exit_code, invoke("find", "--json").exit_code) == (0, 0), found.exception
+    assert "no light ring are plugged in: check the cable; `" in found.output
+    assert " demo` shows a simulated sensor" in found.output
+    assert "--sensor" not in found.output, "it takes no such option"
+
+
+def test_the_doctor_takes_every_name_that_is_printed_for_a_sensor(clinic: Clinic, tmp_path: Path) -> None:
+    clinic.plug("1-2", "GL0001")
+    clinic.plug("1-3", "GL0002")
+    found = discover(sysfs=clinic.usb.sysfs, dev=clinic.usb.dev)
+    first = found.called("GL0001")
+    assert first.ring is not None
+    lit = f"v4l2://{first.camera.path}?ring={first.ring.path}"
+    for name in ("sensor://GL0001", "sensor://1-2", "GL0001", "1-2", first.camera.path, first.camera.stable, lit):
+        clinic.rings.clear()
+        told = clinic.examine(tmp_path, name)
+        assert set(wrong(told)) <= {"usb"}, f"{name}: only that two share a bus"
+        assert [finding.check for finding in told].count("leds") == 1, name
+        assert len(clinic.rings) == 1, name
+    assert len([finding for finding in clinic.examine(tmp_path, "auto") if finding.check == "leds"]) == 2
+    told = wrong(clinic.examine(tmp_path, f"v4l2://{first.camera.path}?ring=/dev/ttyACM77"))
+    assert "no light ring is at /dev/ttyACM77" in told["sensors"].text
+    with pytest.raises(InputError, match="sim:// is no real sensor"):
+        clinic.examine(tmp_path, "sim://")
 
 
 def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:

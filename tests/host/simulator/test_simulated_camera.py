@@ -1,6 +1,7 @@
 """The simulated sensor: what is pressed is what is seen, and rubbish is refused."""
 
 import itertools
+import threading
 import time
 
 import numpy as np
@@ -10,7 +11,8 @@ from gellight.base.errors import BoardError, CameraError, ConfigError, InputErro
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.simulator.scene import Press
-from gellight.simulator.simulated_camera import PROGRAMME, RETURN_FRAMES, SimulatedCamera, Stage, programme_of_presses
+from gellight.simulator.simulated_camera import SimulatedCamera
+from gellight.simulator.stage import PROGRAMME, RETURN_FRAMES, Stage, programme_of_presses
 from sim_reference.geometry import SensorGeometry
 
 
@@ -64,7 +66,8 @@ def test_two_sensors_with_one_seed_are_one() -> None:
 def test_a_press_held_by_the_url_stays() -> None:
     with open_quiet("&object=SCROWN&depth=0.5&x=1&y=2") as camera:
         assert all(camera.read().truth.depth_mm.max() > 0.45 for _ in range(3))
-        assert camera.stage.status() == {"object": "SCROWN", "depth_mm": 0.5, "x_mm": 1.0, "y_mm": 2.0, "visitor": True}
+        assert camera.stage.status() == {"object": "SCROWN", "depth_mm": 0.5, "x_mm": 1.0, "y_mm": 2.0, "visitor": True,
+                                         "preparing": ""}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -207,3 +210,45 @@ def test_it_adopts_the_controls_and_the_colours_of_a_calibration() -> None:
         assert camera.ring.still.tolist() == green.tolist()
         camera.adopt({}, None)
         assert camera.ring.still is None
+
+
+def test_a_press_that_was_computed_ahead_is_shown_at_once_and_says_meanwhile_what_it_is() -> None:
+    with open_quiet("&board=0") as camera:
+        said = []
+        computed = camera.stage.prepare_ahead
+
+        def watched(press: Press) -> None:
+            said.append(camera.stage.status()["preparing"])
+            assert camera.read().truth is not None, "frames go on"
+            computed(press)
+
+        camera.stage.prepare_ahead = watched
+        camera.stage.prepare("WAVE", 0.3, 0.0, 0.0)
+        assert said == ["WAVE"]
+        assert camera.stage.status()["preparing"] == ""
+        assert camera.stage.status()["object"] == "", "it is not pressed yet"
+        assert camera._scene.is_ready(Press("WAVE", 0.3))
+        camera.stage.press("WAVE", 0.3, 0.0, 0.0)
+        ahead = camera.read().truth
+    with open_quiet("&board=0") as camera:
+        camera.stage.press("WAVE", 0.3, 0.0, 0.0)
+        at_once = camera.read().truth
+    assert ahead is not None
+    assert at_once is not None
+    assert np.array_equal(ahead.depth_mm, at_once.depth_mm)
+
+
+def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
+    with open_camera("sim://?board=0&fps=1000") as camera:
+        assert isinstance(camera, SimulatedCamera)
+        may_go_on = threading.Event()
+        compute = camera._scene.prepare_ahead
+        camera._scene.prepare_ahead = lambda press: may_go_on.wait(10) and compute(press)  # type: ignore[method-assign,func-returns-value]
+        frames = [camera.read() for _ in range(5)]
+        assert all(frame.truth is not None and not frame.truth.contact.any() for frame in frames)
+        assert camera.stage.status()["preparing"] == "BALL"
+        may_go_on.set()
+        deadline_s = time.monotonic() + 20
+        while time.monotonic() < deadline_s and not camera.read().truth.contact.any():  # type: ignore[union-attr]
+            pass
+        assert time.monotonic() < deadline_s, "the press is shown when it is computed"

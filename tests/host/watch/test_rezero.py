@@ -16,6 +16,7 @@ from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press
 from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
+from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import SensorWatch
 from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
@@ -98,11 +99,19 @@ def test_a_jump_is_told_and_set_to_zero_only_when_asked(new_sensor: New) -> None
     sensor.run(4)
     sensor.gain = np.full(3, 0.95)
     sensor.run(5)
-    assert set(sensor.told) == {"drift", "recalibrate"}
+    assert set(sensor.told) == {"drift", "zero_off", "recalibrate"}
+    off = sensor.figures("zero_off")
+    assert f"depth is off by up to {off['zero_most_mm']:.2f} mm" in finding(sensor, "zero_off").text
     assert "at once: that is no drift" in sensor.watch.refusal(asked=False)
     assert sensor.watch.refusal(asked=True) == ""
     sensor.watch.accept_zero(sensor.watch.propose_zero(asked=True))
     assert sensor.watch.status()["zeros"] == 1
+    sensor.run(5)
+    assert "zero_off" not in {found.kind for found in sensor.watch.findings()}, "a new zero mends it"
+
+
+def finding(sensor: WatchedSensor, kind: str) -> WatchFinding:
+    return next(found for found in sensor.watch.findings() if found.kind == kind)
 
 
 def test_the_zero_does_not_follow_beyond_its_bound_nor_what_is_not_understood(new_sensor: New) -> None:
@@ -144,6 +153,7 @@ def test_the_expected_error_is_the_error_that_presses_then_show(
     flat = np.zeros_like(untouched.gradient_map)
     assert expected["zero_deg"] == pytest.approx(angle_deg(untouched.normal_map, normals(flat)).mean(), rel=0.05)
     assert expected["zero_mm"] == pytest.approx(np.abs(untouched.depth_mm).mean(), rel=0.05)
+    assert expected["zero_most_mm"] == pytest.approx(np.abs(untouched.depth_mm).max(), rel=0.1), "what the page shows"
     extra = contact_error_deg(sensor, again) - 0.5  # what the bundle itself is wrong by, in contact
     assert extra / 2 < expected["gain_deg"] < 2 * extra + 0.3
 
@@ -162,7 +172,7 @@ def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Bundle) -> 
     nothing = np.zeros((60, 80, 3), np.float32)
     reference = np.full_like(nothing, 100)
     errors = ErrorEstimate(synthetic).of(nothing, reference, nothing)
-    assert vars(errors) == pytest.approx({"zero_deg": 0, "zero_mm": 0, "gain_deg": 0, "gain_mm": 0}, abs=1e-4)
+    assert vars(errors) == pytest.approx(dict.fromkeys(vars(errors), 0), abs=1e-4)
 
 
 class FadingCamera(Camera):

@@ -14,7 +14,7 @@ _REACH = 0.3
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Lattice:
     """The largest connected part of a square grid."""
 

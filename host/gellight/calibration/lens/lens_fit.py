@@ -32,7 +32,7 @@ _CENTRE_PRIOR = 1e-3
 the pins could show"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LensFit:
     """A lens, and how well it explains the pins."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, CameraError
 from gellight.base.settings import Settings
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.calibration.lights.reference_light import ReferencePictures, light_model
 from gellight.calibration.lights.ring_fit import RingFit, fit_ring
 from gellight.frames.camera import Camera
@@ -24,14 +24,19 @@ from gellight.sensor.series_cameras import EXPOSURE
 
 
 def add_lights(
-    settings: Settings, out: Path, *, frames: int, ring_from_light: bool = False, overwrite: bool = False
+    bundle: Bundle,
+    settings: Settings,
+    out: Path,
+    *,
+    frames: int,
+    ring_from_light: bool = False,
+    overwrite: bool = False,
 ) -> dict[str, object]:
-    """Measure the lights of the sensor and write the bundle, both as `settings` name them, with them to `out`.
+    """Measure the lights of the sensor that `settings` name, and write its bundle with them to `out`.
 
     ring_from_light: take the geometry of the ring from the pictures, not from the settings.
     Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or BundleError.
     """
-    bundle = load_bundle(settings.sensor.calibration)
     ring = RingGeometry.from_overrides(settings.geometry.overrides())
     colours = led_colours(bundle, ring)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:

@@ -30,7 +30,7 @@ LARGEST_RESIDUAL = 0.05
 BRIGHT_SHARE = 0.6
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ReferencePictures:
     """Mean pictures of the untouched gel at one exposure, (H, W, 3) grey levels with fraction."""
 

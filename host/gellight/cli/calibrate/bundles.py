@@ -16,19 +16,22 @@ from gellight.opening import open_camera
 
 
 def list_bundles(
-    name: Annotated[str | None, typer.Option(help="only the bundles of the sensor with this serial number")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="only the bundles of the sensor with this serial number or name")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the bundles kept on this computer; an asterisk marks those in service."""
     store = BundleStore()
-    entries = store.bundles(name)
+    entries = [entry for entry in store.bundles() if name in (None, entry.sensor, entry.name)]
     if as_json:
         listed = [entry.model_dump(mode="json") for entry in entries]
         typer.echo(json.dumps({"folder": str(store.folder), "bundles": listed}, indent=2))
         return
     for entry in entries:
         made = entry.created.astimezone().strftime("%Y-%m-%d %H:%M") if entry.created else entry.problem
-        typer.echo(f"{'*' if entry.in_service else ' '} {entry.sensor:<20} {entry.identity}  {made}")
+        called = f"  {entry.name}" if entry.name else ""
+        typer.echo(f"{'*' if entry.in_service else ' '} {entry.sensor:<20} {entry.identity}  {made}{called}")
     if not entries:
         typer.echo(typeable(f"no bundles in {store.folder}: `gellight calibrate` makes them"))
 
@@ -68,4 +71,6 @@ def _report(installed: Installed, as_json: bool) -> None:
         return
     known = "its board remembers it" if installed.remembered else "it has no board that could remember it"
     typer.echo(f"bundle {entry.identity} is in service for sensor {entry.sensor}; {known}")
-    typer.echo('a sensor that runs goes on with its old bundle until it is started again; set calibration = "auto"')
+    typer.echo(
+        "a sensor that runs goes on with its old bundle until it is started again; --calibration auto names this one"
+    )

@@ -8,6 +8,7 @@ import typer
 from gellight.base.settings import load_settings
 from gellight.calibration.lights.adding import add_lights
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
+from gellight.daemon.assembly import chosen_bundle
 
 
 @with_options
@@ -15,7 +16,7 @@ def command(
     new: NewBundle,
     sensor: Sensor = None,
     calibration: Annotated[
-        str | None, typer.Option(help="bundle that the lights are added to.", show_default="synthetic")
+        str | None, typer.Option(help="bundle that the lights are added to.", show_default="that of the sensor")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=256, help="frames averaged for each LED")] = 8,
     ring_from_light: Annotated[
@@ -29,5 +30,12 @@ def command(
     Lift everything off the gel before.
     """
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
-    found = add_lights(settings, new.out, frames=frames, ring_from_light=ring_from_light, overwrite=new.overwrite)
+    found = add_lights(
+        chosen_bundle(settings),
+        settings,
+        new.out,
+        frames=frames,
+        ring_from_light=ring_from_light,
+        overwrite=new.overwrite,
+    )
     typer.echo(json.dumps(found, indent=2) if as_json else "\n".join(f"{k:20} {v}" for k, v in found.items()))

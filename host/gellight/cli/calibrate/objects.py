@@ -6,14 +6,13 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, Calibration, Sensor
+from gellight.cli.options import AsJson, Calibration, simulated_settings
 from gellight.evaluation.object_errors import ObjectError, object_errors, summary
 
 
 def command(
     calibration: Calibration,
-    sensor: Sensor = None,
+    sensor: Annotated[str | None, typer.Option(help="URL of a simulated sensor.", show_default="sim://")] = None,
     press_depth_mm: Annotated[float, typer.Option(min=0.05, help="how deep the objects are pressed, mm")] = 0.3,
     rezero: Annotated[
         bool, typer.Option("--rezero", help="record the untouched gel anew before, nothing else")
@@ -24,7 +23,7 @@ def command(
 
     They are pressed into the simulated sensor.
     """
-    settings = load_settings({"sensor.url": sensor})
+    settings = simulated_settings({"sensor.url": sensor})
     geometry = settings.geometry.overrides()
     errors = object_errors(calibration, settings.sensor.url, geometry, press_depth_mm, rezero=rezero)
     result = {"calibration": calibration, "sensor": settings.sensor.url, "press_depth_mm": press_depth_mm}

@@ -19,6 +19,7 @@ from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.records import MeasuredLens, PinGrid
 from gellight.calibration.routine import Routine
 from gellight.calibration.state import Identity, Steps, discard, unfinished
+from gellight.cli.advice import typeable
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
 from gellight.cli.ending import Ending
@@ -34,17 +35,16 @@ class Target:
     """The sensor that is calibrated, and where its bundle and its state are kept."""
 
     sensor: Sensor = None
-    name: Annotated[str | None, typer.Option(help="Name of the sensor.", show_default="serial number of its board")] = (
-        None
-    )
+    name: Annotated[str, typer.Option(help="What people call the sensor; it is known by its serial number.")] = ""
     out: Annotated[Path, typer.Option(help="Folder of the bundle to write.")] = Path("calibration")
     folder: Annotated[Path | None, typer.Option(help="Where the state is kept.", show_default="OUT.state")] = None
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted calibration.")] = False
     restart: Annotated[bool, typer.Option("--restart", help="Throw an interrupted calibration away.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
     install: Annotated[
-        bool, typer.Option("--install", help="Put what passes into service: kept, and remembered by the board.")
-    ] = False
+        bool,
+        typer.Option("--install/--no-install", help="Put what passes into service: kept, and remembered by the board."),
+    ] = True
 
     @property
     def state(self) -> Path:
@@ -130,7 +130,7 @@ def command(
     tools: Tools,
     wanted: Presses,
     how: Training,
-    auto: Annotated[bool, typer.Option("--auto", help="A virtual hand presses, on the simulated sensor.")] = False,
+    auto: Annotated[bool, typer.Option("--auto", help="A virtual hand presses: with --sensor sim://.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a sensor, and keep its bundles.
@@ -154,7 +154,7 @@ def command(
         discard(target.state)
     begun_s = time.monotonic()
     ended = _calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json)
-    _report(ended, time.monotonic() - begun_s, as_json)
+    _report(ended, target, time.monotonic() - begun_s, as_json)
 
 
 def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> Routine:
@@ -162,7 +162,7 @@ def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None
     settings = load_settings({"sensor.url": target.sensor})
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         colours = settings.geometry.led_colours or options.led_colours
-        options = replace(options, sensor=target.name or sensor_name(camera), led_colours=colours)
+        options = replace(options, sensor=sensor_name(camera), name=target.name, led_colours=colours)
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
         routine = Routine(camera, options, target.state, hand=hand, install=target.installing(camera, options))
         routine.act("start")
@@ -178,7 +178,7 @@ def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None
     return routine
 
 
-def _report(routine: Routine, seconds: float, as_json: bool) -> None:
+def _report(routine: Routine, target: Target, seconds: float, as_json: bool) -> None:
     verdict, snapshot = routine.display.verdict, routine.snapshot()
     assert verdict is not None  # it has ended well
     if as_json:
@@ -186,11 +186,16 @@ def _report(routine: Routine, seconds: float, as_json: bool) -> None:
         typer.echo(json.dumps({**kept, "seconds": round(seconds, 1)}, indent=2))
     else:
         figures = _figures_text(routine.display.figures)
-        wrote = [f"wrote {out}; its report: {Path(out) / 'report.html'}"] if (out := routine.display.bundle) else []
+        wrote = _written(Path(out), target.install) if (out := routine.display.bundle) else []
         typer.echo("\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"]))
     if not verdict.passed:
         print("gellight: the calibration did not pass: go on with --resume to press more", file=sys.stderr)
         raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _written(out: Path, installed: bool) -> list[str]:
+    service = "it is in service" if installed else f"`gellight calibrate install {out}` puts it into service"
+    return [f"wrote {out}; its report: {out / 'report.html'}", typeable(service)]
 
 
 def _figures_text(steps: Steps) -> Iterator[str]:

@@ -1,9 +1,9 @@
 // The small drawings of the wizard: a curve, the map of places, the rose of slopes.
 
 const SVG = "http://www.w3.org/2000/svg";
-const INK = "#4cc9c0";
-const DIM = "#8391a7";
-const ENOUGH = 3; // presses of a place that is drawn in full colour
+/** A colour of the page, in the mode (light or dark) in use. */
+const ink = (name) => getComputedStyle(document.body).getPropertyValue(name);
+const FULL = 3; // presses of a place that is drawn in full colour; one is enough
 
 /** Draw points [[x, y], ...] as a curve from 0 up, or on a logarithmic scale; the last value stands at its end. */
 export function drawCurve(canvas, points, { log = false } = {}) {
@@ -21,12 +21,12 @@ export function drawCurve(canvas, points, { log = false } = {}) {
   const left = 44, bottom = height - 18;
   const at = ([x, y]) => [left + ((x - first) / (last - first || 1)) * (width - left - 8), bottom - ((shape(y) - low) / span) * (bottom - 10)];
   axis(pen, { low, high, log, left, bottom, width, first, last });
-  pen.strokeStyle = INK;
+  pen.strokeStyle = ink("--accent");
   pen.lineWidth = 2;
   pen.beginPath();
   for (const point of points) pen.lineTo(...at(point));
   pen.stroke();
-  pen.fillStyle = INK;
+  pen.fillStyle = ink("--accent");
   pen.beginPath();
   pen.arc(...at(points.at(-1)), 3, 0, 7);
   pen.fill();
@@ -34,9 +34,9 @@ export function drawCurve(canvas, points, { log = false } = {}) {
 
 function axis(pen, { low, high, log, left, bottom, width, first, last }) {
   const text = (value) => Number((log ? 10 ** value : value).toPrecision(2)).toString();
-  pen.fillStyle = DIM;
-  pen.strokeStyle = "#212a3a";
-  pen.font = "11px system-ui, sans-serif";
+  pen.fillStyle = ink("--dim");
+  pen.strokeStyle = ink("--line");
+  pen.font = "12px system-ui, sans-serif";
   for (const [value, y] of [[high, 10], [low, bottom]]) {
     pen.textAlign = "right";
     pen.fillText(text(value), left - 6, y + 4);
@@ -56,9 +56,9 @@ export function drawPlaces(svg, places) {
   const [rows, columns] = [places.length, places[0].length];
   svg.setAttribute("viewBox", `0 0 ${columns * 10} ${rows * 10}`);
   svg.replaceChildren(...places.flatMap((row, y) => row.flatMap((count, x) => {
-    const cell = shape("rect", { x: x * 10 + 0.4, y: y * 10 + 0.4, width: 9.2, height: 9.2, rx: 1.4, fill: tint(count / ENOUGH) });
-    const label = shape("text", { x: x * 10 + 5, y: y * 10 + 6.6, "text-anchor": "middle", "font-size": 4.6, fill: count ? "#06201e" : DIM });
-    label.textContent = count || "·";
+    const cell = shape("rect", { x: x * 10 + 0.4, y: y * 10 + 0.4, width: 9.2, height: 9.2, rx: 1.4, fill: tint(count / FULL) });
+    const label = shape("text", { x: x * 10 + 5, y: y * 10 + 6.8, "text-anchor": "middle", "font-size": 5.2, fill: count > 1 ? "#06201e" : "#ffffff" });
+    label.textContent = count;
     return [cell, label];
   })));
 }

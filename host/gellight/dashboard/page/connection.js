@@ -7,6 +7,7 @@ const FRAMES_AHEAD = 2; // one being drawn, one on its way
 export class Connection {
   #socket = null;
   #retryMs = FIRST_RETRY_MS;
+  #retryTimer = null;
   #listeners;
 
   /** `listeners`: frame(ArrayBuffer), status(object), answer(object), open(), lost(). */
@@ -16,6 +17,7 @@ export class Connection {
   }
 
   #open() {
+    this.#retryTimer = null;
     const socket = new WebSocket(`ws://${location.host}/ws`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
@@ -41,8 +43,15 @@ export class Connection {
   #retry() {
     this.#socket = null;
     this.#listeners.lost();
-    setTimeout(() => this.#open(), this.#retryMs);
+    this.#retryTimer = setTimeout(() => this.#open(), this.#retryMs);
     this.#retryMs = Math.min(this.#retryMs * 1.6, LAST_RETRY_MS);
+  }
+
+  /** Try to connect now, not later. */
+  retryNow() {
+    if (this.#retryTimer === null) return;
+    clearTimeout(this.#retryTimer);
+    this.#open();
   }
 
   /** Tell the server that `count` more frames can be drawn. */

@@ -10,18 +10,24 @@ export const RELIEF = LEVELS.length - 1;
 const BUDGET_MS = 130; // what a picture may take from being drawn to the next turn of the page
 const SAMPLES = 5;
 const SETTLING = 2; // the first pictures of a level compile shaders
+const EASY_MS = 40; // a picture that takes less than that leaves time for a finer one
+const EASY_PICTURES = 40; // as many easy pictures in a row before a finer level is tried, twice as many after each fall
 const PAUSE_MS = 3000; // longer than that the page was asleep, not slow
 
-/** Steps down a level when the median picture takes longer than the budget; `choose` overrides it. */
+/** Steps down a level when the median picture takes longer than the budget, and up when there is time; `choose` overrides it. */
 export class Detail {
   #first;
+  #finest;
   #chosen = null;
   #times = [];
   #settling = SETTLING;
+  #easy = 0; // easy pictures in a row
+  #patience = EASY_PICTURES;
 
-  /** Start at level `first`. */
-  constructor(first) {
+  /** Start at level `first`, and never draw finer than `finest`. */
+  constructor(first, finest = 0) {
     this.#first = first;
+    this.#finest = finest;
     this.level = first;
   }
 
@@ -33,14 +39,27 @@ export class Detail {
 
   /** Take in how long the last picture took; return whether the level has changed. */
   note(milliseconds) {
-    if (this.#chosen !== null || this.level === RELIEF || milliseconds > PAUSE_MS) return false;
+    if (this.#chosen !== null || milliseconds > PAUSE_MS) return false;
     if (this.#settling-- > 0) return false;
+    return this.#fall(milliseconds) || this.#rise(milliseconds);
+  }
+
+  #fall(milliseconds) {
+    if (this.level === RELIEF) return false;
     this.#times.push(milliseconds);
     if (this.#times.length < SAMPLES) return false;
     const median = this.#times.toSorted((a, b) => a - b)[SAMPLES >> 1];
     this.#times = [];
     if (median <= BUDGET_MS) return false;
+    this.#patience *= 2;
     this.#enter(this.level + 1);
+    return true;
+  }
+
+  #rise(milliseconds) {
+    this.#easy = milliseconds < EASY_MS ? this.#easy + 1 : 0;
+    if (this.level <= this.#finest || this.#easy < this.#patience) return false;
+    this.#enter(this.level - 1);
     return true;
   }
 
@@ -48,5 +67,6 @@ export class Detail {
     this.level = level;
     this.#times = [];
     this.#settling = SETTLING;
+    this.#easy = 0;
   }
 }

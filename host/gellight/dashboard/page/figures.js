@@ -2,7 +2,7 @@
 
 const element = (id) => document.getElementById(id);
 /** `value` with so many digits, without a minus before zero; a dash where it is not known. */
-function fixed(value, digits) {
+export function fixed(value, digits) {
   if (typeof value !== "number") return "–";
   const text = value.toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text;
@@ -15,7 +15,6 @@ function write(id, text) {
 /** Show what one frame says of the contact. */
 export function showContact({ indentation_mm: indentation, area_mm2: area, centroid_mm: centroid }) {
   write("indentation", fixed(indentation, 3));
-  write("indentation-um", fixed(indentation * 1000, 0));
   write("area", fixed(area, 1));
   write("centroid", centroid ? centroid.map((mm) => fixed(mm, 2)).join(", ") : "–");
 }
@@ -24,8 +23,8 @@ export function showContact({ indentation_mm: indentation, area_mm2: area, centr
 export function showStatus(status) {
   write("sensor", status.sensor ?? "");
   element("sensor").title = status.sensor ?? "";
-  write("error", status.error ?? "");
-  element("error").title = status.error ?? "";
+  write("bundle", bundleText(status.calibration));
+  element("bundle").title = element("bundle").textContent;
   write("fps", fixed(status.fps, 1));
   write("age-median", fixed(status.frame_age_ms?.median, 1));
   write("age-p95", fixed(status.frame_age_ms?.p95, 1));
@@ -33,6 +32,17 @@ export function showStatus(status) {
   write("mode", modeOf(status));
   showStages(status.stage_ms ?? {});
   showChecks(status.selfcheck);
+}
+
+/** Which bundle is in service, and the error that fresh presses have shown. */
+function bundleText(calibration) {
+  if (!calibration) return "–";
+  const name = `${calibration.sensor} ${calibration.identity.slice(0, 6)}`;
+  const { verified } = calibration;
+  if (!verified) return `${name}, not verified`;
+  // Without a truth the contact circle does not say how deep its rim lies, so only the shape of the dent is verified.
+  const depth = typeof verified.true_depth_mm === "number" ? ["depth", verified.true_depth_mm] : ["shape", verified.depth_mm];
+  return `${name}, ${depth[0]} ±${fixed(depth[1] * 1000, 0)} µm, normals ±${fixed(verified.normal_deg, 1)}°`;
 }
 
 /** How slopes are found, and what the last series of exposures said. */
@@ -58,7 +68,7 @@ function showStages(stages) {
 // Of the self-check: what the daemon calls it, what people call it, its unit, and units in one of the daemon's.
 const CHECKS = [
   ["depth_error_mm", "depth error", "µm", 1000],
-  ["shape_error_mm", "shape error", "µm", 1000],
+  ["shape_error_mm", "depth error, constant off", "µm", 1000],
   ["normal_error_deg", "normal error", "°", 1],
   ["contact_normal_error_deg", "in contact", "°", 1],
   ["integral_error_mm", "integration", "µm", 1000],
@@ -67,8 +77,9 @@ const CHECKS = [
 
 function showChecks(selfcheck) {
   const verdict = element("verdict");
-  verdict.textContent = selfcheck ? (selfcheck.passed ? "passed" : "failed") : "";
-  verdict.className = `verdict ${selfcheck?.passed ? "passed" : "failed"}`;
+  verdict.textContent = selfcheck?.verdict ?? "";
+  verdict.title = selfcheck?.not_judged ?? "";
+  verdict.className = `verdict ${(selfcheck?.verdict ?? "").replace(" ", "-")}`;
   write("checked", selfcheck?.sequence === undefined ? "" : `frame ${selfcheck.sequence}`);
   const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
   const nothing = node("td", "no reference to compare with", "dim");

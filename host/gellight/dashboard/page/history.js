@@ -1,54 +1,67 @@
-// Indentation over the last seconds, on the depth scale.
+// Indentation over the last minutes, in mm; while the page is paused, an earlier moment can be chosen on it.
 
-const SPAN_S = 15;
+import { plot, roundUp } from "./plot.js";
+
+const KEPT_S = 300;
+const LEAST_SCALE_MM = 0.1;
+const STEPS = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10 };
 
 export class History {
   #canvas;
-  #points = [];
+  #points = []; // [time in s, indentation in mm], oldest first
+  #spanS = 15;
+  #cursorS = null; // the moment that is shown; null is the newest
+  #timeAt = () => 0; // from a px of the canvas to seconds before the newest point
+  #listeners;
 
-  constructor(canvas) {
+  /** `listeners`: choose(timeS) when a moment is pointed at, step(count) for the arrow keys. */
+  constructor(canvas, listeners) {
     this.#canvas = canvas;
+    this.#listeners = listeners;
+    const point = (event) => this.#points.length && listeners.choose(this.#points.at(-1)[0] + this.#timeAt(event.offsetX));
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      point(event);
+    });
+    canvas.addEventListener("pointermove", (event) => canvas.hasPointerCapture(event.pointerId) && point(event));
+    canvas.addEventListener("keydown", (event) => {
+      if (!STEPS[event.key]) return;
+      event.preventDefault();
+      listeners.step(STEPS[event.key]);
+    });
+    new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  set spanS(seconds) {
+    this.#spanS = seconds;
+    this.draw();
   }
 
   /** Add an indentation in mm at `timeS`. */
   add(timeS, indentationMm) {
-    if (this.#points.length && timeS < this.#points.at(-1).timeS) this.#points = []; // the sensor's clock was restarted
-    this.#points.push({ timeS, indentationMm });
-    while (this.#points[0].timeS < timeS - SPAN_S) this.#points.shift();
+    if (this.#points.length && timeS < this.#points.at(-1)[0]) this.#points = []; // the sensor's clock was restarted
+    this.#points.push([timeS, indentationMm]);
+    while (this.#points[0][0] < timeS - KEPT_S) this.#points.shift();
   }
 
-  /** Draw all of it, the top of the canvas being `scaleUm`. */
-  draw(scaleUm) {
-    const ratio = devicePixelRatio;
-    const [width, height] = [this.#canvas.clientWidth * ratio, this.#canvas.clientHeight * ratio];
-    if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
-    const context = this.#canvas.getContext("2d");
-    context.clearRect(0, 0, width, height);
-    grid(context, width, height);
-    if (this.#points.length < 2) return;
-    const now = this.#points.at(-1).timeS;
-    const x = (point) => width * (1 - (now - point.timeS) / SPAN_S);
-    const y = (point) => height - 1 - (height - 2) * Math.min((point.indentationMm * 1000) / scaleUm, 1);
-    curve(context, this.#points.map((point) => [x(point), y(point)]), height, ratio);
+  /** Mark the moment that is shown; null where it is the newest. */
+  set cursorS(timeS) {
+    this.#cursorS = timeS;
+    this.draw();
   }
-}
 
-function grid(context, width, height) {
-  context.fillStyle = "#0c1018";
-  context.fillRect(0, 0, width, height);
-  context.fillStyle = "#1b2332";
-  for (let i = 1; i < 4; i++) context.fillRect(0, Math.round((height * i) / 4), width, 1);
-  for (let i = 1; i < 3; i++) context.fillRect(Math.round((width * i) / 3), 0, 1, height);
-}
-
-function curve(context, points, height, ratio) {
-  const path = new Path2D();
-  points.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
-  context.strokeStyle = "#4cc9c0";
-  context.lineWidth = 1.5 * ratio;
-  context.stroke(path);
-  path.lineTo(points.at(-1)[0], height);
-  path.lineTo(points[0][0], height);
-  context.fillStyle = "#4cc9c026";
-  context.fill(path);
+  draw() {
+    const now = this.#points.at(-1)?.[0] ?? 0;
+    const shown = this.#points.filter(([time]) => time >= now - this.#spanS).map(([time, mm]) => [time - now, mm]);
+    const top = roundUp(Math.max(LEAST_SCALE_MM, ...shown.map(([, mm]) => mm)));
+    const cursor = this.#cursorS === null ? null : this.#cursorS - now;
+    this.#timeAt = plot(this.#canvas, {
+      x: { from: -this.#spanS, to: 0, label: "s before the newest frame" },
+      y: { from: 0, to: top, label: "mm" },
+      curves: [{ points: shown, filled: true }],
+      cursor,
+    });
+    this.#canvas.setAttribute("aria-valuenow", (cursor ?? 0).toFixed(1));
+    this.#canvas.setAttribute("aria-valuetext", `${(-(cursor ?? 0)).toFixed(1)} s before the newest frame`);
+  }
 }

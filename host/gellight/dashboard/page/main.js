@@ -1,18 +1,27 @@
-// The page: newest frame in, everything drawn, one credit back.
+// The live page: newest frame in, everything drawn, one credit back.
 
+import { Banners } from "./banners.js";
+import { Choices } from "./choices.js";
 import { Connection } from "./connection.js";
+import { Contacts } from "./contacts.js";
 import { Detail, LEVELS, RELIEF } from "./detail.js";
 import { showContact, showStatus } from "./figures.js";
 import { History } from "./history.js";
+import { Link } from "./link.js";
+import { Measure } from "./measure.js";
 import { Decoder } from "./message.js";
+import { Pictures } from "./pictures.js";
 import { Planes, fillScales } from "./planes.js";
 import { PressPanel } from "./press.js";
+import { Recent } from "./recent.js";
 import { Relief } from "./relief.js";
 import { Ring } from "./ring.js";
-import { Surface } from "./surface.js";
+import { saveNpz, savePly, savePng } from "./saving.js";
+import { judge, tellBanners } from "./state.js";
+import { listenToKeys, offerFullScreen } from "./toolbar.js";
+import { Truth } from "./truth.js";
 import { WatchNotice } from "./watch.js";
 
-const STALE_S = 1; // without a new frame for so long the sensor is not live
 const FPS_WINDOW_MS = 2000;
 
 const element = (id) => document.getElementById(id);
@@ -20,82 +29,105 @@ const element = (id) => document.getElementById(id);
 /** What the page knows, for scripts and tests. */
 const stats = {
   state: "connecting", sequence: -1, drawn: 0, drawn_fps: 0, fps: null, age_ms: null, level: "",
-  indentation_mm: null, area_mm2: null, centroid_mm: null, error: null,
+  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], section: null, error: null, kept: 0, surface: "waiting",
 };
 window.gellight = stats;
 
 const planes = new Planes();
-const ring = new Ring(element("ring"));
-const history = new History(element("history"));
-const relief = new Relief(element("surface"));
-const surface = openSurface();
-const detail = new Detail(firstLevel());
-
 const decoder = new Decoder((view) => planes.complete(view));
-let waiting = null; // the newest frame not yet drawn
+const truth = new Truth();
+const ring = new Ring(element("ring"));
+const contacts = new Contacts(element("contacts"));
+const recent = new Recent();
+const link = new Link();
+const banners = new Banners(element("banners"));
+const watch = new WatchNotice();
+const choices = new Choices();
+const measure = new Measure(mark);
+const relief = new Relief(element("surface"));
+let surface = null; // drawn in 3D; its library is most of the page's bytes, so the first frame does not wait for it
+let detail = new Detail(RELIEF, RELIEF);
+const history = new History(element("history"), { choose: (timeS) => revisit(recent.nearest(timeS)), step: (count) => revisit(recent.step(shown?.header.time_s, count)) });
+
+let waiting = null; // the newest view not yet drawn
 let shown = null; // the view on the screen
+let status = null; // what the server said last
+let paused = false;
+let swallowed = 0; // credits to give back at the end of a pause
 let turned = false; // the surface has to be drawn again without a new frame
 let drewAt = null; // when the last picture was begun, for the level of detail
-let clockOffsetS = Infinity; // page clock minus the sensor's clock
 let drawnTimes = [];
 
 const connection = new Connection({
-  open: () => setState("connected"),
+  open: () => { stats.connected = true; },
   lost: () => {
-    clockOffsetS = Infinity;
+    stats.connected = false;
+    swallowed = 0;
+    link.reset();
     press.reset();
-    setState("lost");
   },
   frame: receive,
   status: takeStatus,
   answer: (answer) => press.answer(answer),
 });
-const watch = new WatchNotice();
-const press = new PressPanel((command) => connection.send(command), planes.canvases);
+const press = new PressPanel((command) => connection.send(command));
+const tool = () => (measuring() ? measure : press);
+const pictures = new Pictures([...planes.canvases, element("truth")], {
+  point: (place) => measure.pointAt(place),
+  down: (place) => tool().down(place),
+  move: (place) => tool().move(place),
+  up: () => tool().up(),
+  enter: (place) => tool().enter(place),
+  wheel: (event) => press.wheel(event),
+});
 
-function openSurface() {
+async function openSurface() {
+  const { Surface } = await import("./surface.js");
   try {
-    return new Surface(element("surface"), planes.imageCanvas, () => { turned = true; });
+    surface = new Surface(element("surface"), planes.imageCanvas, () => { turned = true; });
   } catch (error) {
     console.info(`no WebGL, so the surface is drawn in 2D: ${error.message}`);
     element("detail").disabled = true;
-    return null;
+    stats.surface = "2D";
+    return;
   }
+  surface.canvas.addEventListener("pointermove", (event) => event.buttons || measure.pointAt(surface.placeAt(event)));
+  surface.canvas.addEventListener("pointerleave", () => measure.pointAt(null));
+  detail = new Detail(surface.software ? 1 : 0);
+  choices.apply();
+  surface.update(shown, planes.normalPixels);
+  drawSurface();
+  stats.surface = "3D";
 }
 
-function firstLevel() {
-  if (!surface) return RELIEF;
-  return surface.software ? 1 : 0;
-}
+// ---- frames ----
 
 async function receive(buffer) {
   const view = await decoder.decode(buffer);
+  recent.add(view.header.time_s, buffer);
+  history.add(view.header.time_s, view.header.contact.indentation_mm);
   if (waiting) {
     waiting.bitmap.close();
-    connection.grant(1);
+    giveCredit();
   }
   waiting = view;
 }
 
-function takeStatus(status) {
-  // The smallest difference ever seen is the one least delayed on its way.
-  clockOffsetS = Math.min(clockOffsetS, performance.now() / 1000 - status.now_s);
-  stats.fps = status.fps ?? null;
-  stats.error = status.error ?? null;
-  showStatus(status);
-  press.show(status.stage);
-  watch.show(status.watch);
+function giveCredit() {
+  if (paused) swallowed++;
+  else connection.grant(1);
 }
 
 function turn(now) {
   requestAnimationFrame(turn);
   if (drewAt !== null && detail.note(now - drewAt)) turned = true;
   drewAt = null;
-  if (waiting) {
+  if (waiting && !paused) {
     const view = waiting;
     waiting = null;
     draw(view);
-    connection.grant(1);
+    history.draw();
+    giveCredit();
     drewAt = now;
   } else if (turned && shown) {
     drawSurface();
@@ -104,15 +136,18 @@ function turn(now) {
 }
 
 function draw(view) {
+  if (!shown) openSurface();
   shown = view;
+  pictures.learn(view.header);
   planes.draw(view);
   view.bitmap.close();
+  truth.draw(view, planes.colours);
   surface?.update(view, planes.normalPixels);
+  measure.show(view);
+  stats.contacts = contacts.number(view.header.contacts ?? []);
   drawSurface();
+  mark();
   ring.show(view.header.light);
-  press.learn(view.header);
-  history.add(view.header.time_s, view.header.contact.indentation_mm);
-  history.draw(planes.scaleUm);
   count(view.header);
 }
 
@@ -121,13 +156,37 @@ function drawSurface() {
   relief.canvas.hidden = !flat;
   if (surface) surface.canvas.hidden = flat;
   if (flat) relief.draw(shown, planes.depthPixels, Number(element("exaggeration").value));
-  else surface.draw(detail.level);
+  else {
+    surface.drawLine(measure.places);
+    surface.draw(detail.level);
+  }
   stats.level = LEVELS[detail.level].name;
+}
+
+/** Draw what lies over the pictures: the line, the place pointed at, the numbers of the contacts. */
+function mark() {
+  if (!shown) return;
+  const several = stats.contacts.length > 1 ? stats.contacts : [];
+  pictures.mark({ line: measure.line, point: measure.point, labels: several.map(({ number, centroid_mm: place }) => [String(number), place]) });
+  stats.section = measure.section;
+  turned = true;
 }
 
 function count({ sequence, contact }) {
   if (sequence !== stats.sequence) drawnTimes.push(performance.now());
   Object.assign(stats, contact, { sequence, drawn: stats.drawn + 1 });
+}
+
+// ---- what the server says, and how old all that is ----
+
+function takeStatus(said) {
+  status = said;
+  link.note(performance.now() / 1000, said.now_s);
+  stats.fps = said.fps ?? null;
+  stats.error = said.error ?? null;
+  showStatus(said);
+  press.show(said.stage);
+  watch.show(said.watch);
 }
 
 function tick() {
@@ -136,41 +195,104 @@ function tick() {
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
   element("drawn-fps").textContent = stats.drawn_fps.toFixed(1);
   element("level").textContent = LEVELS[detail.level].caption;
-  if (shown) showContact(shown.header.contact);
-  if (stats.state !== "lost") judgeAge(now);
+  element("link-behind").textContent = (link.behindS(now / 1000) * 1000).toFixed(0);
+  stats.kept = recent.count;
+  element("kept").textContent = `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`;
+  if (shown) {
+    showContact(shown.header.contact);
+    contacts.show(stats.contacts);
+  }
+  judgeState(now / 1000);
 }
 
-function judgeAge(now) {
-  if (!shown || clockOffsetS === Infinity) return;
-  const ageS = Math.max(now / 1000 - clockOffsetS - shown.header.time_s, 0);
-  stats.age_ms = ageS * 1000;
-  setState(ageS > STALE_S ? "stale" : "live", ageS);
+function judgeState(nowS) {
+  const ageS = shown && !paused ? link.ageS(nowS, shown.header.time_s) : null;
+  stats.age_ms = ageS === null ? stats.age_ms : ageS * 1000;
+  const state = judge({ connected: stats.connected, paused, status, ageS, behindS: link.behindS(nowS) });
+  stats.state = state.name;
+  document.body.dataset.state = state.name;
+  if (element("state").textContent !== state.text) element("state").textContent = state.text;
+  press.forbid(state.noPress);
+  tellBanners(banners, state, status, { retry: () => connection.retryNow(), resume: () => pause(false), release: () => press.release(), diagnose });
 }
 
-function setState(state, ageS = 0) {
-  stats.state = state;
-  document.body.dataset.state = state;
-  const texts = { connected: "connected", live: "live", stale: `no frame ${ageS.toFixed(1)} s`, lost: "reconnecting" };
-  element("state").textContent = texts[state];
+function diagnose() {
+  element("diagnostics").open = true;
+  element("diagnostics").scrollIntoView({ block: "nearest" });
 }
 
-function listen(id, act) {
-  element(id).addEventListener("change", (event) => {
-    act(event.target.value);
-    turned = true;
-  });
+// ---- pause, and earlier frames ----
+
+function pause(wanted) {
+  paused = wanted;
+  element("pause").setAttribute("aria-pressed", paused);
+  element("pause").textContent = paused ? "Resume" : "Pause";
+  document.body.classList.toggle("paused", paused);
+  if (paused) return;
+  history.cursorS = null;
+  if (swallowed) connection.grant(swallowed);
+  swallowed = 0;
+}
+
+async function revisit(frame) {
+  if (!paused || !frame) return;
+  const view = await decoder.decode(frame.buffer);
+  if (!paused) return;
+  draw(view);
+  history.cursorS = frame.timeS;
+}
+
+// ---- what the visitor chooses ----
+
+const measuring = () => element("measure").getAttribute("aria-pressed") === "true";
+
+function chooseMeasure(wanted) {
+  element("measure").setAttribute("aria-pressed", wanted);
+  document.body.classList.toggle("measuring", wanted);
+}
+
+function savePictures() {
+  drawSurface();
+  const solid = detail.level === RELIEF ? relief.canvas : surface.canvas;
+  const named = [["Surface", solid], ["Depth", element("depth")], ["True depth", element("truth")], ["Camera", element("image")], ["Difference", element("difference")], ["Normals", element("normal")]];
+  savePng(shown, named.filter(([title]) => title !== "True depth" || shown.truth), { sensor: element("sensor").textContent, bundle: element("bundle").textContent });
+}
+
+function onClick(id, act) {
+  element(id).addEventListener("click", act);
 }
 
 fillScales(element("scale"), planes.scaleUm);
-listen("scale", (um) => {
+const redraw = (act) => (value) => {
+  act(value);
+  turned = true;
+};
+choices.select(element("scale"), redraw((um) => {
   planes.setScale(Number(um));
-  history.draw(planes.scaleUm);
+  if (shown) truth.draw(shown, planes.colours);
   if (surface) surface.scaleUm = Number(um);
+}));
+choices.select(element("gain"), redraw((gain) => planes.setGain(Number(gain))));
+choices.select(element("exaggeration"), redraw((times) => { if (surface) surface.exaggeration = Number(times); }));
+choices.select(element("surface-colour"), redraw((mode) => { if (surface) surface.colouring = Number(mode); }));
+choices.select(element("detail"), redraw((level) => { if (surface) detail.choose(level === "auto" ? null : Number(level)); }));
+choices.select(element("span"), (seconds) => { history.spanS = Number(seconds); });
+choices.details(element("diagnostics"));
+
+onClick("pause", () => pause(!paused));
+onClick("measure", () => chooseMeasure(!measuring()));
+onClick("save-png", () => shown && savePictures());
+onClick("save-npz", () => shown && saveNpz(shown, planes.imagePixels));
+onClick("save-ply", () => shown && savePly(shown));
+onClick("reset-view", () => {
+  choices.reset();
+  surface?.orbit.reset();
 });
-listen("gain", (gain) => planes.setGain(Number(gain)));
-listen("exaggeration", (times) => { if (surface) surface.exaggeration = Number(times); });
-listen("surface-colour", (mode) => { if (surface) surface.colouring = Number(mode); });
-listen("detail", (level) => detail.choose(level === "auto" ? null : Number(level)));
+offerFullScreen(element("full-screen"));
+listenToKeys(() => {
+  measure.clear();
+  chooseMeasure(false);
+});
 
 requestAnimationFrame(turn);
 setInterval(tick, 100);

@@ -3,30 +3,60 @@
 const TURN_RAD_PER_PX = 0.008;
 const STEEPEST_RAD = 1.5;
 const FLATTEST_RAD = 0.15;
+const START = { azimuth: -0.42, elevation: 0.8, distance: 1 };
+const KEY_RAD = 0.08;
+const KEY_NEARER = 0.9;
+const TURNS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Orbit {
-  azimuth = -0.42; // about the z axis, from straight below
-  elevation = 0.8; // above the gel
-  distance = 1; // in units of what shows the whole gel
+  azimuth = START.azimuth; // about the z axis, from straight below
+  elevation = START.elevation; // above the gel
+  distance = START.distance; // in units of what shows the whole gel
+  #changed;
 
   /** Call `changed` after each movement on `element`. */
   constructor(element, changed) {
+    this.#changed = changed;
     element.addEventListener("pointerdown", (event) => element.setPointerCapture(event.pointerId));
     element.addEventListener("pointermove", (event) => {
       if (!element.hasPointerCapture(event.pointerId)) return;
-      this.#turn(event.movementX, event.movementY);
-      changed();
+      this.#turn(event.movementX * TURN_RAD_PER_PX, event.movementY * TURN_RAD_PER_PX);
     });
     element.addEventListener("wheel", (event) => {
+      const scrolls = document.documentElement.scrollHeight > innerHeight;
+      if (scrolls && document.activeElement !== element) return; // the wheel is the page's
       event.preventDefault();
-      this.distance = clamp(this.distance * Math.exp(event.deltaY * 0.001), 0.25, 2);
-      changed();
+      this.#come(Math.exp(event.deltaY * 0.001));
     }, { passive: false });
+    element.addEventListener("dblclick", () => this.reset());
+    element.addEventListener("keydown", (event) => this.#key(event));
   }
 
-  #turn(dx, dy) {
-    this.azimuth -= dx * TURN_RAD_PER_PX;
-    this.elevation = clamp(this.elevation + dy * TURN_RAD_PER_PX, FLATTEST_RAD, STEEPEST_RAD);
+  /** Look again as at the beginning. */
+  reset() {
+    Object.assign(this, START);
+    this.#changed();
+  }
+
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const turn = TURNS[event.key];
+    if (turn) this.#turn(...turn.map((part) => part * KEY_RAD));
+    else if (event.key === "+") this.#come(KEY_NEARER);
+    else if (event.key === "-") this.#come(1 / KEY_NEARER);
+    else return;
+    event.preventDefault();
+  }
+
+  #come(times) {
+    this.distance = clamp(this.distance * times, 0.25, 2);
+    this.#changed();
+  }
+
+  #turn(right, down) {
+    this.azimuth -= right;
+    this.elevation = clamp(this.elevation + down, FLATTEST_RAD, STEEPEST_RAD);
+    this.#changed();
   }
 
   /** Put `camera` where the orbit says, looking at the origin from `reach` times the distance. */

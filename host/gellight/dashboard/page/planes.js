@@ -61,6 +61,11 @@ export class Planes {
     return this.#image.canvas;
   }
 
+  /** The camera image as ImageData. */
+  get imagePixels() {
+    return this.#image.context.getImageData(0, 0, this.#image.canvas.width, this.#image.canvas.height);
+  }
+
   get normalPixels() {
     return this.#normal.pixels.data;
   }
@@ -125,13 +130,13 @@ function outline(words, contact, width, height) {
 
 function drawBar(scaleUm) {
   const bar = element("bar");
-  Object.assign(bar, { width: 1, height: 256 });
+  Object.assign(bar, { width: 256, height: 1 });
   const context = bar.getContext("2d");
-  for (let row = 0; row < 256; row++) {
-    context.fillStyle = `rgb(${depthColour(1 - row / 255)})`;
-    context.fillRect(0, row, 1, 1);
+  for (let column = 0; column < 256; column++) {
+    context.fillStyle = `rgb(${depthColour(column / 255)})`;
+    context.fillRect(column, 0, 1, 1);
   }
-  const labels = [1, 0.75, 0.5, 0.25, 0].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
+  const labels = [0, 0.5, 1].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
   element("ticks").replaceChildren(...labels);
 }
 

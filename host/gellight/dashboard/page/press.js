@@ -3,18 +3,6 @@
 const element = (id) => document.getElementById(id);
 const DEPTH_STEP_MM = 0.05;
 
-/** Position in mm from the image centre of a pointer on a canvas that shows the view, letterboxed; held inside the view. */
-export function pointerMm(event, canvas, viewMm) {
-  const box = canvas.getBoundingClientRect();
-  const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
-  const shown = [canvas.width * scale, canvas.height * scale];
-  const from = [event.clientX - box.left - box.width / 2, event.clientY - box.top - box.height / 2];
-  return from.map((offset, axis) => {
-    const fraction = Math.min(Math.max(offset / shown[axis], -0.5), 0.5);
-    return Math.trunc(fraction * viewMm[axis] * 100) / 100;
-  });
-}
-
 export class PressPanel {
   #send;
   #object = "";
@@ -22,17 +10,16 @@ export class PressPanel {
   #active = false; // an object of ours is in the gel
   #busy = false; // a command waits for its answer
   #next = null; // the newest command that waits for its turn
-  #viewMm = null;
   #slider = element("press-depth");
   #advice = element("press-hint").textContent;
 
-  /** `send(command)` sends to the server; `canvases` are those the pointer presses on. */
-  constructor(send, canvases) {
+  /** `send(command)` sends to the server. */
+  constructor(send) {
     this.#send = send;
-    for (const canvas of canvases) this.#listen(canvas);
     this.#slider.addEventListener("input", () => this.#setDepth(this.depthMm));
     element("press-here").addEventListener("click", () => this.#press(this.#place));
-    element("release").addEventListener("click", () => this.#release());
+    element("release").addEventListener("click", () => this.release());
+    element("objects").addEventListener("keydown", (event) => this.#turnObjects(event));
     this.#setDepth(this.depthMm);
   }
 
@@ -45,14 +32,21 @@ export class PressPanel {
     element("press").hidden = !stage;
     document.body.classList.toggle("can-press", Boolean(stage));
     if (!stage) return;
+    if (stage.preparing) this.#goOn();
     if (element("objects").childElementCount !== stage.objects.length) this.#fill(stage);
     const who = stage.visitor ? "you" : "programme";
     element("stage-now").textContent = stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`;
   }
 
-  /** Learn the size of the view in mm from a frame's header. */
-  learn({ image_px: image, pixel_size_mm: pixel }) {
-    this.#viewMm = [image[0] * pixel[0], image[1] * pixel[1]];
+  /** Whether objects can be pressed now. */
+  get ready() {
+    return !element("press").hidden && !element("press-controls").disabled;
+  }
+
+  /** Offer no press while there is a reason against it; an empty reason allows it again. */
+  forbid(reason) {
+    element("press-controls").disabled = reason !== "";
+    if (!element("press-hint").classList.contains("wrong")) element("press-hint").textContent = reason || this.#advice;
   }
 
   /** Take in the server's answer to a command; send what has waited for it. */
@@ -61,6 +55,12 @@ export class PressPanel {
     const hint = element("press-hint");
     hint.textContent = type === "error" ? message : this.#advice;
     hint.classList.toggle("wrong", type === "error");
+    this.#flush();
+  }
+
+  /** Send what waits: a press that is being computed answers late, and a newer command takes its place. */
+  #goOn() {
+    this.#busy = false;
     this.#flush();
   }
 
@@ -85,9 +85,23 @@ export class PressPanel {
     this.#choose(objects[0]);
   }
 
+  /** Let the arrow keys choose among the objects, as in any group of which one is chosen. */
+  #turnObjects(event) {
+    const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    const buttons = [...element("objects").children];
+    const next = buttons[(buttons.indexOf(event.target) + step + buttons.length) % buttons.length];
+    this.#choose(next.textContent);
+    next.focus();
+  }
+
   #choose(name) {
     this.#object = name;
-    for (const button of element("objects").children) button.setAttribute("aria-checked", button.textContent === name);
+    for (const button of element("objects").children) {
+      button.setAttribute("aria-checked", button.textContent === name);
+      button.tabIndex = button.textContent === name ? 0 : -1;
+    }
     if (this.#active) this.#press(this.#place);
   }
 
@@ -97,27 +111,30 @@ export class PressPanel {
     if (this.#active) this.#press(this.#place);
   }
 
-  #listen(canvas) {
-    canvas.addEventListener("pointerdown", (event) => {
-      if (!this.#ready() || event.button !== 0) return;
-      canvas.setPointerCapture(event.pointerId);
-      this.#press(pointerMm(event, canvas, this.#viewMm));
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (canvas.hasPointerCapture(event.pointerId)) this.#press(pointerMm(event, canvas, this.#viewMm));
-    });
-    canvas.addEventListener("lostpointercapture", () => element("hold").checked || this.#release());
-    canvas.addEventListener("wheel", (event) => this.#turnWheel(event), { passive: false });
+  // ---- the tool of the pictures: see `Pictures` ----
+
+  down(place) {
+    if (this.ready) this.#press(place);
   }
 
-  #turnWheel(event) {
-    if (!this.#ready()) return;
+  move(place) {
+    if (this.#active) this.#press(place);
+  }
+
+  up() {
+    if (this.#active && !element("hold").checked) this.release();
+  }
+
+  enter(place) {
+    if (this.#active) this.release();
+    else this.down(place);
+  }
+
+  /** Deepen the press that is there; without one the wheel scrolls the page. */
+  wheel(event) {
+    if (!this.#active) return;
     event.preventDefault();
     this.#setDepth(this.depthMm - Math.sign(event.deltaY) * DEPTH_STEP_MM);
-  }
-
-  #ready() {
-    return this.#viewMm !== null && !element("press").hidden;
   }
 
   #press(place) {
@@ -127,7 +144,8 @@ export class PressPanel {
     this.#flush();
   }
 
-  #release() {
+  /** Lift the object off the gel. */
+  release() {
     this.#active = false;
     this.#next = { type: "release" };
     this.#flush();

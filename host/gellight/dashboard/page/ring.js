@@ -56,7 +56,7 @@ function gradient(index, rgb) {
 
 function lamp(index, rgb, cx, cy) {
   const lit = Math.max(...rgb) > 0;
-  const circle = shape("circle", { cx, cy, r: 6, fill: lit ? `rgb(${rgb})` : "#141a26", stroke: lit ? "#ffffff55" : "#39455c" });
+  const circle = shape("circle", { cx, cy, r: 6, fill: lit ? `rgb(${rgb})` : "#141a26", stroke: lit ? "#8889" : "currentColor" });
   circle.dataset.testid = `led-${index}`;
   const title = shape("title", {});
   title.textContent = `LED ${index}: ${rgb.join(", ")}`;
@@ -65,7 +65,7 @@ function lamp(index, rgb, cx, cy) {
 }
 
 function unknown() {
-  const text = shape("text", { "text-anchor": "middle", fill: "#8391a7", "font-size": 10 });
+  const text = shape("text", { "text-anchor": "middle", fill: "currentColor", "font-size": 12 });
   text.textContent = "light unknown";
-  return [shape("circle", { r: RADIUS, fill: "none", stroke: "#39455c", "stroke-dasharray": "3 5" }), text];
+  return [shape("circle", { r: RADIUS, fill: "none", stroke: "currentColor", "stroke-dasharray": "3 5" }), text];
 }

@@ -3,8 +3,12 @@
 import * as THREE from "./vendor/three-0.185/three.module.min.js";
 import { LEVELS } from "./detail.js";
 import { depthColour } from "./colour.js";
+import { depthAt } from "./field.js";
 import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./packed.js";
 import { Orbit } from "./orbit.js";
+
+const PICK_STEPS = 300;
+const LIFT_MM = 0.05; // of the line over the surface, so that it is seen
 
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
@@ -62,6 +66,8 @@ export class Surface {
   #material;
   #mesh = null;
   #frame = null;
+  #line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xffffff, depthTest: false }));
+  #view = null;
   #reach = 100; // distance in mm at which the whole gel is seen
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
@@ -73,6 +79,9 @@ export class Surface {
     this.orbit = new Orbit(box, changed);
     this.#uniforms.image.value = new THREE.CanvasTexture(imageCanvas);
     this.#uniforms.image.value.flipY = false;
+    this.#line.frustumCulled = false;
+    this.#line.renderOrder = 1; // over the mesh
+    this.#scene.add(this.#line);
     this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
     new ResizeObserver(() => this.#resize(box, changed)).observe(box);
   }
@@ -83,12 +92,39 @@ export class Surface {
 
   /** Take over the depth of `view` and the painted normals. */
   update(view, normalPixels) {
+    this.#view = view;
     this.#fit(view.width, view.height, view.header);
     const texture = this.#uniforms.depth.value;
     const { data } = texture.image;
     for (let i = 0; i < data.length; i++) data[i] = view.depth[i] === NO_DEPTH ? 0 : view.depth[i] * DEPTH_UNIT_MM - DEPTH_OFFSET_MM;
     this.#uniforms.normals.value.image.data.set(normalPixels);
     for (const name of ["depth", "normals", "image"]) this.#uniforms[name].value.needsUpdate = true;
+  }
+
+  /** Draw a line over the surface through `places` [[x, y], ...] in mm; none where there are none. */
+  drawLine(places) {
+    const heights = places.map((place) => (depthAt(this.#view, this.#view.depth, place) ?? 0) * this.#uniforms.exaggeration.value + LIFT_MM);
+    this.#line.geometry.dispose();
+    this.#line.geometry = new THREE.BufferGeometry();
+    this.#line.geometry.setAttribute("position", new THREE.Float32BufferAttribute(places.flatMap(([x, y], i) => [x, -y, heights[i]]), 3));
+  }
+
+  /** Return the place [x, y] in mm that a pointer on the canvas points at; null beside the gel. */
+  placeAt({ clientX, clientY }) {
+    if (!this.#view) return null;
+    const box = this.canvas.getBoundingClientRect();
+    const caster = new THREE.Raycaster();
+    caster.setFromCamera(new THREE.Vector2(((clientX - box.left) / box.width) * 2 - 1, 1 - ((clientY - box.top) / box.height) * 2), this.#camera);
+    const { origin, direction } = caster.ray;
+    const tallest = this.#uniforms.depth.value.image.data.reduce((a, b) => Math.max(a, b), 0) * this.#uniforms.exaggeration.value;
+    for (let i = 0; i <= PICK_STEPS; i++) {
+      const z = tallest * (1 - i / PICK_STEPS);
+      const along = (z - origin.z) / direction.z;
+      const place = [origin.x + along * direction.x, -(origin.y + along * direction.y)];
+      const depth = along > 0 ? depthAt(this.#view, this.#view.depth, place) : null;
+      if (depth !== null && (depth * this.#uniforms.exaggeration.value >= z || i === PICK_STEPS)) return place;
+    }
+    return null;
   }
 
   /** Render at a level of `LEVELS`. */
@@ -138,7 +174,7 @@ export class Surface {
   #aim() {
     const half = Math.tan((this.#camera.fov * Math.PI) / 360);
     const { widthMm = 40, heightMm = 30 } = this.#size;
-    this.#reach = (Math.hypot(widthMm, heightMm) * 0.445) / (half * Math.min(this.#camera.aspect, 1.1));
+    this.#reach = (Math.hypot(widthMm, heightMm) / half) * Math.max(0.53 / this.#camera.aspect, 0.405);
   }
 }
 

@@ -3,11 +3,9 @@
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
 import { figureRows } from "./wizard_figures.js";
+import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction } from "./wizard_texts.js";
 
 const POLL_MS = 300;
-const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", lens: "Lens", presses: "Ball presses", fit: "Fit", verify: "Verify" };
-const ACTION_NAMES = { start: "Start", next: "Next", correct: "Correct", drop: "Drop this press", accept: "Accept", abort: "Stop" };
-const PICTURE_NAMES = { live: "Live", press: "Last press", cylinder: "Cylinder", pins: "Pin grid", uniformity: "Evenness of the light", coverage: "Coverage", verify: "Depth of the check", untouched: "Untouched gel" };
 const ENDS = ["finished", "aborted", "failed"];
 
 const element = (id) => document.getElementById(id);
@@ -60,6 +58,7 @@ function takeIn(state) {
   document.body.dataset.step = routine?.step ?? "";
   showSteps(routine);
   showGuide(state, routine, running);
+  showNeeds(running || routine?.step === "finished" ? [] : state.needs);
   showRequest(state, running);
   showActions(routine, running, state);
   showCoverage(routine?.coverage);
@@ -74,18 +73,17 @@ function showSteps(routine) {
   const usual = Object.keys(STEP_NAMES).filter((name) => name !== "lens");
   const steps = routine?.steps ?? usual.map((name) => ({ name, state: "to do" }));
   element("steps").replaceChildren(...steps.map(({ name, state }) => {
-    const item = node("li", STEP_NAMES[name] ?? name, state.replace(" ", "-"));
+    const item = node("li", "", state.replace(" ", "-"));
+    item.append(node("span", STEP_NAMES[name] ?? name));
+    item.title = `${STEP_NAMES[name] ?? name}: ${state}`;
     if (state === "now") item.setAttribute("aria-current", "step");
     return item;
   }));
 }
 
 function showGuide(state, routine, running) {
-  const waiting = state.interrupted
-    ? "A calibration was interrupted. Start to go on where it stopped."
-    : "You need a ball and a flat-ended cylinder of known size, and a quarter of an hour. Let the sensor warm up, and clean the gel.";
-  element("instruction").textContent = routine?.instruction || (running ? "One moment…" : waiting);
-  element("advice").textContent = running && routine.step === "presses" ? advice(routine.advice) : "";
+  element("instruction").textContent = instruction(state, routine, running);
+  element("advice").textContent = advice(state, routine, running);
   element("problem").textContent = routine?.problem || refusal;
   const { done, wanted, unit } = routine?.progress ?? {};
   element("progress").hidden = !running || done === undefined;
@@ -95,8 +93,19 @@ function showGuide(state, routine, running) {
   }
 }
 
-function advice(text) {
-  return text === "enough" ? "Enough: go on when you like." : text;
+/** The check list before the start: what is ready, what is missing, what only the visitor can see to. */
+function showNeeds(needs) {
+  element("needs").hidden = needs.length === 0;
+  const marks = { ready: "✓", missing: "✗", yours: "○" };
+  const words = { ready: "ready", missing: "missing", yours: "for you to see to" };
+  element("needs").replaceChildren(...needs.map(({ name, state, text }) => {
+    const mark = node("span", marks[state], "mark");
+    mark.setAttribute("role", "img");
+    mark.setAttribute("aria-label", words[state]);
+    const item = node("li", "", state);
+    item.append(mark, node("strong", name), node("span", text));
+    return item;
+  }));
 }
 
 function showRequest(state, running) {
@@ -130,16 +139,25 @@ function begin() {
   command({ type: "begin", request: request() });
 }
 
+/** After a calibration the live view is what everybody wants to see. */
+function liveLink() {
+  const link = Object.assign(node("a", "Live view", "button first"), { href: "./" });
+  link.dataset.testid = "action-live";
+  return link;
+}
+
 let offered = "";
 
 function showActions(routine, running, state) {
-  const actions = running ? routine.actions.filter((name) => name !== "correct") : ["begin"];
+  const done = routine?.step === "finished" && routine.verdict?.passed !== false;
+  const actions = running ? routine.actions.filter((name) => name !== "correct") : done ? ["live", "begin"] : ["begin"];
   const key = [...actions, state.interrupted, Boolean(routine), routine?.step === "lens"].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
   const next = routine?.step === "lens" ? "Go on without" : ACTION_NAMES.next;
   const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
+    if (name === "live") return liveLink();
     const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
     button.dataset.testid = `action-${name}`;
     button.addEventListener("click", () => (name === "begin" ? begin() : command({ type: "act", action: name })));
@@ -153,11 +171,18 @@ function showCoverage(coverage) {
   element("held-out-panel").hidden = points.length < 2;
   if (!coverage) return;
   drawPlaces(element("places"), coverage.places);
+  element("places-note").textContent = placesNote(coverage.places.flat());
   if (coverage.slopes) drawSlopes(element("slopes"), coverage.slopes, coverage.steepness_deg);
   element("steepest").textContent = coverage.steepest_deg ? `up to ${coverage.steepest_deg}°` : "";
   if (points.length < 2) return;
   drawCurve(element("held-out"), points);
   element("held-out-now").textContent = `${points.at(-1)[1].toFixed(2)}°`;
+}
+
+/** What the map says in words: the same places that the advice counts. */
+function placesNote(counts) {
+  const empty = counts.filter((count) => count === 0).length;
+  return `presses that reached each place; ${empty === 0 ? "none is empty" : `${empty} of ${counts.length} are empty`}`;
 }
 
 function showLoss(routine) {
@@ -232,7 +257,10 @@ function offerPictures(routine) {
 function wanted() {
   if (chosen !== "auto") return chosen;
   const routine = stats.state?.routine;
-  if (routine?.press && ["presses", "verify"].includes(routine.step) && routine.pictures.includes("press")) return "press";
+  if (routine?.press && ["presses", "verify"].includes(routine.step)) {
+    const shown = ["difference", "press"].find((name) => routine.pictures.includes(name));
+    if (shown) return shown;
+  }
   if (routine?.step === "finished" && routine.pictures.includes("verify")) return "verify";
   return "live";
 }
@@ -240,7 +268,8 @@ function wanted() {
 async function showPicture() {
   const name = wanted();
   const routine = stats.state?.routine;
-  const editable = name === "press" && Boolean(routine?.actions.includes("correct"));
+  const ofPress = ["press", "difference"].includes(name);
+  const editable = ofPress && Boolean(routine?.actions.includes("correct"));
   element("circle-hint").hidden = !editable;
   if (picture.dragging) return;
   const answer = await fetch(`calibration/picture/${name}`).catch(() => null);
@@ -248,7 +277,7 @@ async function showPicture() {
   const image = await createImageBitmap(await answer.blob());
   if (picture.dragging) return;
   picture.show(image);
-  picture.lay(name === "press" ? routine?.press : null, editable);
+  picture.lay(ofPress ? routine?.press : null, editable);
   element("picture-title").textContent = PICTURE_NAMES[name] ?? name;
   Object.assign(stats, { picture: name, shown: stats.shown + 1 });
 }

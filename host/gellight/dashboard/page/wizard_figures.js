@@ -12,8 +12,8 @@ const FIGURES = [
   ["lens", ["rms_after_px"], "pins off the lens found", (v) => `${v.toFixed(2)} px`],
   ["fit", ["training", "held_out_normal_error_deg", "mean"], "normal error, held-out images", (v) => `${v.toFixed(2)}°`],
   ["fit", ["training", "cpu_seconds"], "training", (v) => `${v.toFixed(1)} CPU s`],
-  ["verify", ["true_depth_mm"], "depth error, fresh presses, true", (v) => `${(v * 1000).toFixed(1)} µm`],
-  ["verify", ["depth_mm"], "depth error, fresh presses, mean of each taken off", (v) => `${(v * 1000).toFixed(1)} µm`],
+  ["verify", ["true_depth_mm"], "depth error in contact, fresh presses", (v) => `${(v * 1000).toFixed(1)} µm`],
+  ["verify", ["depth_mm"], "of it in the shape (the mean of each press is off)", (v) => `${(v * 1000).toFixed(1)} µm`],
   ["verify", ["normal_deg"], "normal error, fresh presses", (v) => `${v.toFixed(2)}°`],
   ["verify", ["picture_grey"], "picture re-rendered within", (v) => `${v.toFixed(1)} grey`],
 ];

@@ -43,7 +43,7 @@ class LightGroups(StrEnum):
     """one LED: 12 exposures"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LightModel:
     """The light of a sensor."""
 
@@ -105,7 +105,7 @@ def unmixing(group: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> 
     return lit, result
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signals:
     """The light that each LED alone brings to each pixel."""
 

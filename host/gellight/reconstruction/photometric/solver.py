@@ -27,7 +27,7 @@ SHADOW_SHARE = 0.1
 SHADOW_DEVIATIONS = 4.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Points:
     """N points of the gel: where they are, in mm."""
 

@@ -58,15 +58,17 @@ def sources(checkout: Path) -> list[Path]:
     """Return the files of the RP2040's image in a fixed order."""
     board, core = checkout / "firmware/boards/rp2040", checkout / "firmware/core"
     if not (core / "protocol.h").is_file():
-        raise InputError(f"{checkout} does not hold the sources of the firmware: run this in a checkout")
+        raise InputError(
+            f"{checkout} does not hold the sources of the firmware: clone GelLight's repository, give --checkout FOLDER"
+        )
     return [board / "boot2.S", *sorted(board.glob("*.c")), *sorted(core.glob("*.c"))]
 
 
 def build_elf(checkout: Path = CHECKOUT, *, compiler_name: str = "zig") -> bytes:
     """Compile and link; a compiler's complaint becomes an InputError."""
-    command = compiler(compiler_name)
     # Relative names, so that no path of this machine gets into the file.
     names = [str(path.relative_to(checkout)) for path in sources(checkout)]
+    command = compiler(compiler_name)
     board = "firmware/boards/rp2040"
     with tempfile.TemporaryDirectory() as folder:
         elf = Path(folder) / "gellight.elf"

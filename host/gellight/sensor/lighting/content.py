@@ -45,7 +45,7 @@ DARKEST = 0.4
 """bands whose coefficients add up to less than this, or to more than its inverse, saw another light"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Content:
     """What the bands of a picture say."""
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, EncodedImage
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.v4l2.controls import V4l2Controls
 from gellight.sensor.v4l2.decoding import decode
@@ -97,7 +97,13 @@ class V4l2Camera(Camera):
                 self.controls.verify()
                 self._proven = True
             time_s = self.stamp_meaning.start_s(picture)
-            return CameraFrame(image=image, time_s=time_s, sequence=picture.sequence, source=self.url)
+            return CameraFrame(
+                image=image,
+                time_s=time_s,
+                sequence=picture.sequence,
+                source=self.url,
+                encoded=EncodedImage(data=picture.data, letters=self.mode.letters, line_bytes=self.mode.line_bytes),
+            )
         raise StalledError(
             f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
         )

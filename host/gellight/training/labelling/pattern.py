@@ -89,7 +89,7 @@ def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array
     return np.stack(columns, axis=1)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
     """Pixels around a press."""
 

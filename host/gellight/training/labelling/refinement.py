@@ -39,7 +39,7 @@ _FARTHEST = 0.35
 _LEAST_PRESSES = 5
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Refined:
     """Refined presses, and what is needed to refine others of the same sensor."""
 

@@ -1,0 +1,111 @@
+"""`gellight export`: a recording as files that other programs read."""
+
+import json
+import sys
+from collections.abc import Iterator
+from enum import StrEnum
+from itertools import islice
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.options import AsJson
+from gellight.cli.reconstruct import maps_file
+from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording.recording_file import Recording
+from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
+from gellight.report.pictures import encode_png, four_panels
+from gellight.report.point_cloud import ply
+from gellight.report.video import VideoFile
+
+VIDEO = "video.mp4"
+FPS_FRAMES = 30
+"""the frame rate of a video is that of so many frames"""
+
+
+class Kind(StrEnum):
+    """What a recording is turned into."""
+
+    NPZ = "npz"
+    PNG = "png"
+    PLY = "ply"
+    VIDEO = "video"
+
+
+def command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of `gellight record`.")],
+    out: Annotated[Path, typer.Option(help="Folder for the files; created if need be.")],
+    kind: Annotated[Kind, typer.Option("--as", help="Arrays, pictures, clouds of points, or one video.")] = Kind.NPZ,
+    calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
+    every: Annotated[int, typer.Option(min=1, help="Take one frame of so many.")] = 1,
+    depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
+    as_json: AsJson = False,
+) -> None:
+    """Turn a recording into arrays, pictures, point clouds or a video.
+
+    Depth is computed from the recorded pictures. A file is named after the sequence number of its frame; .npz files
+    have what those of `gellight reconstruct` have, .ply files are in mm.
+    """
+    recording = Recording(file)
+    frames = islice(felt_frames(recording, load_bundle(calibration) if calibration else None), 0, None, every)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        count = _video(frames, out, depth_scale_um, fps_of(recording) / every) if kind is Kind.VIDEO else sum(
+            _written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames
+        )  # fmt: skip
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror}): choose another folder, or free space") from error
+    if not recording.whole:
+        print(f"gellight: the end of {file} is missing: its recording was cut short", file=sys.stderr)
+    print(json.dumps({"frames": count, "whole": recording.whole}) if as_json else f"{count} frames in {out}")
+
+
+def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
+    """Yield the tactile frames of a recording, by `bundle` or by the one that was in use at each frame."""
+    reconstructor: Reconstructor | None = None
+    camera = ReplayCamera(recording, url=str(recording.path), chosen=ReplayUrl.model_validate({"speed": 0}))
+    while True:
+        try:
+            frame = camera.read()
+        except EndOfStream:
+            return
+        wanted = bundle or recording.bundles[camera.zero]
+        if reconstructor is None or reconstructor.bundle is not wanted:
+            reconstructor = Reconstructor(wanted)
+        yield reconstructor.reconstruct(frame)
+
+
+def fps_of(recording: Recording) -> float:
+    """Return the frame rate at the beginning of a recording."""
+    times_s = [record.info.unix_s for record in islice(recording.frames(), FPS_FRAMES)]
+    duration_s = times_s[-1] - times_s[0]
+    return (len(times_s) - 1) / duration_s if duration_s > 0 else float(FPS_FRAMES)
+
+
+def _written(frame: TactileFrame, out: Path, kind: Kind, depth_scale_um: float, bundle: Bundle) -> int:
+    """Write the file of one frame; return 1."""
+    match kind:
+        case Kind.NPZ:
+            content = maps_file(frame)
+        case Kind.PNG:
+            content = encode_png(four_panels(frame, scale_um=depth_scale_um))
+        case _:
+            content = ply(frame.depth_mm, bundle.pixel_size_mm, frame.camera_frame.image)
+    write_file(out / f"{frame.camera_frame.sequence:06}.{kind}", content)
+    return 1
+
+
+def _video(frames: Iterator[TactileFrame], out: Path, depth_scale_um: float, fps: float) -> int:
+    """Write the video; return the number of its frames."""
+    count = 0
+    with VideoFile(out / VIDEO, fps) as video:
+        for frame in frames:
+            video.add(four_panels(frame, scale_um=depth_scale_um))
+            count += 1
+    return count

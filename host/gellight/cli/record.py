@@ -1,0 +1,83 @@
+"""`gellight record`: what a sensor gives, in a file."""
+
+import json
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gellight.base.errors import InputError
+from gellight.base.settings import load_settings
+from gellight.cli.ending import until_interrupted
+from gellight.cli.options import AsJson, Seconds, with_options
+from gellight.cli.run import WAIT_S, Running, published, served
+from gellight.daemon.assembly import open_session
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import EndOfStream
+from gellight.recording.recording_file import DepthKind
+from gellight.stream.recorder import Recorder, RecordingStatus
+
+STATUS_S = 1.0
+
+
+@with_options
+def command(
+    running: Running,
+    out: Annotated[Path, typer.Option(help="File to write, NAME.mcap; it must not exist.")],
+    sensor: Annotated[
+        str | None, typer.Option(help="As `gellight run` has it.", show_default="auto, or the settings")
+    ] = None,
+    seconds: Seconds = 0.0,
+    depth: Annotated[DepthKind, typer.Option(help="Record depth too; else it is computed from the pictures.")] = (
+        DepthKind.NONE
+    ),
+    dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Record what a sensor gives in a file that ROS 2 tools open too.
+
+    The file has the camera's own bytes, times and light of each frame, and the calibration bundle. It ends, whole, at
+    Ctrl-C, after --seconds or --frames, and before the disk is full.
+    """
+    settings = load_settings({"sensor.url": sensor, **running.flags()})
+    with (
+        open_session(settings) as daemon,
+        served(daemon, settings, dashboard),
+        published(daemon, settings),
+    ):
+        with (
+            Recorder(daemon, out, name=settings.stream.name, depth=depth) as recorder,
+            until_interrupted(not (seconds or running.frames)),
+        ):
+            follow(daemon, recorder, running.frames, seconds)
+        print(json.dumps({"file": str(out), **asdict(recorder.status)}) if as_json else said(out, recorder.status))
+    if recorder.ended:
+        raise InputError(recorder.status.ended)
+
+
+def follow(daemon: Daemon, recorder: Recorder, frames: int, seconds: float) -> None:
+    """Wait until so many frames or seconds are recorded (0: for ever), or until there is no more to record."""
+    begun_s = shown_s = time.monotonic()
+    sequence = -1
+    while not recorder.ended and not (frames and recorder.status.frames >= frames):
+        now_s = time.monotonic()
+        if seconds and now_s - begun_s >= seconds:
+            return
+        try:
+            sequence = daemon.wait_frame(sequence, WAIT_S).camera_frame.sequence
+        except EndOfStream:
+            return
+        except TimeoutError:
+            continue
+        if sys.stderr.isatty() and now_s - shown_s >= STATUS_S:
+            shown_s = now_s
+            print(f"\r{said(recorder.path, recorder.status)}", end="", file=sys.stderr, flush=True)
+
+
+def said(out: Path, status: RecordingStatus) -> str:
+    """Return how far a recording is, for people."""
+    left = f", room for {status.left_s / 60:.0f} min" if status.left_s is not None else ""
+    return f"{out}: {status.frames} frames, {status.size_bytes / 1e6:.1f} MB, {status.lost} lost{left}"

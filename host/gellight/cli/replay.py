@@ -1,0 +1,33 @@
+"""`gellight replay`: a recording as if it were a sensor."""
+
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import quote
+
+import typer
+
+from gellight.base.settings import load_settings
+from gellight.cli.options import with_options
+from gellight.cli.run import Running, run_sensor
+
+
+@with_options
+def command(
+    running: Running,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of `gellight record`.")],
+    speed: Annotated[
+        float, typer.Option(min=0, max=1000, help="2: twice as fast; 0: as fast as depth is computed.")
+    ] = 1,
+    start: Annotated[float, typer.Option(min=0, help="Begin so many seconds after the first frame.")] = 0,
+    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
+    dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the status as JSON.")] = False,
+) -> None:
+    """Play a recording as if it were a sensor.
+
+    Depth is computed anew, with the calibration bundle of the recording, or that of --calibration.
+    """
+    url = f"replay://{quote(str(file.resolve()))}?speed={speed:g}&start={start:g}&loop={int(loop)}"
+    flags = running.flags()
+    flags["sensor.calibration"] = flags["sensor.calibration"] or "auto"
+    run_sensor(load_settings({"sensor.url": url, **flags}), running, dashboard=dashboard, as_json=as_json)

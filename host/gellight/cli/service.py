@@ -1,0 +1,89 @@
+"""`gellight service`: let systemd start the sensor when the user logs in, and again when it fails."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import platformdirs
+import typer
+
+from gellight.base.errors import InputError
+from gellight.base.writing import make_folder, write_file
+from gellight.cli.options import Overwrite
+
+WATCHDOG_S = 30
+"""a service without a frame for so long, whose sensor is plugged in, is started anew"""
+UNIT = """[Unit]
+Description=GelLight tactile sensor {name}
+
+[Service]
+Type=notify
+NotifyAccess=main
+ExecStart={command}
+WatchdogSec={watchdog}
+Restart=on-failure
+RestartSec=2
+TimeoutStartSec=60
+TimeoutStopSec=10
+
+[Install]
+WantedBy=default.target
+"""
+
+app = typer.Typer(help="Let systemd run the sensor of this user.", no_args_is_help=True)
+
+
+@app.command()
+def install(
+    sensor: Annotated[str, typer.Option(help="As `gellight run` has it.")] = "auto",
+    name: Annotated[str, typer.Option(help="Tells the services of several sensors apart.")] = "",
+    port: Annotated[int, typer.Option(help="Port of the dashboard.", min=0, max=65535)] = 8420,
+    show: Annotated[bool, typer.Option("--print", help="Only print the unit file.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write the unit file of a service of this user, which runs `gellight run`.
+
+    What else is to be set stands in the user's config.toml, see `gellight config path`.
+    """
+    text, path = unit(sensor, name, port), unit_path(name)
+    if show:
+        print(text, end="")
+        return
+    if path.exists() and not overwrite:
+        raise InputError(f"{path} exists: give --overwrite, or another --name")
+    try:
+        make_folder(path.parent)
+        write_file(path, text.encode())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror})") from error
+    print(f"{path} is written; start it now and whenever you log in:")
+    print(f"    systemctl --user daemon-reload && systemctl --user enable --now {path.name}")
+    print(f"its messages: journalctl --user -u {path.name}; without being logged in: loginctl enable-linger")
+
+
+@app.command()
+def remove(name: Annotated[str, typer.Option(help="As it was installed.")] = "") -> None:
+    """Remove the unit file again."""
+    path = unit_path(name)
+    if not path.exists():
+        raise InputError(f"there is no {path}: nothing was installed under this name")
+    path.unlink()
+    print(f"{path} is removed; stop what still runs: systemctl --user disable --now {path.name}")
+
+
+def unit_path(name: str) -> Path:
+    """Return where the unit file of a service is; InputError for a name that systemd does not allow."""
+    if not re.fullmatch(r"[A-Za-z0-9_.-]*", name):
+        raise InputError(f"--name {name!r} is not possible: give letters, digits, '-', '_' and '.'")
+    return platformdirs.user_config_path() / "systemd" / "user" / f"gellight{'-' if name else ''}{name}.service"
+
+
+def unit(sensor: str, name: str, port: int) -> str:
+    """Return the unit file."""
+    words = [str(Path(sys.executable).parent / "gellight"), "run", "--sensor", sensor, "--port", str(port)]
+    words += ["--name", name] if name else []
+    # systemd takes % for the beginning of a specifier and $ for a variable
+    command = shlex.join(words).replace("%", "%%").replace("$", "$$")
+    return UNIT.format(name=name or sensor.replace("%", "%%"), command=command, watchdog=WATCHDOG_S)

@@ -1,0 +1,73 @@
+"""`gellight simulate`: what the simulator computes, as files."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from gellight.base.errors import InputError
+from gellight.cli.lazy import MARKUP
+from gellight.cli.optimize import GeometryFile
+from gellight.cli.options import AsJson, Overwrite, refuse_existing
+from gellight.design.geometry import read_geometry
+from gellight.simulator.gel_models import GelKind
+from gellight.simulator.one_press import PressRequest, press_once
+from sim_reference.fem.newton import Step
+
+app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
+
+
+@app.callback()
+def simulate() -> None:
+    """Press objects into the simulated gel, as files."""
+
+
+@app.command()
+def press(
+    object_name: Annotated[str, typer.Option("--object", help="An object of the simulator, or a closed .stl in mm.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write surface, pressure and report here.")],
+    depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep.")] = None,
+    force: Annotated[float | None, typer.Option("--force-n", help="With which force, instead of a depth.")] = None,
+    gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "fem",
+    resolution: Annotated[float, typer.Option("--resolution-mm", help="Between vertices of the surface.")] = 0.3,
+    friction: Annotated[float, typer.Option("--friction", min=0, max=2, help="Coefficient, finite elements.")] = 0.0,
+    geometry: GeometryFile = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Press one object into the gel, to a depth or with a force.
+
+    A press by finite elements that was interrupted goes on from its last step with the same command.
+    """
+    if (depth is None) == (force is None):
+        raise InputError("give --depth-mm or --force-n, one of the two")
+    refuse_existing(out / "press.npz", overwrite)
+    request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
+                     friction=friction)  # fmt: skip
+    with _shown(object_name) as show:
+        report = press_once(request, out, read_geometry(geometry), show)
+    answer = asdict(report)
+    if as_json:
+        typer.echo(json.dumps(answer))
+        return
+    typer.echo("\n".join(f"{name:15} {value}" for name, value in answer.items() if value is not None))
+
+
+@contextmanager
+def _shown(title: str) -> Iterator[Callable[[Step], None]]:
+    """Yield what shows Newton's steps: a line on a terminal, else nothing."""
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        line = bar.add_task(title, total=None)
+
+        def show(step: Step) -> None:
+            figures = f"gap {step.min_gap_mm * 1e3:.1f} um, det F {step.min_det_f:.2f}"
+            bar.update(line, description=f"{title}: step {step.number}, {step.longest_mm:.1e} mm, {figures}")
+
+        yield show

@@ -1,0 +1,53 @@
+"""`gellight status`: the daemons that run on this computer."""
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from gellight.base.errors import StreamError
+from gellight.cli.ending import Ending
+from gellight.cli.options import AsJson
+from gellight.stream.running import RunningDaemon, running
+from gellight.stream.subscription import subscribe
+
+
+def command(
+    name: Annotated[str | None, typer.Argument(help="One daemon.", show_default="all of this user")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the daemons that run on this computer, and how they are.
+
+    The exit status is 1 where none runs, or where one has an error.
+    """
+    found = [daemon for daemon in running() if name in (None, daemon.name)]
+    told = {daemon.name: status_of(daemon) for daemon in found}
+    if as_json:
+        print(json.dumps(told))
+    elif not told:
+        print(f"no daemon{f' of {name}' if name else ''} runs: start one with `gellight run`")
+    for daemon in [] if as_json else found:
+        print(line(daemon, told[daemon.name]))
+    if not told or any(status["error"] for status in told.values()):
+        raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def status_of(daemon: RunningDaemon) -> dict[str, Any]:
+    """Return what a daemon says, with its process; one that does not answer has that as its error."""
+    about = {"process": daemon.process, "since_unix_s": daemon.since_unix_s, "endpoint": daemon.endpoint}
+    try:
+        with subscribe(daemon.name) as frames:
+            return {**about, **frames.status()}
+    except StreamError as error:
+        return {**about, "sensor": daemon.sensor, "error": str(error)}
+
+
+def line(daemon: RunningDaemon, status: dict[str, Any]) -> str:
+    """Return a line for people."""
+    if status["error"]:
+        return f"{daemon.name} (process {daemon.process}): {status['error']}"
+    age = status["frame_age_ms"].get("median", "?")
+    return (
+        f"{daemon.name} (process {daemon.process}, {daemon.sensor}): {status['fps']} frames/s, age {age} ms, "
+        f"{status['frames']} frames, {status['lost']} lost"
+    )

@@ -1,0 +1,67 @@
+"""`/metrics` for Prometheus, and `/health` for what only asks whether the sensor works."""
+
+import json
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from typing import Any
+
+from aiohttp import web
+
+CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+COUNTERS = {
+    "frames": ("gellight_frames_total", "Tactile frames that were computed."),
+    "dropped": ("gellight_dropped_frames_total", "Camera frames that were replaced by a newer one."),
+    "lost": ("gellight_lost_frames_total", "Frames that the camera took and that never came."),
+}
+"""name and meaning of what only grows, by the key of the status"""
+
+
+class Metrics:
+    """Answers with the figures of the status."""
+
+    def __init__(self, status_text: Callable[[], Awaitable[str]]) -> None:
+        """Take what returns the status as JSON."""
+        self._status_text = status_text
+
+    def add_routes(self, app: web.Application) -> None:
+        """Add `/metrics` and `/health`."""
+        app.router.add_get("/metrics", self._show_metrics)
+        app.router.add_get("/health", self._show_health)
+
+    async def _show_metrics(self, request: web.Request) -> web.Response:
+        text = "\n".join(metric_lines(json.loads(await self._status_text()))) + "\n"
+        return web.Response(body=text.encode(), headers={"Content-Type": CONTENT_TYPE})
+
+    async def _show_health(self, request: web.Request) -> web.Response:
+        """Answer 200, or 503 with what is wrong."""
+        error = json.loads(await self._status_text())["error"]
+        return web.json_response({"ok": error is None, "error": error}, status=503 if error else 200)
+
+
+def metric_lines(status: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of Prometheus's text format for a status; see `Daemon.status`."""
+    for key, (name, meaning) in COUNTERS.items():
+        yield from described(name, meaning, "counter", {"": status.get(key)})
+    yield from described("gellight_up", "1 while the sensor works.", "gauge", {"": int(status.get("error") is None)})
+    yield from described("gellight_frame_rate", "Tactile frames a second.", "gauge", {"": status.get("fps")})
+    ages = {"0.5": "median", "0.95": "p95"}
+    found = {f'{{quantile="{q}"}}': seconds(status.get("frame_age_ms", {}).get(name)) for q, name in ages.items()}
+    yield from described("gellight_frame_age_seconds", "From the exposure to the depth map.", "gauge", found)
+    stages = {f'{{stage="{name}"}}': seconds(ms) for name, ms in status.get("stage_ms", {}).items()}
+    yield from described("gellight_stage_seconds", "Median time of a stage of the frame path.", "gauge", stages)
+    watch = status.get("watch") or {}
+    kinds = {f'{{kind="{finding["kind"]}"}}': 1 for finding in watch.get("findings", [])}
+    yield from described("gellight_finding", "What has changed since the calibration.", "gauge", kinds)
+
+
+def described(name: str, meaning: str, kind: str, values: Mapping[str, float | None]) -> Iterator[str]:
+    """Yield a metric with its values by their labels; nothing for values that are not known yet."""
+    known = {labels: value for labels, value in values.items() if value is not None}
+    if known:
+        yield f"# HELP {name} {meaning}"
+        yield f"# TYPE {name} {kind}"
+        yield from (f"{name}{labels} {value:g}" for labels, value in known.items())
+
+
+def seconds(ms: float | None) -> float | None:
+    """Return s for ms."""
+    return None if ms is None else ms * 1e-3

@@ -1,0 +1,59 @@
+// Depth and slope at any place of a view, in mm from the middle of the picture: x to the right, y down.
+
+import { NO_DEPTH, depthMm } from "./packed.js";
+
+/** Size of the view on the gel, [width, height] in mm. */
+export function sizeMm({ image_px: image, pixel_size_mm: pixel }) {
+  return [image[0] * pixel[0], image[1] * pixel[1]];
+}
+
+/** Return the depth in mm of `codes` (view.depth or view.truth) at a place; null outside and where there is none. */
+export function depthAt(view, codes, place) {
+  const [column, row] = pixelAt(view, place);
+  const [left, top] = [clamp(Math.floor(column), view.width - 2), clamp(Math.floor(row), view.height - 2)];
+  if (Math.abs(column - left - 0.5) > 1 || Math.abs(row - top - 0.5) > 1) return null;
+  const [right, down] = [column - left, row - top];
+  let sum = 0;
+  for (const [dx, dy, weight] of [[0, 0, (1 - right) * (1 - down)], [1, 0, right * (1 - down)], [0, 1, (1 - right) * down], [1, 1, right * down]]) {
+    const code = codes[(top + dy) * view.width + left + dx];
+    if (code === NO_DEPTH) return null;
+    sum += weight * depthMm(code);
+  }
+  return sum;
+}
+
+/** Return the angle in degrees between the surface at a place and the gel at rest; null where it is not known. */
+export function slopeDegAt(view, place) {
+  const [width, height] = sizeMm(view.header);
+  const steps = [[width / view.width, 0], [0, height / view.height]];
+  const slopes = steps.map(([dx, dy]) => {
+    const [before, after] = [-1, 1].map((side) => depthAt(view, view.depth, [place[0] + side * dx, place[1] + side * dy]));
+    return before === null || after === null ? null : (after - before) / (2 * (dx + dy));
+  });
+  return slopes.includes(null) ? null : (Math.atan(Math.hypot(...slopes)) * 180) / Math.PI;
+}
+
+/**
+ * Return the section of `codes` along the line from `start` to `end`: [[distance from start in mm, depth in mm], ...],
+ * about one point a pixel; a depth is null where there is none.
+ */
+export function sectionOf(view, codes, [start, end]) {
+  const length = Math.hypot(end[0] - start[0], end[1] - start[1]);
+  const pixelMm = sizeMm(view.header)[0] / view.width;
+  const count = Math.max(Math.ceil(length / pixelMm), 1);
+  return Array.from({ length: count + 1 }, (_, i) => {
+    const part = i / count;
+    const place = [0, 1].map((axis) => start[axis] + part * (end[axis] - start[axis]));
+    return [part * length, depthAt(view, codes, place)];
+  });
+}
+
+/** Column and row of a place, in pixels from the middle of the first pixel. */
+function pixelAt(view, [x, y]) {
+  const [width, height] = sizeMm(view.header);
+  return [(x / width + 0.5) * view.width - 0.5, (y / height + 0.5) * view.height - 0.5];
+}
+
+function clamp(index, last) {
+  return Math.min(Math.max(index, 0), last);
+}

@@ -1,0 +1,121 @@
+// Measuring: what is under the pointer, and the section along a line drawn over a picture.
+
+import { depthAt, sectionOf, slopeDegAt } from "./field.js";
+import { fixed } from "./figures.js";
+import { plot, roundUp } from "./plot.js";
+
+const element = (id) => document.getElementById(id);
+const SHORTEST_MM = 0.3; // a shorter line is a click
+const LEAST_SCALE_MM = 0.05;
+const LINE_POINTS = 100;
+const ADVICE = "Press Measure and draw a line over any picture.";
+
+export class Measure {
+  line = null; // [start, end], each [x, y] in mm
+  point = null; // under the pointer or the cursor of the arrow keys
+  section = null; // {measured, truth}: see sectionOf
+  #start = null; // where a line was begun
+  #view = null;
+  #changed;
+
+  /** `changed()` is called when line or point have changed. */
+  constructor(changed) {
+    this.#changed = changed;
+    element("clear-line").addEventListener("click", () => this.clear());
+    new ResizeObserver(() => this.#drawSection()).observe(element("section"));
+  }
+
+  /** Measure another view. */
+  show(view) {
+    this.#view = view;
+    this.#read();
+    this.#cut();
+  }
+
+  /** Places along the line, for drawing it on the surface. */
+  get places() {
+    if (!this.line) return [];
+    const [start, end] = this.line;
+    return Array.from({ length: LINE_POINTS + 1 }, (_, i) => start.map((mm, axis) => mm + ((end[axis] - mm) * i) / LINE_POINTS));
+  }
+
+  pointAt(place) {
+    this.point = place;
+    this.#read();
+    this.#changed();
+  }
+
+  down(place) {
+    this.#start = place;
+  }
+
+  move(place) {
+    if (this.#start) this.#setLine([this.#start, place]);
+  }
+
+  up() {
+    this.#start = null;
+  }
+
+  /** Begin a line with the arrow keys' cursor, or end it. */
+  enter(place) {
+    if (this.#start) {
+      this.#setLine([this.#start, place]);
+      this.#start = null;
+    } else this.#start = place;
+  }
+
+  clear() {
+    this.line = this.#start = this.section = null;
+    this.#cut();
+    this.#changed();
+  }
+
+  #setLine([start, end]) {
+    if (Math.hypot(end[0] - start[0], end[1] - start[1]) < SHORTEST_MM) return;
+    this.line = [start, end];
+    this.#cut();
+    this.#changed();
+  }
+
+  #read() {
+    if (!this.#view || !this.point) {
+      element("readout").textContent = "point at a picture to measure";
+      return;
+    }
+    const view = this.#view;
+    const [x, y] = this.point.map((mm) => fixed(mm, 2));
+    const parts = [`x ${x} y ${y} mm`, `depth ${fixed(depthAt(view, view.depth, this.point), 3)} mm`];
+    if (view.truth) parts.push(`true ${fixed(depthAt(view, view.truth, this.point), 3)} mm`);
+    parts.push(`slope ${fixed(slopeDegAt(view, this.point), 1)}°`);
+    element("readout").textContent = parts.join(" · ");
+  }
+
+  #cut() {
+    element("clear-line").hidden = !this.line;
+    if (!this.line || !this.#view) element("section-text").textContent = ADVICE;
+    else {
+      const { depth, truth } = this.#view;
+      this.section = { measured: sectionOf(this.#view, depth, this.line), truth: truth && sectionOf(this.#view, truth, this.line) };
+      element("section-text").textContent = describe(this.section);
+    }
+    this.#drawSection();
+  }
+
+  #drawSection() {
+    const { measured, truth } = this.section ?? { measured: [], truth: null };
+    const depths = [...measured, ...(truth ?? [])].map(([, mm]) => mm).filter((mm) => mm !== null);
+    const lowest = Math.min(0, ...depths);
+    const top = roundUp(Math.max(LEAST_SCALE_MM, ...depths));
+    plot(element("section"), {
+      x: { from: 0, to: measured.at(-1)?.[0] ?? 10, label: "mm along the line" },
+      y: { from: lowest < -0.02 * top ? -roundUp(-lowest) : 0, to: top, label: "mm" },
+      curves: [{ points: measured, filled: true }, ...(truth ? [{ points: truth, dashed: true }] : [])],
+    });
+  }
+}
+
+function describe({ measured, truth }) {
+  const deepest = (points) => fixed(Math.max(...points.map(([, mm]) => mm ?? -Infinity)), 3);
+  return `${fixed(measured.at(-1)[0], 2)} mm long, deepest ${deepest(measured)} mm${truth ? `, true ${deepest(truth)} mm (dashed)` : ""}`;
+}

@@ -1,0 +1,59 @@
+// The last minutes of frames, as they came: dense where they are new, thinned out where they are old, never more bytes
+// than the bound.
+
+const MOST_BYTES = 64e6;
+const LEAST_GAP_S = 0.05;
+
+export class Recent {
+  #frames = []; // {timeS, buffer}, oldest first
+  #bytes = 0;
+
+  constructor(mostBytes = MOST_BYTES) {
+    this.mostBytes = mostBytes;
+  }
+
+  get count() {
+    return this.#frames.length;
+  }
+
+  get bytes() {
+    return this.#bytes;
+  }
+
+  /** Keep the message `buffer` of a frame taken at `timeS`; forget what has become too much. */
+  add(timeS, buffer) {
+    const last = this.#frames.at(-1)?.timeS;
+    if (last > timeS) this.#clear(); // the sensor's clock was restarted
+    else if (timeS - last < LEAST_GAP_S) return;
+    this.#frames.push({ timeS, buffer });
+    this.#bytes += buffer.byteLength;
+    while (this.#bytes > this.mostBytes && this.#frames.length > 2) this.#thin();
+  }
+
+  /** Return the frame nearest to `timeS`, as {timeS, buffer}; null where there is none. */
+  nearest(timeS) {
+    const distance = (frame) => Math.abs(frame.timeS - timeS);
+    return this.#frames.reduce((best, frame) => (best === null || distance(frame) < distance(best) ? frame : best), null);
+  }
+
+  /** Return the frame `count` frames after the one nearest to `timeS`, or before it; the first or last at the ends. */
+  step(timeS, count) {
+    const place = this.#frames.indexOf(this.nearest(timeS)) + count;
+    return this.#frames[Math.min(Math.max(place, 0), this.#frames.length - 1)] ?? null;
+  }
+
+  /** Forget the frame whose neighbours are nearest to each other, measured by how long ago it was. */
+  #thin() {
+    const now = this.#frames.at(-1).timeS;
+    const gap = (i) => (this.#frames[i + 1].timeS - this.#frames[i - 1].timeS) / (now - this.#frames[i].timeS + 1);
+    let least = 1;
+    for (let i = 2; i < this.#frames.length - 1; i++) if (gap(i) < gap(least)) least = i;
+    const [forgotten] = this.#frames.splice(least, 1);
+    this.#bytes -= forgotten.buffer.byteLength;
+  }
+
+  #clear() {
+    this.#frames = [];
+    this.#bytes = 0;
+  }
+}

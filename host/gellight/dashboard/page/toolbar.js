@@ -1,0 +1,44 @@
+// The keys of the page: every element with a `data-key` is clicked by it, and the help lists them.
+
+const MORE_KEYS = [
+  ["arrows", "on a picture: move the cursor; with Shift by 0.1 mm"],
+  ["Enter", "on a picture: press there, or begin and end the line to measure"],
+  ["arrows, + −", "on the surface: turn it, come nearer"],
+  ["arrows", "on the chart of the indentation: earlier and later frames"],
+  ["Esc", "clear the line"],
+];
+
+/** Listen to the keys; `escape()` is called for Esc. */
+export function listenToKeys(escape) {
+  const keyed = new Map([...document.querySelectorAll("[data-key]")].map((node) => [node.dataset.key, node]));
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea")) return;
+    if (event.key === "Escape") escape();
+    const node = keyed.get(event.key.toLowerCase());
+    if (!node || (event.key === " " && event.target.closest("button, a, summary"))) return;
+    event.preventDefault();
+    node.click();
+  });
+  fillHelp(keyed);
+}
+
+function fillHelp(keyed) {
+  const own = [...keyed].map(([key, node]) => [key === " " ? "Space" : key.toUpperCase(), node.title ? `${node.textContent.trim()}: ${node.title}` : node.textContent.trim()]);
+  document.getElementById("keys").replaceChildren(...[...own, ...MORE_KEYS].map(([key, text]) => {
+    const line = document.createElement("div");
+    const term = document.createElement("dt");
+    term.append(Object.assign(document.createElement("kbd"), { textContent: key }));
+    line.append(term, Object.assign(document.createElement("dd"), { textContent: text }));
+    return line;
+  }));
+}
+
+/** Make `button` enter and leave full screen. */
+export function offerFullScreen(button) {
+  button.hidden = !document.fullscreenEnabled;
+  button.addEventListener("click", () => {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else document.documentElement.requestFullscreen();
+  });
+  document.addEventListener("fullscreenchange", () => button.setAttribute("aria-pressed", Boolean(document.fullscreenElement)));
+}

@@ -1,0 +1,99 @@
+"""What is recorded of one camera frame: the bytes as the camera gave them, its time and its light."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from gellight.base.allowed import StrictModel
+from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, LightLabel
+from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
+from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.errors import CorruptPictureError
+from gellight.sensor.v4l2.formats import Mode
+
+MOST_PX = 8192
+JPEG = "MJPG"
+ENCODINGS = {"RGB3": "rgb8", "GREY": "mono8", "YUYV": "yuv422_yuy2"}
+"""of ROS, by the format of the camera"""
+Byte = Annotated[int, Field(ge=0, le=255)]
+Size = Annotated[int, Field(gt=0, le=MOST_PX)]
+
+
+class FrameInfo(StrictModel):
+    """What stands beside the picture, as JSON."""
+
+    sequence: int
+    time_s: float
+    """start of the exposure on the monotonic clock of the computer that recorded"""
+    unix_s: float
+    """the same on the clock of `time.time`"""
+    letters: str
+    """format of the bytes, as V4L2 names it: MJPG, YUYV, RGB3 or GREY"""
+    width: Size
+    height: Size
+    line_bytes: int = Field(ge=0, le=4 * MOST_PX)
+    light: tuple[tuple[Byte, Byte, Byte], ...] | None
+    label: LightLabel | None
+    zero: str
+    """identity of the calibration bundle with the zero that was in use; an attachment holds it"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRecord:
+    """A frame as it stands in a recording."""
+
+    info: FrameInfo
+    data: bytes
+    """as the camera gave it, or RGB where it gave no bytes"""
+
+    @classmethod
+    def of(cls, frame: CameraFrame, *, unix_s: float, zero: str) -> "FrameRecord":
+        """Return what is recorded of a camera frame."""
+        encoded, (height, width) = frame.encoded, frame.image.shape[:2]
+        info = FrameInfo(
+            sequence=frame.sequence,
+            time_s=frame.time_s,
+            unix_s=unix_s,
+            letters=encoded.letters if encoded else "RGB3",
+            width=width,
+            height=height,
+            line_bytes=encoded.line_bytes if encoded else 0,
+            light=None if frame.light is None else tuple(map(tuple, frame.light.tolist())),
+            label=frame.label,
+            zero=zero,
+        )
+        return cls(info=info, data=encoded.data if encoded else frame.image.tobytes())
+
+    @property
+    def compressed(self) -> bool:
+        """Whether the bytes are a JPEG."""
+        return self.info.letters == JPEG
+
+    def message(self, frame_id: str) -> bytes:
+        """Return the message of ROS 2: CompressedImage of a JPEG, else Image."""
+        info = self.info
+        if self.compressed:
+            return encode_compressed(self.data, info.unix_s, frame_id)
+        encoding, step = ENCODINGS[info.letters], info.line_bytes or len(self.data) // info.height
+        data = self.data[: step * info.height]
+        image = RosImage(height=info.height, width=info.width, encoding=encoding, step=step, data=data)
+        return image.encode(info.unix_s, frame_id)
+
+    @classmethod
+    def read(cls, info: FrameInfo, message: bytes) -> "FrameRecord":
+        """Return the frame of a message; ValueError where it is damaged."""
+        data = decode_compressed(message) if info.letters == JPEG else RosImage.decode(message).data
+        return cls(info=info, data=data)
+
+    def image(self, source: str) -> NDArray[np.uint8]:
+        """Return (H, W, 3) RGB, decoded as when it was live; InputError, naming `source`, for a damaged picture."""
+        info = self.info
+        mode = Mode(letters=info.letters, width=info.width, height=info.height, fps=1.0, line_bytes=info.line_bytes)
+        try:
+            return decode(self.data, mode)
+        except (CorruptPictureError, KeyError) as error:
+            raise InputError(f"{source}: frame {info.sequence} cannot be decoded ({error}): record it again") from error

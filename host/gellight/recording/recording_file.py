@@ -1,0 +1,298 @@
+"""The file of a recording: MCAP in the profile of ROS 2, uncompressed, with the calibration bundle as an attachment.
+
+    /NAME/frame                        std_msgs/String, JSON: FrameInfo
+    /NAME/image_raw[/compressed]       sensor_msgs/Image or CompressedImage: the bytes of the camera
+    /NAME/depth                        sensor_msgs/Image 32FC1, metres, on request
+    /NAME/depth_tenth_um               sensor_msgs/Image 16UC1, tenths of a micrometre, 0 to 6.5535 mm, on request
+    /NAME/contact                      std_msgs/String, JSON, with the depth: ContactInfo
+    calibration-IDENTITY.gelcal        attachments: the bundle with the zero in use; another one after each re-zero
+
+The file is written in chunks of `CHUNK_BYTES`. What ends the writing at once, such as a loss of power, costs the last
+chunk and the index, and what is left can be read.
+"""
+
+import os
+import struct
+import time
+from collections.abc import Iterator
+from enum import StrEnum
+from io import BufferedReader
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from gellight.base.allowed import StrictModel
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
+from gellight.frames.frames import TactileFrame
+from gellight.recording.frame_record import FrameInfo, FrameRecord
+from gellight.recording.ros_messages import (
+    COMPRESSED_IMAGE,
+    DEFINITIONS,
+    IMAGE,
+    STRING,
+    RosImage,
+    decode_string,
+    encode_string,
+)
+
+CHUNK_BYTES = 4 << 20
+MOST_RECORD_BYTES = 1 << 28
+"""of one record of the file: no picture and no bundle is larger"""
+SUFFIX = ".mcap"
+FRAME, IMAGE_RAW, COMPRESSED, DEPTH, DEPTH_16, CONTACT = (
+    "frame", "image_raw", "image_raw/compressed", "depth", "depth_tenth_um", "contact",
+)  # fmt: skip
+TYPES = {FRAME: STRING, IMAGE_RAW: IMAGE, COMPRESSED: COMPRESSED_IMAGE, DEPTH: IMAGE, DEPTH_16: IMAGE, CONTACT: STRING}
+_ATTACHED = "calibration-"
+_M_PER_MM, _UNITS_PER_MM = np.float32(1e-3), 1e4
+
+
+class DepthKind(StrEnum):
+    """How depth is recorded; it can be computed again from the pictures in any case."""
+
+    NONE = "none"
+    FLOAT32 = "float32"
+    UINT16 = "uint16"
+
+
+class ContactInfo(StrictModel):
+    """The contact of one frame, and with what its depth was computed."""
+
+    sequence: int
+    calibration: str
+    zero: str
+    indentation_mm: float
+    area_mm2: float
+    centroid_mm: tuple[float, float] | None
+
+
+class RecordingWriter:
+    """Writes a recording; a context manager that finishes the file."""
+
+    def __init__(self, path: Path, name: str, *, depth: DepthKind = DepthKind.NONE) -> None:
+        """Begin a file; InputError where it exists or cannot be written. `name`: of the sensor, in topics."""
+        self.path, self.name, self.depth = path, name, depth
+        try:
+            self._file = path.open("xb")
+        except FileExistsError:
+            raise InputError(f"{path} exists: choose another name") from None
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror}): choose another folder") from error
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+        self._writer.start(profile="ros2", library="gellight")
+        self._channels: dict[str, int] = {}
+        self._zeros: set[str] = set()
+
+    def add(self, record: FrameRecord, zeroed: Bundle) -> None:
+        """Write a camera frame, and the bundle it was taken under, once. OSError where the disk is full."""
+        if record.info.zero not in self._zeros:
+            self._zeros.add(record.info.zero)
+            name, now_ns = f"{_ATTACHED}{record.info.zero}.gelcal", time.time_ns()
+            self._writer.add_attachment(now_ns, now_ns, name, "application/zip", packed_bundle(zeroed))
+        self._put(FRAME, record.info, encode_string(record.info.model_dump_json()))
+        self._put(COMPRESSED if record.compressed else IMAGE_RAW, record.info, record.message(self.name))
+
+    def add_depth(self, frame: TactileFrame) -> None:
+        """Write depth and contact of a frame, where that was asked for. OSError where the disk is full."""
+        provenance, contact = frame.provenance, frame.contact
+        if self.depth is DepthKind.NONE or provenance is None:
+            return
+        info = ContactInfo(
+            sequence=frame.camera_frame.sequence,
+            calibration=provenance.calibration,
+            zero=provenance.zero,
+            indentation_mm=contact.indentation_mm,
+            area_mm2=contact.area_mm2,
+            centroid_mm=contact.centroid_mm,
+        )
+        image = depth_image(frame.depth_mm, self.depth)
+        topic = DEPTH if self.depth is DepthKind.FLOAT32 else DEPTH_16
+        stamp = FrameStamp(sequence=info.sequence, unix_s=provenance.unix_s)
+        self._put(CONTACT, stamp, encode_string(info.model_dump_json()))
+        self._put(topic, stamp, image.encode(provenance.unix_s, self.name))
+
+    def _put(self, topic: str, stamp: "FrameInfo | FrameStamp", content: bytes) -> None:
+        if topic not in self._channels:
+            schema = self._writer.register_schema(TYPES[topic], "ros2msg", DEFINITIONS[TYPES[topic]].encode())
+            self._channels[topic] = self._writer.register_channel(f"/{topic_name(self.name)}/{topic}", "cdr", schema)
+        time_ns = round(stamp.unix_s * 1e9)
+        self._writer.add_message(self._channels[topic], time_ns, content, time_ns, stamp.sequence % 2**32)
+
+    def flush(self) -> None:
+        """Give finished chunks to the system: a process that is killed loses only what came after."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Finish the file; OSError where the disk is full, and then the index at its end is missing."""
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]  # mcap does not annotate it
+        finally:
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        """Give the writer itself."""
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        """Finish the file."""
+        self.close()
+
+
+class FrameStamp(StrictModel):
+    """Which frame a message belongs to."""
+
+    sequence: int
+    unix_s: float
+
+
+def topic_name(name: str) -> str:
+    """Return the name of a sensor as ROS allows it in a topic."""
+    plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
+    return plain if plain[:1].isalpha() else f"gellight_{plain}"
+
+
+def depth_image(depth_mm: NDArray[np.float32], kind: DepthKind) -> RosImage:
+    """Return depth as a message: metres in float32, or tenths of a micrometre in uint16, clipped to 0..6.5535 mm."""
+    if kind is DepthKind.FLOAT32:
+        values: NDArray[np.generic] = depth_mm * _M_PER_MM
+        encoding, size = "32FC1", 4
+    else:
+        values = np.clip(np.rint(depth_mm * _UNITS_PER_MM), 0, 65535).astype("<u2")
+        encoding, size = "16UC1", 2
+    height, width = depth_mm.shape
+    return RosImage(height=height, width=width, encoding=encoding, step=size * width, data=values.tobytes())
+
+
+# ---- reading ----
+
+
+class _Bounded:
+    """A file of which nobody reads more at once than there is: a damaged length would take all memory."""
+
+    def __init__(self, file: BufferedReader) -> None:
+        self._file, self._size = file, os.fstat(file.fileno()).st_size
+
+    def read(self, length: int) -> bytes:
+        return self._file.read(max(min(length, self._size - self._file.tell()), 0))
+
+
+class Recording:
+    """A recording that is read from its beginning to its end, as often as asked."""
+
+    def __init__(self, path: Path) -> None:
+        """Look at the beginning; InputError for what is no recording of GelLight, with the reason."""
+        self.path = path
+        self.bundles: dict[str, Bundle] = {}
+        """by identity, those that were met so far"""
+        self.whole = True
+        """whether the end was found, where it was reached; else the writing was cut short"""
+        first = next(self.frames(), None)
+        if first is None or first.info.zero not in self.bundles:
+            raise InputError(f"{path} has no frames of GelLight: record it again with `gellight record`")
+        self.first = first
+
+    @property
+    def bundle(self) -> Bundle:
+        """The calibration bundle with the zero of the first frame."""
+        return self.bundles[self.first.info.zero]
+
+    def frames(self, from_s: float = 0.0) -> Iterator[FrameRecord]:
+        """Yield the frames, those before `from_s` after the first left out; InputError where the file is damaged."""
+        info: FrameInfo | None = None
+        begun_s: float | None = None
+        for topic, content in self._messages():
+            if topic == FRAME:
+                info = self._info(content)
+                begun_s = info.unix_s if begun_s is None else begun_s
+            elif topic in (IMAGE_RAW, COMPRESSED) and info is not None:
+                if info.unix_s - (begun_s or 0.0) >= from_s:
+                    yield self._checked(info, content)
+                info = None
+
+    def depths(self) -> Iterator[tuple[ContactInfo, RosImage]]:
+        """Yield recorded depth with its contact; InputError where the file is damaged."""
+        info: ContactInfo | None = None
+        for topic, content in self._messages():
+            try:
+                if topic == CONTACT:
+                    info = ContactInfo.model_validate_json(decode_string(content))
+                elif topic in (DEPTH, DEPTH_16) and info is not None:
+                    yield info, RosImage.decode(content)
+            except ValueError as error:
+                raise self._damaged(error) from None
+
+    def _info(self, content: bytes) -> FrameInfo:
+        try:
+            return FrameInfo.model_validate_json(decode_string(content))
+        except (ValueError, ValidationError) as error:
+            raise self._damaged(error) from None
+
+    def _checked(self, info: FrameInfo, content: bytes) -> FrameRecord:
+        try:
+            return FrameRecord.read(info, content)
+        except ValueError as error:
+            raise self._damaged(error) from None
+
+    def _damaged(self, error: Exception) -> InputError:
+        return InputError(f"{self.path} is damaged ({str(error).splitlines()[0]}): copy or record it again")
+
+    def _messages(self) -> Iterator[tuple[str, bytes]]:
+        """Yield what a message is of, and its content; note the bundles on the way."""
+        topics: dict[int, str] = {}
+        try:
+            with self.path.open("rb") as file:
+                for record in self._records(file):
+                    if isinstance(record, Channel):
+                        topics[record.id] = record.topic.split("/", 2)[-1]
+                    elif isinstance(record, Message):
+                        yield topics.get(record.channel_id, ""), record.data
+                    elif isinstance(record, Attachment) and record.name.startswith(_ATTACHED):
+                        self._note_bundle(record)
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be read ({error.strerror}): check the name") from error
+
+    def _note_bundle(self, attachment: Attachment) -> None:
+        identity = attachment.name.removeprefix(_ATTACHED).removesuffix(".gelcal")
+        if identity not in self.bundles:
+            try:
+                self.bundles[identity] = unpack_bundle(attachment.data, f"{self.path}: {attachment.name}")
+            except BundleError as error:
+                raise InputError(f"{error}; the recording {self.path} is damaged") from error
+
+    def _records(self, file: BufferedReader) -> Iterator[McapRecord]:
+        """Yield the records, those in chunks too; a file that is cut off ends with its last whole chunk."""
+        bounded: Any = _Bounded(file)
+        reader = iter(StreamReader(bounded, emit_chunks=True, record_size_limit=MOST_RECORD_BYTES).records)
+        self.whole = False
+        while True:
+            try:
+                record = next(reader)
+                if isinstance(record, DataEnd):
+                    self.whole = True
+                    return
+                yield from self._opened(record)
+            except InvalidMagic:
+                raise InputError(f"{self.path} is no MCAP file: give a recording of `gellight record`") from None
+            except (StopIteration, EndOfFile, struct.error):
+                return
+            except (McapError, ValueError, KeyError, UnicodeDecodeError) as error:
+                raise self._damaged(error) from None
+
+    def _opened(self, record: McapRecord) -> list[McapRecord]:
+        if isinstance(record, Header) and record.library != "gellight":
+            raise InputError(
+                f"{self.path} was written by {record.library or 'another program'}, not by `gellight record`"
+            )
+        if not isinstance(record, Chunk):
+            return [record]
+        if record.compression:
+            raise InputError(f"{self.path} is compressed: undo that with `mcap compress --compression none`")
+        return breakup_chunk(record, validate_crc=True)

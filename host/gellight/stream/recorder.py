@@ -1,0 +1,172 @@
+"""Records what a running daemon captures, in a thread of its own; a disk that is slow or full does not disturb it."""
+
+import errno
+import logging
+import os
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from gellight.base.errors import InputError
+from gellight.base.mailbox import Mailbox
+from gellight.daemon.daemon import Daemon
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.recording.frame_record import FrameRecord
+from gellight.recording.recording_file import DepthKind, RecordingWriter
+from gellight.stream.publisher import name_of_sensor
+
+logger = logging.getLogger(__name__)
+BACKLOG = 64
+"""frames that wait for the disk"""
+RESERVE_BYTES = 100 << 20
+"""left free on the disk: the recording ends before, whole"""
+LOOK_S = 1.0
+POLL_S = 0.05
+SHORT_S = 600.0
+"""room for less than this is warned of"""
+
+
+@dataclass
+class RecordingStatus:
+    """How far a recording is."""
+
+    frames: int = 0
+    depths: int = 0
+    size_bytes: int = 0
+    lost: int = 0
+    """camera frames that the disk was too slow for"""
+    left_s: float | None = None
+    """how long the disk has room for, at the present rate; None before that is known"""
+    ended: str = ""
+    """why nothing more is recorded; empty while it goes on"""
+
+
+class Recorder:
+    """Records a daemon that runs; a context manager that finishes the file."""
+
+    def __init__(self, daemon: Daemon, path: Path, *, name: str = "", depth: DepthKind = DepthKind.NONE) -> None:
+        """Begin the file at `path`; InputError where that cannot be, or where the disk is nearly full.
+
+        name: of the sensor, by default its own.
+        """
+        self._daemon, self.path = daemon, path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path.parent} cannot be made ({error.strerror}): choose another folder") from error
+        free = _free_bytes(path.parent)
+        if free < 2 * RESERVE_BYTES:
+            raise InputError(f"{path.parent} has {free / 1e6:.0f} MB left: free some space, or record elsewhere")
+        self._writer = RecordingWriter(path, name or name_of_sensor(daemon.camera), depth=depth)
+        self.status = RecordingStatus()
+        self._first: int | None = None
+        """sequence number of the first frame that was written"""
+        self._ended = threading.Event()
+        self._until = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Start."""
+        captured = self._until.enter_context(self._daemon.captured.copied(BACKLOG))
+        delivered = self._until.enter_context(self._daemon.delivered.copied(BACKLOG))
+        thread = threading.Thread(target=self._record, args=(captured, delivered), name="record", daemon=True)
+        self._until.callback(thread.join)
+        self._until.callback(self._ended.set)
+        thread.start()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        """Finish the file."""
+        self._until.close()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more is recorded."""
+        return bool(self.status.ended)
+
+    def _record(self, captured: Mailbox[CameraFrame], delivered: Mailbox[TactileFrame]) -> None:
+        begun_s = looked_s = time.monotonic()
+        number = felt = 0
+        try:
+            while not (self._ended.is_set() and not self._waiting(captured, number)):
+                number = self._take_frame(captured, number)
+                felt = self._take_depth(delivered, felt)
+                if time.monotonic() - looked_s > LOOK_S:
+                    looked_s = time.monotonic()
+                    self._look(looked_s - begun_s)
+                if self.status.ended:
+                    break
+            self._take_depth(delivered, felt)
+        except OSError as error:
+            self._end(f"the recording stopped: {'the disk is full' if error.errno == errno.ENOSPC else error.strerror}")
+        except Exception as error:
+            logger.exception("the recording failed")
+            self._end(f"the recording failed: {error}")
+        self._finish()
+
+    @staticmethod
+    def _waiting(captured: Mailbox[CameraFrame], number: int) -> bool:
+        """Whether a frame was captured that is not written yet."""
+        try:
+            captured.take(number, 0)
+        except Exception:
+            return False
+        return True
+
+    def _take_frame(self, captured: Mailbox[CameraFrame], number: int) -> int:
+        """Write the next camera frame, if one comes soon; return the number of the last one."""
+        try:
+            taken, frame = captured.take(number, POLL_S)
+        except TimeoutError:
+            return number
+        except Exception:  # the frames have ended, and who runs the daemon is told why
+            self._ended.set()
+            return number
+        self.status.lost += taken - number - 1
+        zeroed = self._daemon.zeroed_bundle
+        unix_s = time.time() - (time.monotonic() - frame.time_s)
+        self._writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=zeroed.identity), zeroed)
+        self._first = frame.sequence if self._first is None else self._first
+        self.status.frames += 1
+        return taken
+
+    def _take_depth(self, delivered: Mailbox[TactileFrame], number: int) -> int:
+        """Write the depth of all frames that were reconstructed meanwhile; return the number of the last one."""
+        while self._writer.depth is not DepthKind.NONE and self._first is not None:
+            try:
+                number, frame = delivered.take(number, 0)
+            except Exception:  # none is there, or the frames have ended
+                break
+            if frame.camera_frame.sequence >= self._first:
+                self._writer.add_depth(frame)
+                self.status.depths += 1
+        return number
+
+    def _look(self, since_s: float) -> None:
+        """Flush, and look how much room there is."""
+        self._writer.flush()
+        size, free = self._writer.path.stat().st_size, _free_bytes(self._writer.path.parent) - RESERVE_BYTES
+        before, rate = self.status.left_s, size / since_s
+        self.status.size_bytes, self.status.left_s = size, max(free, 0) / rate if rate else None
+        if free <= 0:
+            self._end("the recording stopped: the disk is nearly full")
+        elif before is None and self.status.left_s is not None and self.status.left_s < SHORT_S:
+            logger.warning("%s has room for %.0f s more", self._writer.path.parent, self.status.left_s)
+
+    def _end(self, why: str) -> None:
+        logger.error("%s", why)
+        self.status.ended = why
+
+    def _finish(self) -> None:
+        try:
+            self._writer.close()
+            self.status.size_bytes = self._writer.path.stat().st_size
+        except OSError as error:
+            self._end(f"the end of {self._writer.path} was not written ({error.strerror}); what is before can be read")
+
+
+def _free_bytes(folder: Path) -> int:
+    facts = os.statvfs(folder)
+    return facts.f_bavail * facts.f_frsize

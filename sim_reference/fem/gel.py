@@ -1,0 +1,173 @@
+"""The gel by finite elements, as a `deformation.GelModel`: an object's height map in, the gel's surface out."""
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_reference import gel
+from sim_reference.deformation import Deformation
+from sim_reference.fem.barrier import Barrier
+from sim_reference.fem.height_field import HeightField, with_slopes_below
+from sim_reference.fem.mesh import gel_mesh
+from sim_reference.fem.neo_hookean import NeoHookean
+from sim_reference.fem.newton import Solver, State, Step
+from sim_reference.fem.pressing import Checkpoint, OnStep, Pressing
+from sim_reference.fem.sampling import Sampled, sample_surface
+from sim_reference.geometry import SensorGeometry
+
+Array = NDArray[np.float64]
+DEEPEST_SHARE = 0.6
+"""of the gel's thickness"""
+INCREMENT_MM = 0.25
+"""of a press with friction, which depends on the way"""
+STEEPEST_MM = 1.0
+"""rise of the object from one vertex to the next: the mesh cannot follow steeper walls, which get a foot"""
+ABOVE_MM = 1.5
+"""of a gel that bulges out: an object further behind the untouched surface than this is not there"""
+
+
+@dataclass(frozen=True)
+class FemPress:
+    """A press as finite elements found it."""
+
+    surface: Sampled
+    """on the object's grid, not coated"""
+    depth_mm: float
+    """how far the object's highest point is beyond first touch"""
+    force_n: float
+    steps: list[Step] = field(repr=False)
+    state: State = field(repr=False)
+    barrier: Barrier = field(repr=False)
+    """between the object, where it is, and the surface of the mesh"""
+
+    @property
+    def min_gap_mm(self) -> float:
+        """The smallest gap of all steps."""
+        return min(step.min_gap_mm for step in self.steps)
+
+    @property
+    def min_det_f(self) -> float:
+        """The smallest volume of a tetrahedron over that at rest, of all steps."""
+        return min(step.min_det_f for step in self.steps)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FemGel:
+    """Presses rigid objects into a Neo-Hookean gel; a `deformation.GelModel`."""
+
+    resolution_mm: float = 0.3
+    """between vertices of the surface; the nearest that the gel's thickness can be divided into"""
+    dense_radius_mm: float = 17.5
+    """of the region with this resolution"""
+    friction: float = 0.0
+    """coefficient between object and gel"""
+    youngs_modulus_mpa: float = 0.2
+    """soft silicone; it scales forces, the surface does not depend on it"""
+    patches: bool = True
+    """false: every tetrahedron keeps its own volume and the gel locks, to see by how much"""
+
+    def __call__(
+        self, object_height_mm: Array, spacing_mm: float, press_depth_mm: float, geometry: SensorGeometry
+    ) -> Deformation:
+        """Return the gel's surface, coated; see `deformation.GelModel`."""
+        if press_depth_mm == 0:
+            nothing = np.zeros_like(object_height_mm)
+            return Deformation(nothing, nothing, spacing_mm)
+        return coated(self.press(object_height_mm, spacing_mm, press_depth_mm, geometry), spacing_mm, geometry)
+
+    def press(
+        self,
+        object_height_mm: Array,
+        spacing_mm: float,
+        press_depth_mm: float,
+        geometry: SensorGeometry,
+        *,
+        load_n: float | None = None,
+        on_step: OnStep | None = None,
+        resume: Checkpoint | None = None,
+    ) -> FemPress:
+        """Press the object to a depth, or from there on let it sink in until the gel holds `load_n`.
+
+        The object does not tilt. `on_step` is called after each of Newton's steps; with `resume`, one of its
+        checkpoints, the same press goes on from there. Raises ValueError for a press outside 0 to 60 % of the gel's
+        thickness, for a load with friction, and for what the mesh or the layer refuses, NotConverged where no solution
+        was found.
+        """
+        check_depth(press_depth_mm, geometry)
+        if load_n is not None and (self.friction or not load_n > 0):
+            raise ValueError(f"load {load_n} N with friction {self.friction}: give a load above 0 N, without friction")
+        solver = solver_of(self, geometry)
+        limit = STEEPEST_MM / solver.mesh.spacing_mm
+        body = with_slopes_below(np.maximum(object_height_mm, -press_depth_mm - ABOVE_MM), spacing_mm, limit)
+        field = HeightField(body, spacing_mm)
+        pressing = Pressing(solver, field, self.friction, on_step, resume)
+        shear_modulus_mpa = self.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
+        bare = replace(geometry, coating_smoothing_mm=0.0)
+        count = int(np.ceil(press_depth_mm / INCREMENT_MM)) if self.friction else 1
+        depths = np.linspace(0, press_depth_mm, count + 1)[1:].tolist()
+        for increment in range(pressing.next_increment, count):
+            depth = depths[increment]
+            pressing.advance(increment, depth, gel.press(object_height_mm, spacing_mm, depth, bare))
+        pressing.close_gap(press_depth_mm, load=None if load_n is None else load_n / shear_modulus_mpa)
+        barrier = pressing.barrier
+        sampled = sample_surface(solver.mesh, pressing.state.at, barrier, len(object_height_mm), spacing_mm)
+        force_n = sampled.force * shear_modulus_mpa
+        return FemPress(sampled, pressing.depth_mm, force_n, pressing.steps, pressing.state, barrier)
+
+
+def check_depth(press_depth_mm: float, geometry: SensorGeometry) -> None:
+    """Refuse a press that is no press, or deeper than a gel of tetrahedra can follow."""
+    deepest = DEEPEST_SHARE * geometry.gel_thickness_mm
+    if not 0 < press_depth_mm <= deepest:
+        raise ValueError(
+            f"press depth {press_depth_mm} mm: finite elements go from above 0 to {deepest:g} mm, 60 % of the gel's "
+            f"thickness of {geometry.gel_thickness_mm:g} mm"
+        )
+
+
+def solver_of(model: FemGel, geometry: SensorGeometry) -> Solver:
+    """Return the solver of this gel; the last two are kept, for presses share them."""
+    shape = SensorGeometry(
+        gel_thickness_mm=geometry.gel_thickness_mm,
+        gel_diameter_mm=geometry.gel_diameter_mm,
+        poisson_ratio=geometry.poisson_ratio,
+    )
+    return _solver(shape, model.resolution_mm, model.dense_radius_mm, model.patches)
+
+
+@lru_cache(maxsize=2)
+def _solver(geometry: SensorGeometry, resolution_mm: float, dense_radius_mm: float, patches: bool) -> Solver:
+    mesh = gel_mesh(geometry, resolution_mm, dense_radius_mm)
+    return Solver(mesh, NeoHookean(mesh, geometry.poisson_ratio, patches=patches))
+
+
+def coated(press: FemPress, spacing_mm: float, geometry: SensorGeometry) -> Deformation:
+    """Return the surface as the camera sees it, through the coating."""
+    depth, pressure = press.surface.depth_mm, press.surface.pressure
+    smoothing = gel.coating(len(depth), spacing_mm, geometry.coating_smoothing_mm)
+    return Deformation(gel.deflection(depth, smoothing), pressure, spacing_mm)
+
+
+def depth_under(
+    load_n: float, object_height_mm: Array, spacing_mm: float, model: FemGel, geometry: SensorGeometry
+) -> float:
+    """Return about how deep a load presses the object: where the linear layer holds it, to 2 %.
+
+    Raises ValueError for a load that is not above 0, or presses deeper than finite elements can follow.
+    """
+    shear_modulus_mpa = model.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
+
+    def held_n(depth: float) -> float:
+        pressed = gel.press(object_height_mm, spacing_mm, depth, geometry)
+        return float(pressed.pressure.sum()) * spacing_mm**2 * shear_modulus_mpa
+
+    shallow, deep = 0.0, DEEPEST_SHARE * geometry.gel_thickness_mm
+    most = held_n(deep)
+    if not 0 < load_n <= most:
+        raise ValueError(f"load {load_n} N: give above 0 to {most:.3g} N, which presses 60 % of the gel's thickness")
+    while deep - shallow > 0.02 * deep:
+        middle = (shallow + deep) / 2
+        shallow, deep = (middle, deep) if held_n(middle) < load_n else (shallow, middle)
+    return deep

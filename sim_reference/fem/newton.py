@@ -1,0 +1,236 @@
+"""Projected Newton's method for the gel against an object: every iterate is free of penetration and inversion.
+
+The object is held at a depth, or loaded with a force: then its depth is one more unknown, and the energy is that of the
+gel and the contact less force times depth. Each step solves the linear system by conjugate gradients, is cut to what
+neither a gap nor a tetrahedron forbids, and then halved until the energy falls.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_reference.deformation import NotConverged
+from sim_reference.fem.assembly import Assembler, Pattern, scattered
+from sim_reference.fem.barrier import Barrier, potential
+from sim_reference.fem.friction import Friction
+from sim_reference.fem.mesh import Mesh
+from sim_reference.fem.multigrid import Hierarchy, conjugate_gradients
+from sim_reference.fem.neo_hookean import NeoHookean
+
+Array = NDArray[np.float64]
+NEAR_MM = 0.03
+"""after a full step shorter than this the Hessian is used as it is, not projected: convergence becomes quadratic"""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of Newton's method, as it is shown and recorded."""
+
+    number: int
+    energy: float
+    """after the step, shear moduli times mm3"""
+    longest_mm: float
+    """how far the step would move the vertex that it moves furthest"""
+    share: float
+    """how much of the step was taken, 0 to 1"""
+    min_gap_mm: float
+    min_det_f: float
+    linear_iterations: int
+    projected: bool
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The gel's vertices (N, 3) mm, and the depth of the object."""
+
+    at: Array
+    depth_mm: float
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What acts on the free surface. With `load` the object's depth is free, and the load is held."""
+
+    barrier: Barrier
+    friction: Friction | None = None
+    load: float | None = None
+    """shear moduli times mm2"""
+
+
+class Solver:
+    """Finds where the gel rests, for one mesh and one material."""
+
+    def __init__(self, mesh: Mesh, elastic: NeoHookean) -> None:
+        """Prepare what all presses share."""
+        self.mesh, self.elastic = mesh, elastic
+        numbers = np.full(len(mesh.vertices), -1)
+        numbers[mesh.free] = np.arange(len(mesh.free))
+        self._assembler = Assembler(numbers, [elastic.tets, elastic.patch_vertices])
+        self._surface_rows = numbers[mesh.surface]
+        self._hierarchy = Hierarchy(mesh, self._assembler.pattern)
+
+    @property
+    def pattern(self) -> Pattern:
+        """Which blocks the matrix over the free vertices has."""
+        return self._assembler.pattern
+
+    def solve(
+        self,
+        state: State,
+        contact: Contact,
+        *,
+        tolerance_mm: float = 2e-5,
+        limit: int = 100,
+        on_step: Callable[[Step, State], None] | None = None,
+    ) -> State:
+        """Return the state of least energy, from one without penetration and inversion.
+
+        It ends after a full step that moves nothing by more than `tolerance_mm`. Raises NotConverged after `limit`
+        steps.
+        """
+        energy, exact = self._energy(state, contact), False
+        for number in range(1, limit + 1):
+            direction, depth_change, iterations, exact = self._direction(state, contact, exact)
+            slope = self._slope(state, contact, direction, depth_change)
+            share = self._free_share(state, contact, direction, depth_change)
+            state, share, energy = self._descend(state, contact, (direction, depth_change), share, energy, slope)
+            longest = max(float(np.abs(direction).max()), abs(depth_change))
+            step = Step(number, energy, longest, share, self.min_gap(state, contact), self.min_det_f(state),
+                        iterations, not exact)  # fmt: skip
+            if on_step:
+                on_step(step, state)
+            if share == 1 and longest < tolerance_mm:
+                return state
+            exact = share == 1 and longest < NEAR_MM
+        raise NotConverged(
+            f"after {limit} steps the gel still moves by {longest:.1e} mm in a step, wanted {tolerance_mm:.1e}: press "
+            "less deep, or give a finer resolution"
+        )
+
+    def min_gap(self, state: State, contact: Contact) -> float:
+        """Return the smallest gap in mm."""
+        return float(_at_depth(contact.barrier, state).gap(state.at[self.mesh.surface]).min())
+
+    def min_det_f(self, state: State) -> float:
+        """Return the smallest volume of a tetrahedron over that at rest."""
+        return float(self.elastic.strain(state.at).volume_ratio.min())
+
+    def _energy(self, state: State, contact: Contact) -> float:
+        surface = state.at[self.mesh.surface]
+        energy = _at_depth(contact.barrier, state).value(surface)
+        if not np.isfinite(energy):
+            return np.inf
+        if contact.friction:
+            energy += contact.friction.value(surface)
+        return energy + self.elastic.value(state.at) - (contact.load or 0.0) * state.depth_mm
+
+    def gradient(self, state: State, contact: Contact) -> Array:
+        """Return the derivative of the energy by the vertices (N, 3): 0 at rest, but where the gel is bonded."""
+        total = scattered(self.elastic.tets, self.elastic.gradients(state.at), len(state.at))
+        surface = state.at[self.mesh.surface]
+        total[self.mesh.surface] += _at_depth(contact.barrier, state).gradient(surface)
+        if contact.friction:
+            total[self.mesh.surface] += contact.friction.gradient(surface)
+        return total
+
+    def hessian_blocks(self, state: State, contact: Contact, *, project: bool) -> Array:
+        """Return the blocks of the energy's second derivative over the free vertices."""
+        blocks = self._assembler.blocks(list(self.elastic.hessians(state.at, project=project)))
+        surface = state.at[self.mesh.surface]
+        of_contact = _at_depth(contact.barrier, state).hessian(surface, project=project)
+        if contact.friction:
+            of_contact += contact.friction.hessian(surface, project=project)
+        free = self._surface_rows >= 0
+        blocks[self._assembler.pattern.diagonal[self._surface_rows[free]]] += of_contact[free]
+        return blocks
+
+    def _direction(self, state: State, contact: Contact, exact: bool) -> tuple[Array, float, int, bool]:
+        """Return Newton's step (N, 3), that of the depth, the linear iterations, and whether the Hessian was exact."""
+        blocks = self.hessian_blocks(state, contact, project=not exact)
+        matrix = self._assembler.pattern.matrix(blocks)
+        precondition = self._hierarchy.solver(blocks)
+        wanted = -self.gradient(state, contact)[self.mesh.free].ravel()
+        found = conjugate_gradients(matrix, wanted, precondition, 1e-3 if exact else 1e-2)
+        if exact and not found.convex:
+            return self._direction(state, contact, exact=False)
+        iterations, vector, change = found.iterations, found.vector, 0.0
+        if contact.load is not None:
+            barrier, surface = _at_depth(contact.barrier, state), state.at[self.mesh.surface]
+            coupling, stiffness, force = self._depth_terms(barrier, surface)
+            other = conjugate_gradients(matrix, coupling, precondition, 1e-3)
+            iterations += other.iterations
+            missing = contact.load - force - float(coupling @ vector)
+            change = missing / (stiffness - float(coupling @ other.vector))
+            vector = vector - change * other.vector
+        direction = np.zeros_like(state.at)
+        direction[self.mesh.free] = vector.reshape(-1, 3)
+        return direction, change, iterations, exact
+
+    def _depth_terms(self, barrier: Barrier, surface: Array) -> tuple[Array, float, float]:
+        """Return d2B/dx d(depth) over the free vertices, d2B/d(depth)2 and dB/d(depth), the force."""
+        second = barrier.stiffness * barrier.area * potential(barrier.gap(surface), barrier.distance_mm)[2]
+        slope = barrier.field.heights(surface[:, 0], surface[:, 1]).slope
+        by_vertex = -second[:, None] * np.concatenate([-slope, np.ones((len(surface), 1))], axis=1)
+        coupling = np.zeros((len(self.mesh.free), 3))
+        coupling[self._surface_rows] = by_vertex
+        return coupling.ravel(), float(second.sum()), float(barrier.area @ barrier.pressure(surface))
+
+    def _slope(self, state: State, contact: Contact, direction: Array, depth_change: float) -> float:
+        """How fast the energy falls along the step: below 0."""
+        slope = float((self.gradient(state, contact) * direction).sum())
+        if contact.load is not None:
+            barrier = _at_depth(contact.barrier, state)
+            force = float(barrier.area @ barrier.pressure(state.at[self.mesh.surface]))
+            slope += (force - contact.load) * depth_change
+        return slope
+
+    def _free_share(self, state: State, contact: Contact, direction: Array, depth_change: float) -> float:
+        relative = direction[self.mesh.surface] - [0.0, 0.0, depth_change]
+        outside = _at_depth(contact.barrier, state).free_step(state.at[self.mesh.surface], relative)
+        return min(outside, upright_share(self.elastic, state.at, direction))
+
+    def _descend(
+        self, state: State, contact: Contact, change: tuple[Array, float], share: float, energy: float, slope: float
+    ) -> tuple[State, float, float]:
+        """Halve the step until the energy falls by a ten-thousandth of what the slope promises."""
+        # Sums over a million terms are right to about this much; near the end the energy changes by less.
+        rounding = 1e-13 * abs(energy)
+        for _ in range(40):
+            ahead = State(state.at + share * change[0], state.depth_mm + share * change[1])
+            reached = self._energy(ahead, contact)
+            if reached <= energy + 1e-4 * share * slope + rounding:
+                return ahead, share, reached
+            share /= 2
+        raise NotConverged("no step lowers the energy: give a finer resolution or press less deep")
+
+
+def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:
+    """Return a share of `step` (N, 3), at most 1, along which no tetrahedron's det F falls below a tenth of what it is.
+
+    det(F + t G) is a cubic in t: its first root is looked for where the coefficients do not rule one out.
+    """
+    gradient, change = elastic.strain(at).gradient, elastic.strain(step).gradient
+    cubic = np.stack([np.linalg.det(change), _mixed(change, gradient), _mixed(gradient, change),
+                      0.9 * np.linalg.det(gradient)], axis=1)  # fmt: skip
+    near = np.flatnonzero(np.minimum(cubic[:, :3], 0).sum(axis=1) + cubic[:, 3] <= 0)
+    if not len(near):
+        return 1.0
+    # 0 = a t^3 + b t^2 + c t + d; with s = 1/t: 0 = s^3 + (c s^2 + b s + a) / d, eigenvalues of its companion.
+    companion = np.zeros((len(near), 3, 3))
+    companion[:, 0] = -cubic[near][:, 2::-1] / cubic[near, 3:]
+    companion[:, 1, 0] = companion[:, 2, 1] = 1
+    roots = np.linalg.eigvals(companion)
+    real = np.where(np.abs(roots.imag) < 1e-6 * (1 + np.abs(roots.real)), roots.real, 0)
+    return float(min(1.0, 1 / max(real.max(), 1.0)))
+
+
+def _mixed(one: Array, other: Array) -> Array:
+    """cof(one) : other, the part of det(one + t other) that is linear in t."""
+    columns = np.cross(one[..., [1, 2, 0]], one[..., [2, 0, 1]], axis=1)
+    return np.asarray((columns * other).sum(axis=(1, 2)))
+
+
+def _at_depth(barrier: Barrier, state: State) -> Barrier:
+    return replace(barrier, depth_mm=state.depth_mm)

@@ -1,0 +1,164 @@
+"""One press from its beginning to its end, in increments and stages that Newton's method solves one after the other.
+
+An increment starts with what the linear layer (`sim_reference.gel`) answers: Newton's method begins near its end. The
+barrier keeps a gap between gel and object. It is narrowed from one stage to the next, and the object is held back by
+the mean gap, so that the gel's surface, not the object's, is at the depth that was asked for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+from sim_reference.deformation import Deformation, NotConverged, grid
+from sim_reference.fem.barrier import Barrier
+from sim_reference.fem.friction import friction_of
+from sim_reference.fem.height_field import HeightField
+from sim_reference.fem.mesh import Mesh
+from sim_reference.fem.newton import Contact, Solver, State, Step
+
+Array = NDArray[np.float64]
+BARRIER_DISTANCES_MM = (0.02, 0.005)
+"""of the barrier: in every increment, and at the end"""
+STIFFNESS = 3.0
+"""of the barrier, in shear moduli per barrier distance: a few shear moduli of pressure leave half the distance"""
+USUAL_GAP = 0.8
+"""mean gap over barrier distance, before it is known"""
+STICK_MM = 0.001
+"""friction holds within this"""
+MOST_LAGS = 20
+"""how often friction is evaluated with the contact as it has become"""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A press under way, after one of Newton's steps: what it takes to go on from there."""
+
+    state: State
+    increment: int
+    """which increment is under way, from 0; -1 before the first"""
+    narrow: bool
+    """all increments are done, and the gap is being closed"""
+    gap_share: float
+    """mean gap over barrier distance at the end of the last stage"""
+    anchor: Array
+    """(S, 3) where the surface would be had it stuck to the object in this increment"""
+    layer_mm: Array
+    """(N,) depth of the linear layer above each vertex in this increment"""
+
+
+OnStep = Callable[[Step, Checkpoint], None]
+
+
+class Pressing:
+    """A press under way: the state of the gel, and the steps so far."""
+
+    def __init__(
+        self, solver: Solver, field: HeightField, friction: float, on_step: OnStep | None, resume: Checkpoint | None
+    ) -> None:
+        """Start with the gel at rest, or go on from `resume`."""
+        self._solver, self._field, self._friction, self._on_step = solver, field, friction, on_step
+        self._mesh = solver.mesh
+        at = self._mesh.vertices
+        at_rest = Checkpoint(State(at, 0.0), -1, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at)))
+        self._now = resume or at_rest
+        self._resumed = resume is not None
+        self.steps: list[Step] = []
+
+    @property
+    def next_increment(self) -> int:
+        """The increment to press first: the one under way in a resumed press, if it was not done."""
+        if not self._resumed:
+            return 0
+        return self._now.increment + self._now.narrow
+
+    @property
+    def state(self) -> State:
+        """The gel as it is."""
+        return self._now.state
+
+    @property
+    def barrier(self) -> Barrier:
+        """The barrier of the mesh's surface against the object where it is."""
+        distance = BARRIER_DISTANCES_MM[self._now.narrow]
+        return Barrier(self._field, self._mesh.surface_area, distance, STIFFNESS / distance, self.state.depth_mm)
+
+    @property
+    def depth_mm(self) -> float:
+        """How deep the gel is pressed: the object, and the mean gap between them, weighted with the force."""
+        return self.state.depth_mm + self._now.gap_share * self.barrier.distance_mm
+
+    def advance(self, increment: int, depth_mm: float, layer: Deformation) -> None:
+        """Press to `depth_mm`, beginning with the change of the linear layer since the last increment."""
+        if increment != self._now.increment:
+            above = depth_above(layer, self._mesh)
+            at = self.state.at.copy()
+            at[:, 2] += (above - self._now.layer_mm) * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
+            # A vertex that touches first now has gone straight to the object: friction is for sideways movement.
+            x, y, _ = self.state.at[self._mesh.surface].T
+            anchor = np.column_stack([x, y, depth_mm + self._field(x, y)])
+            state = State(at, depth_mm)
+            self._now = replace(self._now, state=state, increment=increment, anchor=anchor, layer_mm=above)
+        self._settle(depth_mm, load=None)
+
+    def close_gap(self, depth_mm: float, load: float | None) -> None:
+        """Narrow the barrier; with `load` (shear moduli times mm2), let the object go and hold the load instead."""
+        going_on = self._now.narrow
+        self._now = replace(self._now, narrow=True)
+        self._settle(self.depth_mm if going_on and load is not None else depth_mm, load)
+
+    def _settle(self, depth_mm: float, load: float | None) -> None:
+        """Hold the object back by the gap, and find where the gel rests."""
+        back = self._now.gap_share * self.barrier.distance_mm
+        self._move(State(self.state.at, depth_mm - back))
+        self._move(State(_cleared(self.state.at, self._mesh, self.barrier), self.state.depth_mm))
+        self._solve(Contact(self.barrier, load=load))
+        if self._friction:
+            self._rub()
+        surface = self.state.at[self._mesh.surface]
+        force = self.barrier.area * self.barrier.pressure(surface)
+        if force.any():
+            gap = float(force @ self.barrier.gap(surface) / force.sum())
+            self._now = replace(self._now, gap_share=gap / self.barrier.distance_mm)
+
+    def _rub(self) -> None:
+        """Evaluate friction with the contact as it is, until that changes nothing."""
+        for _ in range(MOST_LAGS):
+            before = self.state.at[self._mesh.surface]
+            friction = friction_of(self.barrier, before, self._now.anchor, self._friction, STICK_MM)
+            self._solve(Contact(self.barrier, friction))
+            moved = float(np.abs(self.state.at[self._mesh.surface] - before).max())
+            if moved < STICK_MM:
+                return
+        raise NotConverged(
+            f"friction still moves the gel by {moved:.1e} mm after {MOST_LAGS} evaluations: press less deep, or give a "
+            "smaller coefficient"
+        )
+
+    def _solve(self, contact: Contact) -> None:
+        self._move(self._solver.solve(self.state, contact, on_step=self._record))
+
+    def _move(self, state: State) -> None:
+        self._now = replace(self._now, state=state)
+
+    def _record(self, step: Step, state: State) -> None:
+        self._move(state)
+        self.steps.append(replace(step, number=len(self.steps) + 1))
+        if self._on_step:
+            self._on_step(self.steps[-1], self._now)
+
+
+def depth_above(layer: Deformation, mesh: Mesh) -> Array:
+    """Return the layer's depth (N,) mm above each vertex of the mesh; 0 beyond the layer's grid."""
+    at = grid(len(layer.depth_mm), layer.spacing_mm)
+    depth = RegularGridInterpolator((at, at), layer.depth_mm, bounds_error=False, fill_value=0.0)
+    return np.asarray(depth(mesh.vertices[:, 1::-1]))
+
+
+def _cleared(at: Array, mesh: Mesh, barrier: Barrier) -> Array:
+    """Return the vertices, those lifted to a third of the barrier that are inside the object, or all but."""
+    at = at.copy()
+    at[mesh.surface, 2] += np.maximum(0.3 * barrier.distance_mm - barrier.gap(at[mesh.surface]), 0)
+    return at

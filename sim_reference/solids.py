@@ -1,0 +1,108 @@
+"""A closed triangle mesh (STL) as a height map: a rigid body pressed along z meets the gel with its upper side alone.
+
+In the file z points towards the gel and y up, as printed; rows of the height map run the other way, so y changes sign.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_reference.deformation import NO_OBJECT, grid
+
+Array = NDArray[np.float64]
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER = 84
+SMALLEST_MM, LARGEST_MM = 0.5, 60.0
+"""across: what can be an object in mm"""
+CHUNK = 2_000_000
+"""grid points that are looked at together"""
+
+
+def read_stl(content: bytes) -> Array:
+    """Return the triangles (T, 3, 3) of an STL file, binary or text.
+
+    Raises ValueError for what is no STL, is not closed, or cannot be in mm.
+    """
+    triangles = _triangles(content)
+    _check_closed(triangles)
+    across = float(np.ptp(triangles.reshape(-1, 3), axis=0)[:2].max())
+    if not SMALLEST_MM <= across <= LARGEST_MM:
+        raise ValueError(
+            f"it is {across:g} across, and an STL has no unit: scale it to mm, {SMALLEST_MM:g} to {LARGEST_MM:g} "
+            "across (metres times 1000, inches times 25.4)"
+        )
+    return triangles
+
+
+def _triangles(content: bytes) -> Array:
+    count = int.from_bytes(content[80:HEADER], "little")
+    if count and len(content) == HEADER + count * RECORD.itemsize:
+        corners = np.frombuffer(content, RECORD, offset=HEADER)["corners"]
+    else:
+        words = content.decode("ascii", "replace").split()
+        numbers = [words[at + 1 : at + 4] for at, word in enumerate(words) if word == "vertex"]
+        try:
+            corners = np.array(numbers, np.float64).reshape(-1, 3, 3)
+        except ValueError:
+            corners = np.zeros((0, 3, 3))
+    if not len(corners) or not np.isfinite(corners).all():
+        raise ValueError("it holds no triangles: give a whole STL file, binary or text")
+    return np.asarray(corners, np.float64)
+
+
+def _check_closed(triangles: Array) -> None:
+    """Every edge has to be there as often in one direction as in the other."""
+    _, numbers = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    corners = numbers.reshape(-1, 3)
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    ends, uses = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    single = ends[uses % 2 == 1]
+    if len(single):
+        place = triangles.reshape(-1, 3)[np.flatnonzero(numbers.ravel() == single[0, 0])[0]]
+        raise ValueError(
+            f"it is not closed: {len(single)} edges belong to one triangle alone, the first at "
+            f"({place[0]:g}, {place[1]:g}, {place[2]:g}); repair it, for a body has an inside"
+        )
+
+
+def height_map(triangles: Array, size: int, spacing_mm: float) -> Array:
+    """Return the height (size, size) in mm of a body in the middle: 0 at its highest point, NO_OBJECT beside it.
+
+    Each point of the grid has the highest triangle above it.
+    """
+    low, high = triangles.reshape(-1, 3).min(axis=0), triangles.reshape(-1, 3).max(axis=0)
+    placed = (triangles - [*((low + high) / 2)[:2], high[2]]) * [1, -1, 1]
+    start = grid(size, spacing_mm)[0]
+    at = (placed[..., :2] - start) / spacing_mm
+    first = np.clip(np.ceil(at.min(axis=1) - 1e-9), 0, size).astype(np.int64)
+    last = np.clip(np.floor(at.max(axis=1) + 1e-9), -1, size - 1).astype(np.int64)
+    counts = np.maximum(last - first + 1, 0)
+    heights = np.full(size * size, NO_OBJECT)
+    points = counts.prod(axis=1)
+    chunks = np.cumsum(points) // CHUNK
+    for chunk in np.unique(chunks):
+        some = np.flatnonzero((chunks == chunk) & (points > 0))
+        _raise(heights, size, at[some], placed[some, :, 2], first[some], counts[some])
+    return heights.reshape(size, size)
+
+
+def _raise(heights: Array, size: int, at: Array, z: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+    """Lift the points of the grid that lie under triangles with corners `at` (T, 3, 2), in grid steps, and z (T, 3)."""
+    points = counts.prod(axis=1)
+    triangle = np.repeat(np.arange(len(at)), points)
+    number = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
+    column = first[triangle, 0] + number % counts[triangle, 0]
+    row = first[triangle, 1] + number // counts[triangle, 0]
+    a, b, c = np.swapaxes(at, 0, 1)
+    area = _cross(b - a, c - a)
+    upright = np.abs(area) > 1e-12
+    inverse = np.where(upright, 1 / np.where(upright, area, 1), 0)[triangle]
+    offset = np.column_stack([column, row]) - a[triangle]
+    of_b = _cross(offset, (c - a)[triangle]) * inverse
+    of_c = _cross((b - a)[triangle], offset) * inverse
+    inside = upright[triangle] & (of_b >= -1e-9) & (of_c >= -1e-9) & (of_b + of_c <= 1 + 1e-9)
+    height = (1 - of_b - of_c) * z[triangle, 0] + of_b * z[triangle, 1] + of_c * z[triangle, 2]
+    np.maximum.at(heights, (row * size + column)[inside], height[inside])
+
+
+def _cross(one: Array, other: Array) -> Array:
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])

@@ -1,0 +1,26 @@
+"""A reader of PLY files, written from the format's description, that tests what the page writes."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+TYPES = {"float": "<f4", "int": "<i4", "uchar": "u1"}
+
+
+def read_ply(path: Path) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.int32], list[str]]:
+    """Return the properties of the vertices by name, the (n, 3) triangles, and the comments."""
+    content = path.read_bytes()
+    header, _, rest = content.partition(b"end_header\n")
+    lines = [line.split() for line in header.decode("ascii").splitlines()]
+    assert lines[0] == ["ply"]
+    assert lines[1] == ["format", "binary_little_endian", "1.0"]
+    counts = {line[1]: int(line[2]) for line in lines if line[0] == "element"}
+    properties = [(line[2], TYPES[line[1]]) for line in lines if line[0] == "property" and line[1] != "list"]
+    assert ["property", "list", "uchar", "int", "vertex_indices"] in lines
+    vertices = np.frombuffer(rest, np.dtype(properties), counts["vertex"])
+    faces = np.frombuffer(rest, np.dtype([("count", "u1"), ("corners", "<i4", 3)]), counts["face"], vertices.nbytes)
+    assert vertices.nbytes + faces.nbytes == len(rest), "nothing is left over"
+    assert (faces["count"] == 3).all()
+    comments = [" ".join(line[1:]) for line in lines if line[0] == "comment"]
+    return {name: vertices[name] for name, _ in properties}, faces["corners"], comments

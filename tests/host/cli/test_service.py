@@ -1,0 +1,96 @@
+"""The service: its unit file, what systemd is told, and what `gellight status` says of what runs."""
+
+import json
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.base.service_manager import ServiceManager
+from gellight.cli.service import unit, unit_path
+from tests.helpers import children
+
+SENSOR = "sim://?object=BALL&depth=0.5&board=0"
+
+
+def listening(tmp_path: Path) -> socket.socket:
+    """What systemd listens on."""
+    manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    manager.bind(str(tmp_path / "notify"))
+    manager.settimeout(60)
+    return manager
+
+
+def test_a_service_that_delivers_is_alive_and_one_that_stands_still_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    with listening(tmp_path) as systemd:
+        manager = ServiceManager()
+        manager.ready()
+        assert systemd.recv(100) == b"READY=1"
+        manager.alive(5, away=False)
+        assert systemd.recv(100) == b"WATCHDOG=1"
+        manager.alive(5, away=False)  # nothing came since
+        manager.alive(5, away=True)  # but now it is known why
+        manager.alive(6, away=False)
+        systemd.settimeout(0.1)
+        assert [systemd.recv(100), systemd.recv(100)] == [b"WATCHDOG=1"] * 2
+        with pytest.raises(TimeoutError):
+            systemd.recv(100)
+
+
+def test_without_a_manager_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    ServiceManager().ready()
+
+
+def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(tmp_path: Path) -> None:
+    surroundings = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "XDG_RUNTIME_DIR": str(tmp_path)}
+    assert children.gellight("status", env=surroundings).returncode == 1, "nothing runs"
+    command = [*children.GELLIGHT, "run", "--sensor", SENSOR, "--port", "0", "--name", "finger"]
+    with listening(tmp_path) as systemd, children.started(command, env=surroundings, stderr=-3) as daemon:
+        assert systemd.recv(100) == b"READY=1"
+        assert systemd.recv(100) == b"WATCHDOG=1"
+        shown = children.gellight("status", "--json", env=surroundings)
+        assert shown.returncode == 0, shown.stderr
+        status = json.loads(shown.stdout)["finger"]
+        assert (status["process"], status["error"], status["mode"]) == (daemon.pid, None, "network")
+        assert "finger (process" in children.gellight("status", env=surroundings).stdout
+        second = children.gellight(*command[len(children.GELLIGHT) :], "--frames", "1", env=surroundings)
+        assert second.returncode == 2
+        assert f"published already by process {daemon.pid}" in second.stderr
+        os.kill(daemon.pid, signal.SIGTERM)
+        assert daemon.wait(60) == 0
+    assert children.gellight("status", env=surroundings).stdout.startswith("no daemon runs")
+
+
+def test_the_unit_file_is_written_once_and_removed(tmp_path: Path) -> None:
+    surroundings = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}
+    path = tmp_path / "systemd/user/gellight-left.service"
+    done = children.gellight("service", "install", "--name", "left", env=surroundings)
+    assert f"systemctl --user enable --now {path.name}" in done.stdout, done.stderr
+    assert path.read_text() == unit("auto", "left", 8420)
+    again = children.gellight("service", "install", "--name", "left", env=surroundings)
+    assert (again.returncode, "exists" in again.stderr) == (2, True)
+    assert children.gellight("service", "remove", "--name", "left", env=surroundings).returncode == 0
+    assert not path.exists()
+    assert children.gellight("service", "remove", "--name", "left", env=surroundings).returncode == 2
+
+
+def test_the_unit_starts_this_installation_and_is_watched() -> None:
+    lines = dict(line.split("=", 1) for line in unit("sensor://A 1%", "", 8420).splitlines() if "=" in line)
+    assert lines["Type"] == "notify"
+    assert lines["WatchdogSec"] == "30"
+    folder = Path(sys.executable).parent
+    assert lines["ExecStart"] == f"{folder}/gellight run --sensor 'sensor://A 1%%' --port 8420"
+
+
+@pytest.mark.parametrize("name", ["a/b", "../x", "a b", "a\n"])
+def test_a_name_that_is_none_for_a_unit_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="not possible"):
+        unit_path(name)

@@ -1,0 +1,47 @@
+"""What Prometheus and a health check are told."""
+
+import json
+import re
+import urllib.error
+import urllib.request
+
+import pytest
+
+from gellight.dashboard.metrics import metric_lines
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.dashboard_source import FormulaSource
+
+LINE = re.compile(r'[a-z_]+(\{[a-z]+="[^"]*"\})? [-+0-9.e]+')
+
+
+def test_every_figure_has_its_type_and_a_number(server: DashboardServer) -> None:
+    with urllib.request.urlopen(f"{server.url}metrics") as answer:
+        assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
+        lines = answer.read().decode().splitlines()
+    values = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
+    assert [line for line in lines if not line.startswith("# ") and not LINE.fullmatch(line)] == []
+    assert values["gellight_frames_total"] == "1234"
+    assert values["gellight_up"] == "1"
+    assert values['gellight_frame_age_seconds{quantile="0.95"}'] == "0.0178"
+    assert values['gellight_stage_seconds{stage="gelnet"}'] == "0.0081"
+    assert {line.split()[2] for line in lines if line.startswith("# TYPE")} == {
+        line.partition("{")[0] for line in values
+    }
+
+
+def test_health_is_200_or_503_with_the_reason(source: FormulaSource, server: DashboardServer) -> None:
+    with urllib.request.urlopen(f"{server.url}health") as answer:
+        assert json.load(answer) == {"ok": True, "error": None}
+    source.error = "reconnecting to sensor A"
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(f"{server.url}health")
+    assert refused.value.code == 503
+    assert json.load(refused.value)["error"] == "reconnecting to sensor A"
+
+
+def test_findings_are_shown_and_what_is_not_known_yet_is_left_out() -> None:
+    status = {"error": "away", "frames": 0, "fps": 0.0, "frame_age_ms": {}, "watch": {"findings": [{"kind": "drift"}]}}
+    lines = list(metric_lines(status))
+    assert 'gellight_finding{kind="drift"} 1' in lines
+    assert "gellight_up 0" in lines
+    assert not [line for line in lines if "frame_age" in line]

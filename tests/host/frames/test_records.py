@@ -1,0 +1,75 @@
+"""What a program sees of frames: one line each, and `==` that answers."""
+
+import dataclasses
+import importlib
+import pkgutil
+import typing
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import gellight
+import gelnet
+import sim_reference
+from gellight.bundle.bundle import load_bundle
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, LightLabel, LightState, TactileFrame
+from gellight.opening import open_camera
+from gellight.reconstruction.pipeline import Reconstructor
+
+
+def classes() -> Iterator[type]:
+    """Yield every dataclass of our packages, wherever it is defined."""
+    for package in (gellight, sim_reference, gelnet):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            if module.name.endswith("__main__") or "-" in module.name:  # a library of some platform
+                continue
+            for item in vars(importlib.import_module(module.name)).values():
+                if isinstance(item, type) and item.__module__ == module.name and dataclasses.is_dataclass(item):
+                    yield item
+
+
+def holds_arrays(annotation: object) -> bool:
+    """Whether a value of this type is an array, or a container of arrays."""
+    origin = typing.get_origin(annotation) or annotation
+    return origin is np.ndarray or any(map(holds_arrays, typing.get_args(annotation)))
+
+
+def test_no_dataclass_that_holds_arrays_compares_them() -> None:
+    found = []
+    for item in classes():
+        hints = typing.get_type_hints(item, vars(importlib.import_module(item.__module__)))
+        if any(holds_arrays(hints[field.name]) for field in dataclasses.fields(item) if field.compare):
+            found.append(item)
+    assert len(found) > 30
+    assert [item for item in found if item.__eq__ is not object.__eq__] == []
+
+
+@pytest.fixture(scope="module")
+def felt() -> TactileFrame:
+    with open_camera("sim://?board=0&object=BALL&depth=1.0") as camera:
+        return Reconstructor(load_bundle("synthetic")).reconstruct(camera.read())
+
+
+def test_frames_are_shown_in_one_line_and_compared_without_an_error(felt: TactileFrame) -> None:
+    frame, again = felt.camera_frame, dataclasses.replace(felt)
+    lit = dataclasses.replace(frame, label=LightLabel(state=LightState.CLEAN, group=1))
+    for item in (felt, frame, lit, felt.contact, frame.truth, load_bundle("synthetic")):
+        assert "\n" not in repr(item)
+        assert len(repr(item)) < 120, repr(item)
+    assert f"640x480, sequence {frame.sequence}, {frame.time_s:.3f} s, {felt.contact.indentation_mm:.3f} mm" in repr(
+        felt
+    )
+    assert repr(lit).endswith("s, clean light>")
+    assert felt == felt
+    assert felt != again
+    assert len({felt, again, frame, felt.contact}) == 4, "they can be kept in sets"
+
+
+def test_a_gel_that_nothing_touches_says_so() -> None:
+    free = Contact(mask=np.zeros((2, 3), bool), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
+    assert repr(free) == "<Contact: no contact>"
+    assert isinstance(CameraFrame(image=np.zeros((2, 3, 3), np.uint8), time_s=1.0, sequence=4).__repr__(), str)
+    flat = np.zeros((2, 3), np.float32)
+    truth = GroundTruth(depth_mm=flat, gradient_map=np.zeros((2, 3, 2), np.float32), contact=flat > 0)
+    assert repr(truth) == "<GroundTruth 3x2, 0.000 mm deep>"

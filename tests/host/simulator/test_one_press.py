@@ -1,0 +1,110 @@
+"""`gellight simulate press`: by depth and by force, resumed, and refused with what works."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gellight.base.errors import InputError
+from gellight.cli.main import app
+from gellight.design.benchmark_files import solid_stl
+from gellight.simulator.one_press import PressRequest, check_memory, object_heights, press_once
+from sim_reference.fem.newton import Step
+from sim_reference.geometry import SensorGeometry
+
+GEOMETRY = SensorGeometry()
+BALL = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.0)
+
+
+class Interrupted(Exception):  # noqa: N818 - what Ctrl-C does
+    pass
+
+
+def test_the_verb_writes_surface_and_report(tmp_path: Path) -> None:
+    command = ["simulate", "press", "--object", "ball", "--depth-mm", "0.4", "--resolution-mm", "1.25", "--json"]
+    result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "p")])
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    assert report["depth_mm"] == pytest.approx(0.4, abs=1e-3)
+    assert 0.05 < report["force_n"] < 1.0
+    assert report["min_gap_mm"] > 0
+    assert report["min_det_f"] > 0
+    assert report["vertices"] > 1000
+    assert report["newton_steps"] > 3
+    with np.load(tmp_path / "p/press.npz") as written:
+        force = written["pressure_mpa"].sum() * written["spacing_mm"] ** 2
+        assert force == pytest.approx(report["force_n"], rel=1e-5)
+        assert written["tangential_mm"].shape == (512, 512, 2)
+    assert json.loads((tmp_path / "p/report.json").read_text()) == report
+    again = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "p")])
+    assert again.exit_code == 2
+    assert "exists" in again.output
+
+
+def test_an_interrupted_press_goes_on_from_its_last_step(tmp_path: Path) -> None:
+    steps: list[Step] = []
+
+    def interrupt(step: Step) -> None:
+        steps.append(step)
+        if len(steps) == 3:
+            raise Interrupted
+
+    whole = press_once(BALL, tmp_path / "whole", GEOMETRY, lambda _: None)
+    with pytest.raises(Interrupted):
+        press_once(BALL, tmp_path / "p", GEOMETRY, interrupt)
+    assert (tmp_path / "p/state.npz").exists()
+    other = PressRequest(**{**BALL.__dict__, "depth_mm": 0.5})
+    with pytest.raises(InputError, match="another press"):
+        press_once(other, tmp_path / "p", GEOMETRY, interrupt)
+    rest = press_once(BALL, tmp_path / "p", GEOMETRY, lambda _: None)
+    assert rest.newton_steps is not None
+    assert whole.newton_steps is not None
+    assert rest.newton_steps <= whole.newton_steps - 2
+    assert rest.force_n == pytest.approx(whole.force_n, rel=1e-5)
+    assert not (tmp_path / "p/state.npz").exists()
+
+
+@pytest.mark.parametrize("gel", ["fem", "layer"])
+def test_a_force_presses_as_deep_as_it_takes(tmp_path: Path, gel: str) -> None:
+    request = PressRequest(**{**BALL.__dict__, "depth_mm": None, "force_n": 0.3, "gel": gel})
+    report = press_once(request, tmp_path, GEOMETRY, lambda _: None)
+    assert report.force_n == pytest.approx(0.3, rel=0.03 if gel == "layer" else 1e-3)
+    assert 0.3 < report.depth_mm < 0.8
+
+
+def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
+    at = np.linspace(-3, 3, 25)
+    cone = -np.hypot(at[None, :], at[:, None])
+    (tmp_path / "cone.stl").write_bytes(solid_stl(cone, 0.25))
+    height = object_heights(str(tmp_path / "cone.stl"))
+    assert height.max() == pytest.approx(0, abs=0.1)
+    assert height[256, 256 + 16] == pytest.approx(-2.06, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (["--object", "cube", "--depth-mm", "1"], "choose one of BALL, TSTEP"),
+        (["--object", "nowhere.stl", "--depth-mm", "1"], "cannot be read"),
+        (["--object", "ball", "--depth-mm", "3.5"], "above 0 to 3 mm"),
+        (["--object", "ball", "--depth-mm", "1", "--force-n", "1"], "one of the two"),
+        (["--object", "ball"], "one of the two"),
+        (["--object", "ball", "--force-n", "1000"], "above 0 to"),
+        (["--object", "ball", "--depth-mm", "1", "--resolution-mm", "0.01"], "mm fits"),
+        (["--object", "ball", "--depth-mm", "1", "--resolution-mm", "7"], "2.5 mm"),
+    ],
+)
+def test_what_cannot_be_pressed_is_refused_with_what_works(tmp_path: Path, given: list[str], reason: str) -> None:
+    result = CliRunner().invoke(app, ["simulate", "press", *given, "--out", str(tmp_path / "p")])
+    assert result.exit_code != 0
+    assert isinstance(result.exception, InputError)
+    assert reason in str(result.exception)
+    assert not (tmp_path / "p/press.npz").exists()
+
+
+def test_a_mesh_is_refused_that_the_memory_does_not_hold() -> None:
+    check_memory(0.3, GEOMETRY, 8 * 10**9)
+    with pytest.raises(InputError, match=r"0\.3 mm needs about .* GB .*: 0\.\d+ mm fits"):
+        check_memory(0.3, GEOMETRY, 10**9)

@@ -1,0 +1,174 @@
+"""A daemon is recorded beside its work; the verbs record, replay and export a simulated sensor."""
+
+import errno
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import gellight
+from gellight.base.errors import InputError
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording.recording_file import DepthKind, Recording, depth_image
+from gellight.recording.replay_camera import open_replay
+from gellight.stream import recorder as recorder_module
+from gellight.stream.recorder import RESERVE_BYTES, Recorder
+from tests.helpers import children
+from tests.helpers.doc_examples import examples, run
+from tests.helpers.streamed import bump_daemon
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few frames of a ball in a simulated sensor, with the depth of at least three of them."""
+    path = tmp_path_factory.mktemp("recorded") / "ball.mcap"
+    with gellight.connect("sim://?object=BALL&depth=1&fps=2") as sensor:
+        sensor.next_frame()
+        with Recorder(sensor.daemon, path, depth=DepthKind.FLOAT32) as recorder:
+            while recorder.status.frames < 6 or recorder.status.depths < 3:
+                time.sleep(0.05)
+    return path
+
+
+def test_every_camera_frame_is_there_and_the_depth_of_each_can_be_computed_again(recording: Path) -> None:
+    camera = open_replay(f"replay://{recording}?speed=0")
+    recorded = {info.sequence: (info, image) for info, image in Recording(recording).depths()}
+    reconstructor, equal, numbers = Reconstructor(camera.bundle), 0, []
+    for record in Recording(recording).frames():
+        frame = camera.read()
+        assert frame.sequence == record.info.sequence
+        numbers.append(frame.sequence)
+        if frame.sequence in recorded:
+            info, image = recorded[frame.sequence]
+            assert info.zero == camera.zero
+            assert depth_image(reconstructor.reconstruct(frame).depth_mm, DepthKind.FLOAT32) == image, "bit for bit"
+            equal += 1
+    assert equal == len(recorded) >= 3
+    assert numbers == list(range(numbers[0], numbers[-1] + 1)), "none is missing"
+
+
+def test_a_disk_that_is_nearly_full_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: RESERVE_BYTES)
+    daemon, _ = bump_daemon()
+    with daemon, pytest.raises(InputError, match="free some space"):
+        Recorder(daemon, tmp_path / "a.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    free = [10 * RESERVE_BYTES]
+    monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: free[0])
+    monkeypatch.setattr(recorder_module, "LOOK_S", 0.3)
+    with gellight.connect("sim://?object=BALL&depth=1&fps=5") as sensor:
+        with Recorder(sensor.daemon, tmp_path / "a.mcap") as recorder:
+            while not recorder.ended:
+                time.sleep(0.05)
+                if recorder.status.frames:
+                    free[0] = RESERVE_BYTES
+        assert recorder.status.ended == "the recording stopped: the disk is nearly full"
+        sensor.next_frame()  # the sensor goes on
+    recorded = Recording(tmp_path / "a.mcap")
+    assert len(list(recorded.frames())) == recorder.status.frames
+    assert recorded.whole
+
+
+def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with gellight.connect("sim://?object=BALL&depth=1&fps=5") as sensor:
+        with Recorder(sensor.daemon, tmp_path / "a.mcap") as recorder:
+            while not recorder.status.frames:
+                time.sleep(0.05)
+            monkeypatch.setattr(recorder._writer, "add", refuse)
+            while not recorder.ended:
+                time.sleep(0.05)
+        assert "disk is full" in recorder.status.ended
+        sensor.next_frame()
+    assert len(list(Recording(tmp_path / "a.mcap").frames())) == recorder.status.frames
+
+
+# ---- the verbs ----
+
+
+def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
+    done = children.gellight("replay", recording, "--speed", "0", "--loop", "--frames", "4", "--no-dashboard", "--json")
+    assert done.returncode == 0, done.stderr
+    status = json.loads(done.stdout)
+    assert status["indentation_mm"] == pytest.approx(1.0, abs=0.05)
+    assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
+
+
+def test_a_recording_is_exported_as_arrays_and_clouds(recording: Path, tmp_path: Path) -> None:
+    done = children.gellight("export", recording, "--out", tmp_path, "--every", "3", "--json")
+    paths = sorted(tmp_path.glob("*.npz"))
+    assert json.loads(done.stdout) == {"frames": len(paths), "whole": True}, done.stderr
+    assert len(paths) == -(-len(list(Recording(recording).frames())) // 3)
+    maps = np.load(paths[0])
+    assert maps["depth_mm"].max() == pytest.approx(1.0, abs=0.05)
+    assert children.gellight("export", recording, "--out", tmp_path, "--as", "ply", "--every", "1000").returncode == 0
+    (cloud,) = tmp_path.glob("*.ply")
+    header, _, body = cloud.read_bytes().partition(b"end_header\n")
+    assert b"element vertex 307200" in header
+    points = np.frombuffer(body, np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)]))
+    assert points["xyz"][:, 2].max() == pytest.approx(maps["depth_mm"].max(), abs=0.02)
+    assert np.ptp(points["xyz"][:, 0]) == pytest.approx(639 * gellight.load_bundle("synthetic").pixel_size_mm[0], 1e-5)
+
+
+def test_a_recording_is_exported_as_pictures_and_as_a_video(recording: Path, tmp_path: Path) -> None:
+    assert children.gellight("export", recording, "--out", tmp_path, "--as", "png", "--every", "1000").returncode == 0
+    (picture,) = (cv2.imread(str(path)) for path in tmp_path.glob("*.png"))
+    done = children.gellight("export", recording, "--out", tmp_path, "--as", "video", "--every", "2")
+    assert done.returncode == 0, done.stderr
+    video = cv2.VideoCapture(str(tmp_path / "video.mp4"))
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == -(-len(list(Recording(recording).frames())) // 2)
+    assert video.read()[1].shape == picture.shape
+
+
+def test_what_was_not_recorded_whole_is_exported_and_told(recording: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recording.read_bytes()[:-2000])
+    done = children.gellight("export", cut, "--out", tmp_path / "out", "--every", "6", "--json")
+    assert json.loads(done.stdout)["whole"] is False
+    assert "its recording was cut short" in done.stderr
+
+
+def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path: Path) -> None:
+    out = tmp_path / "new" / "a.mcap"
+    url = "sim://?object=BALL&depth=0.5"
+    with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
+        while not out.exists() or out.stat().st_size < 4e6:
+            assert verb.poll() is None, verb.stderr.read()
+            time.sleep(0.1)
+        begun_s = time.monotonic()
+        os.kill(verb.pid, signal.SIGTERM)
+        said, _ = verb.communicate(timeout=60)
+        assert verb.returncode == 0
+    assert time.monotonic() - begun_s < 30
+    assert b"a.mcap: " in said
+    recorded = Recording(out)
+    assert len(list(recorded.frames())) >= 3
+    assert recorded.whole
+
+
+def test_a_file_that_exists_is_not_recorded_over(recording: Path) -> None:
+    done = children.gellight("record", "--sensor", "sim://", "--out", recording, "--seconds", "1")
+    assert done.returncode == 2
+    assert "exists" in done.stderr
+
+
+def test_the_program_in_the_documents_reads_a_recording(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "press.mcap").symlink_to(recording)
+    (code,) = examples("docs/recording.md")
+    run(code, "docs/recording.md")
+    assert "/sim/depth" in capsys.readouterr().out

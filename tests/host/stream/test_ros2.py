@@ -1,0 +1,159 @@
+"""An independent client of ROS 2 over zenoh, which knows nothing of GelLight, gets every topic."""
+
+import json
+import socket
+import struct
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import zenoh
+from rosbags.typesys import Stores, get_typestore
+
+from gellight.base.errors import StreamError
+from gellight.daemon.daemon import Daemon
+from gellight.stream import ros2
+from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
+from tests.helpers.children import run
+from tests.helpers.streamed import bump_daemon
+
+JAZZY = get_typestore(Stores.ROS2_JAZZY)
+
+READ_BY_THE_SDK = """
+import json, os, sys, threading
+from rosbags.typesys import Stores, get_typestore
+from zenoh_ros2_sdk import ROS2Subscriber
+topic, kind, port = sys.argv[1:]
+store, came = get_typestore(Stores.ROS2_JAZZY), threading.Event()
+def show(message):
+    if came.is_set():
+        return
+    told = {"frame_id": message.header.frame_id, "sec": message.header.stamp.sec}
+    for name in ("height", "width", "encoding", "step", "point_step", "row_step"):
+        if hasattr(message, name):
+            told[name] = getattr(message, name)
+    if hasattr(message, "data"):
+        told["bytes"] = len(message.data)
+        kind = "<f4" if told.get("encoding", "32FC1") == "32FC1" else "u1"
+        told["max"] = float(message.data.view(kind).max())
+    if hasattr(message, "point"):
+        told["point"] = [message.point.x, message.point.y, message.point.z]
+    if hasattr(message, "status"):
+        told["status"] = [message.status[0].name, message.status[0].message, len(message.status[0].values)]
+    print(json.dumps(told), flush=True)
+    came.set()
+text, _ = store.generate_msgdef(kind, ros_version=2)
+reader = ROS2Subscriber(topic, kind, show, msg_definition=text, type_hash=store.hash_rihs01(kind),
+                        router_port=int(port), domain_id=7)
+ok = came.wait(30)
+os._exit(0 if ok else 1)
+"""
+
+
+@pytest.fixture
+def router() -> Iterator[tuple[zenoh.Session, int]]:
+    """What `rmw_zenohd` is to ROS 2."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    config = zenoh.Config()
+    for name, value in {"mode": "router", "listen/endpoints": [f"tcp/127.0.0.1:{port}"],
+                        "scouting/multicast/enabled": False}.items():  # fmt: skip
+        config.insert_json5(name, json.dumps(value))
+    session = zenoh.open(config)
+    yield session, port
+    session.close()
+
+
+@pytest.fixture
+def port(router: tuple[zenoh.Session, int]) -> Iterator[int]:
+    """The router, by which a daemon publishes."""
+    daemon, _ = bump_daemon(period_s=0.05)
+    with daemon, Ros2Publisher(daemon, f"tcp/127.0.0.1:{router[1]}", name="left finger", domain=7):
+        yield router[1]
+
+
+def read(port: int, topic: str, kind: str) -> dict[str, object]:
+    done = run([sys.executable, "-c", READ_BY_THE_SDK, topic, kind, str(port)])
+    assert done.returncode == 0, done.stderr
+    told: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
+    return told
+
+
+def test_the_image(port: int) -> None:
+    told = read(port, "/left_finger/image_raw", "sensor_msgs/msg/Image")
+    assert (told["height"], told["width"], told["step"], told["encoding"]) == (48, 64, 192, "rgb8")
+    assert (told["bytes"], told["frame_id"]) == (48 * 192, "left_finger_camera")
+    assert told["sec"] > 1.6e9
+
+
+def test_depth_is_in_metres(port: int) -> None:
+    told = read(port, "/left_finger/depth/image", "sensor_msgs/msg/Image")
+    assert (told["encoding"], told["bytes"]) == ("32FC1", 48 * 64 * 4)
+    assert 0.0005 < told["max"] < 0.01
+
+
+def test_points(port: int) -> None:
+    told = read(port, "/left_finger/points", "sensor_msgs/msg/PointCloud2")
+    assert (told["height"], told["width"], told["point_step"], told["row_step"]) == (48, 64, 12, 768)
+    assert (told["bytes"], told["frame_id"]) == (48 * 768, "left_finger_gel")
+
+
+def test_the_contact_is_a_point_in_metres(port: int) -> None:
+    told = read(port, "/left_finger/contact", "geometry_msgs/msg/PointStamped")
+    assert told["point"][:2] == pytest.approx([0, 0], abs=1e-4)
+    assert 0.0005 < told["point"][2] < 0.01
+
+
+def test_camera_info_and_diagnostics(port: int) -> None:
+    told = read(port, "/left_finger/camera_info", "sensor_msgs/msg/CameraInfo")
+    assert (told["height"], told["width"]) == (48, 64)
+    told = read(port, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+    assert told["status"] == ["gellight: left_finger", "ok", 5]
+
+
+def test_the_hashes_are_those_of_ros() -> None:
+    assert {kind: JAZZY.hash_rihs01(kind) for kind in HASHES} == HASHES
+
+
+def test_the_graph_shows_the_node_and_its_topics(router: tuple[zenoh.Session, int], port: int) -> None:
+    """Tokens as rmw_zenoh's design writes them; the attachment has number, time and the 16 bytes of the publisher."""
+    session = router[0]
+    keys = sorted(str(reply.ok.key_expr) for reply in session.liveliness().get("@ros2_lv/**", timeout=5) if reply.ok)
+    kinds = [key.split("/")[5] for key in keys]
+    assert (kinds.count("NN"), kinds.count("MP")) == (1, 6)
+    (image,) = [key for key in keys if "%left_finger%image_raw" in key]
+    parts = image.split("/")
+    assert parts[1] == "7"
+    assert parts[6:10] == ["%", "%", "gellight_left_finger", "%left_finger%image_raw"]
+    assert parts[10:] == ["sensor_msgs::msg::dds_::Image_", HASHES["sensor_msgs/msg/Image"], QOS]
+    came, got = threading.Event(), []
+    held = session.declare_subscriber("7/left_finger/contact/**", lambda one: (got.append(one), came.set()))
+    assert came.wait(10)
+    number, time_ns, length, _ = struct.unpack("<qqB16s", got[0].attachment.to_bytes())
+    assert (number > 0, time_ns > 1.6e18, length) == (True, True, 16)
+    held.undeclare()
+
+
+def test_a_topic_that_nobody_subscribes_to_costs_nothing(router: tuple[zenoh.Session, int]) -> None:
+    daemon, made = bump_daemon(period_s=0.005)
+    with daemon, Ros2Publisher(daemon, f"tcp/127.0.0.1:{router[1]}", name="finger") as publisher:
+        while len(made.given) < 100:
+            time.sleep(0.01)
+        assert publisher._count < 20, "the diagnostics alone"
+
+
+def test_the_points_lie_on_the_gel_right_handed() -> None:
+    """A slope that rises to the right and to the top of the image rises with x and y."""
+    depth = np.add.outer(-np.arange(4.0), np.arange(5.0)).astype(np.float32)
+    points = ros2.points_of(depth, (0.1, 0.2)).reshape(-1, 3)
+    slopes, *_ = np.linalg.lstsq(np.c_[points[:, :2], np.ones(20)], points[:, 2], rcond=None)
+    assert slopes[:2] == pytest.approx([10, 5])
+
+
+def test_where_no_router_answers_that_is_told() -> None:
+    daemon: Daemon = bump_daemon()[0]
+    with daemon, pytest.raises(StreamError, match="no connection"):
+        Ros2Publisher(daemon, "tcp/127.0.0.1:1", name="finger").__enter__()

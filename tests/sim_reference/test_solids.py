@@ -1,0 +1,67 @@
+"""STL files as objects: heights of known bodies, and files that are refused."""
+
+import numpy as np
+import pytest
+
+from sim_reference.deformation import NO_OBJECT, grid
+from sim_reference.solids import RECORD, height_map, read_stl
+
+SIZE, SPACING = 65, 0.125
+AT = grid(SIZE, SPACING)
+
+
+def pyramid(side: float, height: float) -> np.ndarray:
+    """A square pyramid about (10, 20), its tip up at z = 3."""
+    half, tip = side / 2, np.array([10.0, 20.0, 3.0])
+    base = [tip + np.array([x, y, -height]) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
+    sides = [[base[i], base[(i + 1) % 4], tip] for i in range(4)]
+    return np.array([*sides, [base[0], base[2], base[1]], [base[0], base[3], base[2]]])
+
+
+def binary(triangles: np.ndarray) -> bytes:
+    records = np.zeros(len(triangles), RECORD)
+    records["corners"] = triangles
+    return b"solid in name only".ljust(80) + np.uint32(len(triangles)).tobytes() + records.tobytes()
+
+
+def text(triangles: np.ndarray) -> bytes:
+    facets = [
+        "facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*p) for p in t) + "endloop\nendfacet\n"
+        for t in triangles
+    ]
+    return f"solid x\n{''.join(facets)}endsolid x\n".encode()
+
+
+@pytest.mark.parametrize("written", [binary, text])
+def test_a_pyramid_has_its_heights(written) -> None:
+    height = height_map(read_stl(written(pyramid(6.0, 2.0))), SIZE, SPACING)
+    x, y = np.meshgrid(AT, AT)
+    out = np.maximum(np.abs(x), np.abs(y))
+    expected = np.where(out <= 3.0, -2.0 * out / 3.0, NO_OBJECT)
+    assert height == pytest.approx(expected, abs=1e-5)
+
+
+def test_y_is_up_in_the_file_and_down_in_the_map() -> None:
+    triangles = pyramid(6.0, 2.0)
+    tip = triangles[0, 2].copy()
+    triangles[(triangles == tip).all(axis=2)] += [0.0, 1.0, 0.0]
+    height = height_map(read_stl(binary(triangles)), SIZE, SPACING)
+    row, _ = np.unravel_index(height.argmax(), height.shape)
+    assert AT[row] == pytest.approx(-1.0)
+
+
+def test_a_body_with_a_hole_is_refused_with_the_place() -> None:
+    with pytest.raises(ValueError, match=r"not closed: 3 edges.*\("):
+        read_stl(binary(pyramid(6.0, 2.0)[1:]))
+
+
+@pytest.mark.parametrize("side", [0.006, 6000.0])
+def test_a_body_that_cannot_be_in_mm_is_refused(side: float) -> None:
+    with pytest.raises(ValueError, match="scale it to mm"):
+        read_stl(binary(pyramid(side, side / 3)))
+
+
+@pytest.mark.parametrize("content", [b"", b"GIF89a", b"solid x\nvertex 1 2\nendsolid", b"x" * 200])
+def test_what_is_no_stl_is_refused(content: bytes) -> None:
+    with pytest.raises(ValueError, match="no triangles"):
+        read_stl(content)
