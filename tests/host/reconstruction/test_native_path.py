@@ -11,15 +11,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.evaluation.analytic_surfaces import gaussian
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.image_files import read_image
 from gellight.reconstruction import pipeline
 from gellight.reconstruction.integration import angle_deg
 from gellight.reconstruction.native import build, judge, library
 from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.pipeline import Form, Reconstructor
 from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.places import REAL_IMAGES
 
 ROOT = Path(__file__).parents[3]
 SYNTHETIC = load_bundle("synthetic")
@@ -159,6 +161,28 @@ def test_a_network_that_answers_nan_is_an_error_and_not_a_map(tmp_path: Path, mo
     monkeypatch.setattr(path._cells.jacobian, "answer", lambda rows: (rows[:, :2] * np.nan, np.zeros((len(rows), 6))))
     with pytest.raises(ValueError, match="NaN or infinite"):
         native.reconstruct(frame_of(judge.made_up_image(SYNTHETIC)))
+
+
+@needs_a_library
+@pytest.mark.real_images
+@pytest.mark.parametrize("press", range(0, 33, 8))
+def test_a_press_on_a_real_sensor(tmp_path: Path, press: int) -> None:
+    """Its noise, its compression and its light; the network is another sensor's, which the comparison does not mind."""
+    background = read_image(REAL_IMAGES / "gelsight_mini_ball/background.png")
+    name = (REAL_IMAGES / "gelsight_mini_ball/presses.csv").read_text().splitlines()[1 + press].split(",")[0]
+    write_bundle(
+        tmp_path / "b",
+        sensor="mini",
+        reference=background.astype(np.float32),
+        reference_frames=1,
+        noise_grey=1.0,
+        pixel_size_mm=(0.05107, 0.05107),
+        network=SYNTHETIC.network,
+        metrics={},
+    )
+    native, cells = both(load_bundle(tmp_path / "b"))
+    frame = frame_of(read_image(REAL_IMAGES / "gelsight_mini_ball" / name))
+    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
 
 
 def numpy_because(bundle: Bundle, caplog: pytest.LogCaptureFixture) -> str:
