@@ -46,11 +46,8 @@ enum status handle_clock(struct call *call)
     const struct port *port = controller->port;
     const struct clock_request *request = call->request;
     struct clock_reply *reply = call->reply;
-    uint64_t sof_us;
     reply->host_us = request->host_us;
     reply->received_us = controller->packet_us;
-    reply->sof_number = port->start_of_frame(port->context, &sof_us);
-    reply->sof_us = sof_us;
     reply->sent_us = port->micros(port->context);
     return STATUS_OK;
 }

@@ -3,8 +3,7 @@
 #include "bytes.h"
 #include "events.h"
 
-#define OVERDUE_US 20000u       /* a light that was due so long ago will never come */
-#define DISTURBED_MOST 8u       /* a light whose transfer broke off so often will never get through */
+#define OVERDUE_US 20000u       /* a light that was due so long ago will never come: its transfer broke off */
 #define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
 
 uint64_t controller_now_us(const struct controller *controller)
@@ -37,7 +36,6 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     uint32_t current_ua = ring_current_ua(&controller->limits, limited);
     slot->current_ma = ring_ma(current_ua);
     slot->shines = current_ua > LED_COUNT * controller->limits.quiescent_ua;
-    slot->disturbed = 0;
     slot->busy = true;
     return true;
 }
@@ -89,17 +87,6 @@ bool controller_above_limit(const struct controller *controller)
            (controller->still_wanted && !ring_within(&controller->limits, controller->still));
 }
 
-/* The line has rested for the latch time since it broke off: the LEDs show the part they took, and get the whole. */
-static void send_again(struct controller *controller)
-{
-    struct controller_slot *slot = &controller->slot;
-    controller->counters.lights_disturbed++;
-    if (slot->disturbed < DISTURBED_MOST)
-        slot->disturbed++;
-    slot->start_us = 0;
-    hand_over(controller);
-}
-
 static void tell_sequencer(struct controller *controller, uint64_t first_bit_us)
 {
     const struct port *port = controller->port;
@@ -120,8 +107,6 @@ static bool finish_light(struct controller *controller, struct latched *latched)
     enum port_light result = PORT_LIGHT_NONE;
     if (slot->busy)
         result = port->light_result(port->context, &latched->first_bit_us, &latched->latched_us);
-    if (result == PORT_LIGHT_DISTURBED)
-        send_again(controller);
     if (result != PORT_LIGHT_LATCHED)
         return false;
     slot->busy = false;
@@ -227,8 +212,6 @@ bool controller_healthy(const struct controller *controller)
     const struct controller_slot *slot = &controller->slot;
     if (!slot->busy)
         return true;
-    if (slot->disturbed >= DISTURBED_MOST)
-        return false;
     return slot->start_us == PORT_ON_TRIGGER || controller_now_us(controller) < slot->start_us + OVERDUE_US;
 }
 

@@ -25,7 +25,6 @@ struct controller_slot {
     uint32_t light_id;
     uint16_t current_ma;
     bool busy;
-    uint8_t disturbed; /* how often its transfer broke off */
     bool shines;       /* any LED is lit */
     uint8_t role;      /* enum sequencer_next: what it is to the sequence; SEQUENCER_WAIT: nothing */
 };

@@ -20,10 +20,9 @@
 #define PORT_PAGE_BYTES 256u
 
 enum port_light {
-    PORT_LIGHT_NONE,      /* no transfer since the last result was read */
-    PORT_LIGHT_WAITING,   /* its time or its trigger has not come, or its latch time is not over */
-    PORT_LIGHT_LATCHED,   /* the LEDs show it; reported once */
-    PORT_LIGHT_DISTURBED, /* the transfer broke off and the LEDs may show anything; reported once */
+    PORT_LIGHT_NONE,    /* no transfer since the last result was read */
+    PORT_LIGHT_WAITING, /* its time or its trigger has not come, or its latch time is not over; or it broke off */
+    PORT_LIGHT_LATCHED, /* the LEDs show it; reported once */
 };
 
 struct port_identity {
@@ -51,8 +50,6 @@ struct port {
     /* Which edge of the trigger pin the board passes to trigger_edge(); listen only if enabled. */
     void (*trigger)(void *context, bool enabled, bool falling);
 
-    /* A USB start of frame of the last second or so: its number, and when it was in *at_us (0: none was noted). */
-    uint16_t (*start_of_frame)(void *context, uint64_t *at_us);
     /* Raw 12-bit reading of the temperature sensor, 0xffff without one. */
     uint16_t (*temperature)(void *context);
 

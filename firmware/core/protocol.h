@@ -5,9 +5,9 @@
 
 #include <stdint.h>
 
-#define PROTOCOL_MAJOR 1u
-#define PROTOCOL_MINOR 1u
-#define SCHEMA_CRC 0x16d47537u
+#define PROTOCOL_MAJOR 2u
+#define PROTOCOL_MINOR 0u
+#define SCHEMA_CRC 0x32544e7au
 #define LED_COUNT 12u
 #define COLOUR_BYTES 36u
 #define GROUP_COUNT 16u
@@ -99,7 +99,6 @@ enum capability {
     CAPABILITY_TRIGGER = 1,
     CAPABILITY_FLASH = 2,
     CAPABILITY_BOOTLOADER = 4,
-    CAPABILITY_USB_CLOCK = 8,
     CAPABILITY_TEMPERATURE = 16,
 };
 
@@ -178,10 +177,8 @@ struct RECORD clock_reply {
     uint64_t host_us;
     uint64_t received_us; /* board clock when the packet was complete */
     uint64_t sent_us; /* board clock when the reply was queued */
-    uint64_t sof_us; /* board clock at the start of USB frame sof_number; 0: none was noted yet */
-    uint16_t sof_number; /* 11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second */
 };
-_Static_assert(sizeof(struct clock_reply) == 34, "clock_reply");
+_Static_assert(sizeof(struct clock_reply) == 24, "clock_reply");
 
 /* A light for all LEDs at once; refused while a sequence runs. */
 struct RECORD set_leds {
@@ -285,7 +282,6 @@ struct RECORD counters_reply {
     uint32_t replies_dropped;
     uint32_t events_dropped;
     uint32_t lights; /* latched */
-    uint32_t lights_disturbed; /* transfers that had to be sent again */
     uint32_t late_steps;
     uint32_t triggers; /* edges that should light a step */
     uint32_t triggers_missed; /* of these, while no step was ready */
@@ -293,7 +289,7 @@ struct RECORD counters_reply {
     uint32_t dark_faults; /* times the LEDs were darkened for safety */
     uint32_t flash_retries;
 };
-_Static_assert(sizeof(struct counters_reply) == 72, "counters_reply");
+_Static_assert(sizeof(struct counters_reply) == 68, "counters_reply");
 
 /* Ask for a TELEMETRY event every so often. */
 struct RECORD telemetry {
@@ -334,16 +330,14 @@ _Static_assert(sizeof(struct self_test_reply) == 12, "self_test_reply");
 struct RECORD light_event {
     uint64_t first_bit_us; /* board clock when its transfer began */
     uint64_t latched_us; /* board clock when the last LED had taken it; it shows within one PWM period of the LED */
-    uint64_t sof_us; /* as in ClockReply */
     uint32_t light_id;
-    uint16_t sof_number;
     uint16_t repetition;
     uint16_t loop;
     uint16_t events_dropped; /* events lost before this one, since the start */
     uint8_t step; /* 0xFF: not of a sequence */
     uint8_t group; /* 0xFF: dark or not of a sequence */
 };
-_Static_assert(sizeof(struct light_event) == 38, "light_event");
+_Static_assert(sizeof(struct light_event) == 28, "light_event");
 
 /* The board made its LEDs dark by itself. */
 struct RECORD dark_event {

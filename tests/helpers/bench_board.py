@@ -164,6 +164,10 @@ class VirtualTransport:
         board.host.open()
         board.run_until(lambda: board.host.opened, 100_000)
 
+    def monotonic(self) -> float:
+        """Return the board's time, s: what the host's timeouts go by."""
+        return self.board.now_us / 1e6
+
     def write(self, data: bytes) -> None:
         """Queue the bytes for the bus."""
         self.board.host.send(data)

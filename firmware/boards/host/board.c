@@ -65,13 +65,9 @@ static enum port_light port_light_result(void *context, uint64_t *first_bit_us, 
     struct board *board = context;
     if (!board->waiting)
         return PORT_LIGHT_NONE;
-    if (board->on_trigger || board->now_us < board->light.latched_us)
+    if (board->on_trigger || board->now_us < board->light.latched_us || board->stuck)
         return PORT_LIGHT_WAITING;
     board->waiting = false;
-    if (board->disturb) {
-        board->disturb--;
-        return PORT_LIGHT_DISTURBED;
-    }
     *first_bit_us = board->light.first_bit_us;
     *latched_us = board->light.latched_us;
     board->lights[board->light_count++ % BOARD_LIGHTS] = board->light;
@@ -83,13 +79,6 @@ static void port_trigger(void *context, bool enabled, bool falling)
     struct board *board = context;
     board->listening = enabled;
     board->falling = falling;
-}
-
-static uint16_t port_start_of_frame(void *context, uint64_t *at_us)
-{
-    struct board *board = context;
-    *at_us = board->now_us / 1000u * 1000u;
-    return (uint16_t)(board->now_us / 1000u & 0x7ff);
 }
 
 static uint16_t port_temperature(void *context)
@@ -157,7 +146,6 @@ static const struct port functions = {
     .light_cancel = port_light_cancel,
     .light_result = port_light_result,
     .trigger = port_trigger,
-    .start_of_frame = port_start_of_frame,
     .temperature = port_temperature,
     .flash_read = port_flash_read,
     .flash_erase = port_flash_erase,
@@ -167,7 +155,7 @@ static const struct port functions = {
     .identity = {
         .board = BOARD_KIND_HOST,
         .unique_id = "virtual",
-        .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_USB_CLOCK | CAPABILITY_TEMPERATURE,
+        .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_TEMPERATURE,
     },
 };
 
@@ -270,10 +258,10 @@ void board_flash(const struct board *board, uint8_t *flash)
     bytes_copy(flash, board->flash, BOARD_FLASH_BYTES);
 }
 
-void board_fault(struct board *board, uint32_t room, uint32_t disturb, int32_t cut_after)
+void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_after)
 {
     board->room = room;
-    board->disturb = disturb;
+    board->stuck = stuck;
     board->cut_after = cut_after;
 }
 

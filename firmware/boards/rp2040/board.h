@@ -51,7 +51,6 @@ extern struct trigger *light_trigger;
 /* usb.c */
 void usb_start(const uint8_t unique_id[8]);
 bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
-uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
 void usb_watch(void); /* often: notes frames, and resets a controller that hangs */
@@ -62,7 +61,6 @@ enum usb_event {
     USB_CLOSED = 1u << 1,
     USB_SUSPENDED = 1u << 2,
     USB_BOOTLOADER = 1u << 3,
-    USB_RESTART = 1u << 4,
 };
 uint32_t usb_events(void);
 

@@ -125,7 +125,7 @@ bool light_cancel(void *context)
     return waiting;
 }
 
-/* All words have left the DMA and the FIFO; a transfer that was broken off is not busy either, but has words left. */
+/* All words have left the DMA and the FIFO. A transfer that breaks off has words left for ever: it is overdue soon. */
 static bool transferred(void)
 {
     return !(REGISTER(DMA_CTRL_TRIG) & 1u << 24) && !REGISTER(DMA_TRANS_COUNT) && REGISTER(PIO0_FSTAT) & 1u << 24;
@@ -136,15 +136,12 @@ enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *la
     (void)context;
     if (phase == PHASE_IDLE)
         return PORT_LIGHT_NONE;
-    if (phase != PHASE_DONE)
+    if (phase != PHASE_DONE || !transferred())
         return PORT_LIGHT_WAITING;
     phase = PHASE_IDLE;
     *first_bit_us = began_us;
     *latched_us = began_us + shown_us;
-    if (transferred())
-        return PORT_LIGHT_LATCHED;
-    REGISTER(DMA_CHAN_ABORT) = 1u << 0;
-    return PORT_LIGHT_DISTURBED;
+    return PORT_LIGHT_LATCHED;
 }
 
 void light_interrupt(void)

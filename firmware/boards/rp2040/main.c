@@ -77,7 +77,6 @@ static void port_fill(void)
         .light_cancel = light_cancel,
         .light_result = light_result,
         .trigger = light_listen,
-        .start_of_frame = usb_start_of_frame,
         .temperature = port_temperature,
         .flash_read = flash_read,
         .flash_erase = flash_erase,
@@ -87,8 +86,8 @@ static void port_fill(void)
         .identity = {
             .board = BOARD_KIND_RP2040,
             .reset_reason = watchdog_reset_reason(),
-            .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_USB_CLOCK |
-                            CAPABILITY_TEMPERATURE,
+            .capabilities =
+                CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_TEMPERATURE,
             .image_crc = image_header.crc,
         },
     };
@@ -101,8 +100,8 @@ static void follow_bus(void)
         controller_link(&controller, false, DARK_PORT_CLOSED);
     if (happened & USB_SUSPENDED)
         controller_link(&controller, false, DARK_SUSPENDED);
-    if (happened & (USB_BOOTLOADER | USB_RESTART))
-        controller_restart(&controller, happened & USB_BOOTLOADER);
+    if (happened & USB_BOOTLOADER)
+        controller_restart(&controller, true);
     if (happened & USB_OPENED)
         controller_link(&controller, true, DARK_NOT_DARK);
 }

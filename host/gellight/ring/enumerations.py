@@ -84,7 +84,6 @@ class Capability(IntFlag):
     TRIGGER = 1
     FLASH = 2
     BOOTLOADER = 4
-    USB_CLOCK = 8
     TEMPERATURE = 16
 
 

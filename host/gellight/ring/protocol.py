@@ -34,7 +34,7 @@ from gellight.ring.wire import (
     u64,
 )
 
-VERSION = (1, 1)
+VERSION = (2, 0)
 GROUP_COUNT = 16
 STEP_COUNT = 32
 REPLY = 0x80
@@ -118,8 +118,6 @@ class ClockReply(Record):
     host_us: u64
     received_us: Annotated[u64, "board clock when the packet was complete"]
     sent_us: Annotated[u64, "board clock when the reply was queued"]
-    sof_us: Annotated[u64, "board clock at the start of USB frame sof_number; 0: none was noted yet"]
-    sof_number: Annotated[u16, "11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second"]
 
 
 @dataclass(frozen=True)
@@ -236,7 +234,6 @@ class CountersReply(Record):
     replies_dropped: u32
     events_dropped: u32
     lights: Annotated[u32, "latched"]
-    lights_disturbed: Annotated[u32, "transfers that had to be sent again"]
     late_steps: u32
     triggers: Annotated[u32, "edges that should light a step"]
     triggers_missed: Annotated[u32, "of these, while no step was ready"]
@@ -290,9 +287,7 @@ class LightEvent(Record):
 
     first_bit_us: Annotated[u64, "board clock when its transfer began"]
     latched_us: Annotated[u64, "board clock when the last LED had taken it; it shows within one PWM period of the LED"]
-    sof_us: Annotated[u64, "as in ClockReply"]
     light_id: u32
-    sof_number: u16
     repetition: u16
     loop: u16
     events_dropped: Annotated[u16, "events lost before this one, since the start"]

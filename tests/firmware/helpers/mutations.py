@@ -74,7 +74,7 @@ IMAGE = (
     Mutation("configuration in another place", f"{BOARD}/flash.c", "run(CONFIG_OFFSET + offset, page", "run(offset, page"),
     Mutation("wrong unique number", f"{BOARD}/flash.c", "dummy < 4", "dummy < 3"),
     Mutation("closing forgotten when opened again", f"{BOARD}/usb.c", "events = (uint8_t)(events | what);", "events = (uint8_t)what;"),
-    Mutation("a USB frame of long ago noted", f"{BOARD}/usb.c", "(void)REGISTER(USB_SOF_RD);", ""),
+    Mutation("a USB frame of long ago noted", f"{BOARD}/usb.c", "    (void)REGISTER(USB_SOF_RD);\n    SET_BITS", "    SET_BITS"),
     Mutation("packets taken without room", f"{BOARD}/usb.c", "RING_BYTES - ring_count(&incoming) >= PACKET", "true"),
 )  # fmt: skip
 
@@ -91,7 +91,6 @@ LOGIC = (
     Mutation("newest record not the one that counts", f"{CORE}/config.c", "record.saves <= config->saves",
              "(config->saves && record.saves >= config->saves)"),
     Mutation("newest sector erased", f"{CORE}/config.c", "page % SECTOR_PAGES == 0)\n        return port", "true)\n        return port"),
-    Mutation("disturbed light forgotten", f"{CORE}/controller.c", "start_us = 0;\n    hand_over(controller);\n}\n\nstatic void tell", "start_us = 0;\n}\n\nstatic void tell"),
     Mutation("group number unchecked", f"{CORE}/light_commands.c", "outside(call, request->group, 0, GROUP_COUNT - 1))\n        return",
              "outside(call, request->group, 0, 255))\n        return"),
     Mutation("trigger timeout forgotten", f"{CORE}/controller.c", "if (!controller->sync.timeout_us || ", "if (1 || "),
@@ -109,7 +108,7 @@ LOGIC = (
              "slot->current_ma > controller->limits.limit_ma)", "slot->current_ma > 60000u)"),
     Mutation("light of a stopped sequence counts for the next", f"{CORE}/controller.c", "    controller->slot.role = SEQUENCER_WAIT; /*", "    /*"),
     Mutation("closed port still heard", f"{CORE}/controller.c", "if (!controller->open) /*", "if (0) /*"),
-    Mutation("watchdog fed while no light gets through", f"{CORE}/controller.c", "slot->disturbed >= DISTURBED_MOST", "0"),
+    Mutation("watchdog fed while no light gets through", f"{CORE}/controller.c", "slot->start_us + OVERDUE_US;", "slot->start_us + 1000u * OVERDUE_US;"),
     Mutation("late passes for overdue", f"{CORE}/controller.c", "if (slot->start_us < now_us) /*", "if (!slot->start_us) /*"),
     Mutation("shift to before time began", f"{CORE}/sequencer.c", "(uint64_t)-phase_us > sequencer->due_us", "0"),
 )  # fmt: skip

@@ -103,11 +103,9 @@ class VirtualBoard:
     def link(self, opened: bool, reason: int = 5) -> None:
         self.library.board_link(self._board, ctypes.c_bool(opened), ctypes.c_uint32(reason))
 
-    def faults(self, *, room: int = OUTPUT_BYTES, disturb: int = 0, cut_after: int = -1) -> None:
-        """The host takes only so many bytes more; so many lights break off; so many bytes of flash change."""
-        self.library.board_fault(
-            self._board, ctypes.c_uint32(room), ctypes.c_uint32(disturb), ctypes.c_int32(cut_after)
-        )
+    def faults(self, *, room: int = OUTPUT_BYTES, stuck: bool = False, cut_after: int = -1) -> None:
+        """The host takes only so many bytes more; transfers to the LEDs break off; so many bytes of flash change."""
+        self.library.board_fault(self._board, ctypes.c_uint32(room), ctypes.c_bool(stuck), ctypes.c_int32(cut_after))
 
     def edge_after_reads(self, reads: int) -> None:
         """The trigger comes right after the board has read its clock so many times."""
