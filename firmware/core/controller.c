@@ -20,6 +20,7 @@ static void hand_over(struct controller *controller)
     uint64_t now_us = controller_now_us(controller);
     if (slot->start_us < now_us) /* late: it goes out now, and is overdue from now on, not from when it should have */
         slot->start_us = now_us;
+    port->pulse(port->context, slot->pulse_us);
     port->light(port->context, slot->wire, slot->start_us, controller->config.current.latch_us);
 }
 
@@ -32,10 +33,11 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     bytes_copy(limited, colours, COLOUR_BYTES);
     if (!ring_limit(&controller->limits, limited, &scale))
         return false;
-    ring_wire_order(limited, slot->wire);
+    ring_wire_order(controller->colour_order, limited, slot->wire);
     uint32_t current_ua = ring_current_ua(&controller->limits, limited);
     slot->current_ma = ring_ma(current_ua);
-    slot->shines = current_ua > LED_COUNT * controller->limits.quiescent_ua;
+    slot->shines = current_ua > (uint32_t)controller->limits.led_count * controller->limits.quiescent_ua;
+    slot->pulse_us = slot->shines ? 0 : PORT_NO_PULSE;
     slot->busy = true;
     return true;
 }
@@ -154,6 +156,8 @@ static void plan_sequence(struct controller *controller)
     slot->light_id = asked && !sequencer->stepped ? controller->step_id : ++controller->next_id;
     slot->start_us = plan.start_us;
     slot->role = (uint8_t)next;
+    if (slot->shines && controller->pulse_middle)
+        slot->pulse_us = sequencer->active.steps[plan.at.step].dwell_us / 2u;
     if (plan.start_us && plan.start_us < controller_now_us(controller))
         controller->counters.late_steps++;
     hand_over(controller);
@@ -234,6 +238,10 @@ void controller_start(struct controller *controller, const struct port *port)
     controller->trigger.divider = 1;
     controller->shown = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
     config_load(&controller->config, port);
+    controller->limits.led_count = controller->config.current.led_count;
+    controller->colour_order = controller->config.current.colour_order;
+    controller->pulse_middle = controller->config.current.output_at == OUTPUT_AT_MIDDLE;
+    port->setup(port->context, &controller->config.current);
     controller_apply_config(controller);
     controller_go_dark(controller, DARK_BOOT);
     controller_poll(controller);

@@ -7,16 +7,16 @@
 
 #define PROTOCOL_MAJOR 2u
 #define PROTOCOL_MINOR 0u
-#define SCHEMA_CRC 0x32544e7au
+#define SCHEMA_CRC 0x784f457fu
 #define LED_COUNT 12u
-#define COLOUR_BYTES 36u
+#define MOST_LEDS 24u
+#define COLOUR_BYTES 72u
 #define GROUP_COUNT 16u
 #define STEP_COUNT 32u
 #define PACKET_BYTES 128u
 #define REPLY 128u
 #define EVENT 64u
 #define TICK_HZ 1000000u
-#define WIRE_US 360u
 #define DWELL_MIN_US 2000u
 #define DWELL_MAX_US 60000000u
 #define CURRENT_CAP_MA 450u
@@ -25,6 +25,8 @@
 #define RESET_MAGIC 0x52534554u
 #define BOOTLOADER_MAGIC 0x424f4f54u
 #define NO_STEP 255u
+#define NO_PIN 255u
+#define ACTIVE_LOW 128u
 #define FULL_SCALE 65535u
 
 /* How a request ended; `value` of the reply is what was refused. */
@@ -59,6 +61,19 @@ enum edge {
 enum policy {
     POLICY_REJECT = 0,
     POLICY_SCALE = 1,
+};
+
+/* In which order an LED takes its colours. RGBW: SK6812 RGBW, green first, whose white stays dark. */
+enum colour_order {
+    COLOUR_ORDER_GRB = 0,
+    COLOUR_ORDER_RGB = 1,
+    COLOUR_ORDER_RGBW = 2,
+};
+
+/* When in a light the trigger output pulses: once it is latched, or in the middle of its dwell. */
+enum output_at {
+    OUTPUT_AT_START = 0,
+    OUTPUT_AT_MIDDLE = 1,
 };
 
 /* What the light ring is doing. */
@@ -182,9 +197,9 @@ _Static_assert(sizeof(struct clock_reply) == 24, "clock_reply");
 
 /* A light for all LEDs at once; refused while a sequence runs. */
 struct RECORD set_leds {
-    uint8_t colours[36]; /* red, green, blue of LED 0, of LED 1, ... */
+    uint8_t colours[72]; /* red, green, blue of LED 0, of LED 1, ...; 3 bytes for each of led_count LEDs */
 };
-_Static_assert(sizeof(struct set_leds) == 36, "set_leds");
+_Static_assert(sizeof(struct set_leds) == 72, "set_leds");
 
 /* What will be lit. */
 struct RECORD light_reply {
@@ -197,9 +212,9 @@ _Static_assert(sizeof(struct light_reply) == 8, "light_reply");
 /* One of the 16 light groups, staged until COMMIT. */
 struct RECORD set_group {
     uint8_t group;
-    uint8_t colours[36];
+    uint8_t colours[72];
 };
-_Static_assert(sizeof(struct set_group) == 37, "set_group");
+_Static_assert(sizeof(struct set_group) == 73, "set_group");
 
 /* What the group draws. */
 struct RECORD group_reply {
@@ -220,7 +235,7 @@ _Static_assert(sizeof(struct set_step) == 12, "set_step");
 
 /* Make the staged groups and steps the sequence, at once or, while one runs, when its pass ends. */
 struct RECORD commit {
-    uint32_t table_crc; /* CRC-32 over all 16 groups, then the first step_count SET_STEP records */
+    uint32_t table_crc; /* CRC-32 over all 16 groups, 3 bytes an LED, then the first step_count SET_STEP records */
     uint16_t loops; /* passes through the steps, 0: endless */
     uint8_t step_count; /* 1 to 32 */
 };
@@ -308,8 +323,15 @@ struct RECORD configuration {
     uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450 */
     uint8_t name[16]; /* of the sensor, UTF-8, padded with zeros */
     uint8_t bundle[8]; /* identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none */
+    uint8_t data_pin; /* GPIO of the LEDs' data, 0 to 29; this and what follows counts from the next start on */
+    uint8_t trigger_pin; /* GPIO of the camera's strobe */
+    uint8_t led_count; /* 1 to 24 */
+    uint8_t colour_order; /* enum colour_order */
+    uint8_t status_pin; /* GPIO of a status LED, plus ACTIVE_LOW where it lights when low; NO_PIN: none */
+    uint8_t output_pin; /* GPIO that pulses high for 100 us in each light, for a camera; NO_PIN: none */
+    uint8_t output_at; /* enum output_at */
 };
-_Static_assert(sizeof(struct configuration) == 36, "configuration");
+_Static_assert(sizeof(struct configuration) == 43, "configuration");
 
 /* A number that says that this is meant. */
 struct RECORD magic {

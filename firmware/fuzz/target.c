@@ -65,7 +65,8 @@ static void commit(struct board *board, uint8_t amount)
 {
     struct commit request = {.step_count = (uint8_t)(1u + (amount & 31u)), .loops = amount >> 6};
     uint8_t body[1 + sizeof request] = {COMMAND_COMMIT};
-    request.table_crc = sequencer_table_crc(&board->controller.sequencer.staged, request.step_count);
+    request.table_crc = sequencer_table_crc(&board->controller.sequencer.staged, request.step_count,
+                                            board->controller.limits.led_count);
     bytes_copy(body + 1, &request, sizeof request);
     send_packet(board, body, sizeof request);
 }

@@ -5,7 +5,7 @@ import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
-from gellight.ring.emulator.waveform import BITS, WINDOWS_NS
+from gellight.ring.emulator.waveform import WINDOWS_NS
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
@@ -40,7 +40,7 @@ def test_every_bit_keeps_the_windows_of_the_data_sheets(board: BenchBoard, ring:
     ring.set_leds(PATTERN)
     board.run(2_000)
     bits = board.waveform.bits
-    assert len(bits) == BITS
+    assert len(bits) == board.waveform.strip.bits == 288
     for bit in bits:
         name = "T1" if bit.high_ns > 500 else "T0"
         assert WINDOWS_NS[name + "H"][0] <= bit.high_ns <= WINDOWS_NS[name + "H"][1]

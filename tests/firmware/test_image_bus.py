@@ -227,4 +227,5 @@ def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoa
 
 
 def test_the_image_is_small(image: bytes) -> None:
-    assert len(image) <= 16 * 1024
+    """1 % of the flash: copying it to RAM holds the first darkness up by 7 ms at 30 MHz."""
+    assert len(image) <= 20 * 1024

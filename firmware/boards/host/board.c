@@ -20,6 +20,18 @@ static uint64_t port_micros(void *context)
     return read_us;
 }
 
+static void port_setup(void *context, const struct configuration *configuration)
+{
+    struct board *board = context;
+    board->wire_us = ring_wire_us(configuration->led_count, configuration->colour_order);
+}
+
+static void port_pulse(void *context, uint32_t after_us)
+{
+    struct board *board = context;
+    board->pulse_us = after_us;
+}
+
 static bool port_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
 {
     struct board *board = context;
@@ -35,7 +47,7 @@ static void begin(struct board *board, uint64_t start_us)
 {
     board->on_trigger = false;
     board->light.first_bit_us = start_us > board->now_us ? start_us : board->now_us;
-    board->light.latched_us = board->light.first_bit_us + WIRE_US + board->latch_us;
+    board->light.latched_us = board->light.first_bit_us + board->wire_us + board->latch_us;
 }
 
 static void port_light(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us)
@@ -141,6 +153,8 @@ static void port_restart(void *context, bool bootloader)
 
 static const struct port functions = {
     .micros = port_micros,
+    .setup = port_setup,
+    .pulse = port_pulse,
     .send = port_send,
     .light = port_light,
     .light_cancel = port_light_cancel,

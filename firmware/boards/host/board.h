@@ -26,6 +26,7 @@ struct board {
     struct board_light light; /* on its way */
     bool waiting, on_trigger, begun, done;
     uint16_t latch_us;
+    uint32_t wire_us, pulse_us; /* of the light on its way */
 
     struct board_light lights[BOARD_LIGHTS];
     uint32_t light_count;

@@ -68,15 +68,24 @@ static void port_restart(void *context, bool bootloader)
     watchdog_restart(RESET_REASON_COMMAND);
 }
 
+static void port_setup(void *context, const struct configuration *configuration)
+{
+    (void)context;
+    light_setup(configuration);
+    pins_setup(configuration);
+}
+
 static void port_fill(void)
 {
     port = (struct port){
+        .setup = port_setup,
         .micros = port_micros,
         .send = usb_send,
+        .pulse = light_pulse,
         .light = light_show,
         .light_cancel = light_cancel,
         .light_result = light_result,
-        .trigger = light_listen,
+        .trigger = pins_listen,
         .temperature = port_temperature,
         .flash_read = flash_read,
         .flash_erase = flash_erase,
@@ -125,7 +134,6 @@ int main(void)
     vectors_install();
     clock_start();
     stack_paint();
-    light_start();
     port_fill();
     light_trigger = &controller.trigger;
     controller_start(&controller, &port);
@@ -136,8 +144,11 @@ int main(void)
         serve_host();
         usb_watch();
         controller_poll(&controller);
-        if (tick_passed() && controller_healthy(&controller))
-            watchdog_feed();
+        if (tick_passed()) {
+            status_show(&controller);
+            if (controller_healthy(&controller))
+                watchdog_feed();
+        }
         sleep_until_something_happens();
     }
 }
