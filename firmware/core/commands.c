@@ -31,7 +31,7 @@ enum status handle_hello(struct call *call)
     reply->reset_reason = identity->reset_reason;
     bytes_copy(reply->unique_id, identity->unique_id, sizeof reply->unique_id);
     reply->capabilities = identity->capabilities;
-    reply->led_count = LED_COUNT;
+    reply->led_count = call->controller->limits.led_count;
     reply->group_count = GROUP_COUNT;
     reply->step_count = STEP_COUNT;
     reply->packet_bytes = PACKET_BYTES;
@@ -46,11 +46,8 @@ enum status handle_clock(struct call *call)
     const struct port *port = controller->port;
     const struct clock_request *request = call->request;
     struct clock_reply *reply = call->reply;
-    uint64_t sof_us;
     reply->host_us = request->host_us;
     reply->received_us = controller->packet_us;
-    reply->sof_number = port->start_of_frame(port->context, &sof_us);
-    reply->sof_us = sof_us;
     reply->sent_us = port->micros(port->context);
     return STATUS_OK;
 }
@@ -199,6 +196,13 @@ static const struct entry *find(uint8_t code)
     return NULL;
 }
 
+/* Colours end a request, 3 bytes for each LED there is. */
+static uint32_t request_bytes(const struct controller *controller, const struct entry *entry)
+{
+    bool colours = entry->code == COMMAND_SET_LEDS || entry->code == COMMAND_SET_GROUP;
+    return entry->request_bytes - (colours ? COLOUR_BYTES - 3u * controller->limits.led_count : 0u);
+}
+
 static enum status execute(struct call *call, const struct packet *request, struct packet *reply)
 {
     const struct entry *entry = find(request->type);
@@ -207,7 +211,7 @@ static enum status execute(struct call *call, const struct packet *request, stru
         counters->unknown_command++;
         return refuse(call, STATUS_UNKNOWN_COMMAND, request->type);
     }
-    if (request->count != entry->request_bytes) {
+    if (request->count != request_bytes(call->controller, entry)) {
         counters->bad_length++;
         return refuse(call, STATUS_BAD_LENGTH, request->count);
     }

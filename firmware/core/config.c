@@ -1,5 +1,7 @@
 #include "config.h"
 
+#include <stddef.h>
+
 #include "bytes.h"
 #include "crc.h"
 
@@ -7,6 +9,7 @@
 #define PAGES (PORT_SECTORS * PORT_SECTOR_BYTES / PORT_PAGE_BYTES)
 #define SECTOR_PAGES (PORT_SECTOR_BYTES / PORT_PAGE_BYTES)
 #define ATTEMPTS 4u
+#define LAST_PIN 29u
 #define CHANNEL_USB_UA 20000u /* of a WS2812B, the most of the usual LEDs: on USB less may not be assumed */
 
 struct record {
@@ -21,13 +24,6 @@ _Static_assert(sizeof(struct record) == PORT_PAGE_BYTES, "one record fills one p
 static void read_page(const struct port *port, uint32_t page, struct record *record)
 {
     port->flash_read(port->context, page * PORT_PAGE_BYTES, record, sizeof *record);
-}
-
-static bool intact(const struct record *record)
-{
-    uint32_t value;
-    return record->magic == MAGIC && record->crc == crc32(0, record, sizeof *record - 4u) &&
-           config_valid(&record->configuration, &value);
 }
 
 static bool erased(const struct record *record)
@@ -49,7 +45,74 @@ void config_factory(struct config *config)
         .latch_us = 300,
         .policy = POLICY_REJECT,
         .name = "GelLight",
+        .data_pin = 2,
+        .trigger_pin = 3,
+        .led_count = LED_COUNT,
+        .colour_order = COLOUR_ORDER_GRB,
+        .status_pin = 25,
+        .output_pin = NO_PIN,
+        .output_at = OUTPUT_AT_START,
     };
+}
+
+static bool within(uint32_t value, uint32_t low, uint32_t high, uint32_t *refused)
+{
+    if (value >= low && value <= high)
+        return true;
+    *refused = value;
+    return false;
+}
+
+static bool pin_valid(uint8_t pin, uint32_t *value)
+{
+    return pin == NO_PIN || within(pin, 0, LAST_PIN, value);
+}
+
+/* All pins are there, and none has two uses. */
+static bool pins_valid(const struct configuration *candidate, uint32_t *value)
+{
+    uint8_t status = candidate->status_pin == NO_PIN ? NO_PIN : (uint8_t)(candidate->status_pin & ~ACTIVE_LOW);
+    const uint8_t pins[] = {candidate->data_pin, candidate->trigger_pin, status, candidate->output_pin};
+    uint32_t used = 0;
+    for (uint32_t i = 0; i < sizeof pins; i++) {
+        *value = pins[i];
+        if (!pin_valid(pins[i], value) || (pins[i] != NO_PIN && used >> pins[i] & 1u))
+            return false;
+        used |= pins[i] == NO_PIN ? 0 : 1u << pins[i];
+    }
+    return within(candidate->data_pin, 0, LAST_PIN, value) && within(candidate->trigger_pin, 0, LAST_PIN, value);
+}
+
+bool config_valid(const struct configuration *candidate, uint32_t *value)
+{
+    uint32_t cap_ma = candidate->external_supply ? CURRENT_CAP_EXTERNAL_MA : CURRENT_CAP_MA;
+    return within(candidate->host_timeout_ms, 100, 60000, value) &&
+           within(candidate->external_supply, 0, 1, value) && within(candidate->limit_ma, 100, cap_ma, value) &&
+           within(candidate->quiescent_ua, 0, 5000, value) &&
+           within(candidate->channel_ua, candidate->external_supply ? 1000 : CHANNEL_USB_UA, 60000, value) &&
+           within(candidate->latch_us, 50, 500, value) && within(candidate->policy, 0, POLICY_SCALE, value) &&
+           within(candidate->led_count, 1, MOST_LEDS, value) &&
+           within(candidate->colour_order, 0, COLOUR_ORDER_RGBW, value) &&
+           within(candidate->output_at, 0, OUTPUT_AT_MIDDLE, value) && pins_valid(candidate, value);
+}
+
+/* A record of firmware that did not know these fields has 0xff there. */
+static void complete(struct configuration *configuration)
+{
+    struct config factory;
+    if (configuration->led_count != 0xff)
+        return;
+    config_factory(&factory);
+    bytes_copy(&configuration->data_pin, &factory.current.data_pin,
+               sizeof *configuration - offsetof(struct configuration, data_pin));
+}
+
+static bool intact(struct record *record)
+{
+    uint32_t value;
+    bool sound = record->magic == MAGIC && record->crc == crc32(0, record, sizeof *record - 4u);
+    complete(&record->configuration);
+    return sound && config_valid(&record->configuration, &value);
 }
 
 void config_load(struct config *config, const struct port *port)
@@ -66,23 +129,6 @@ void config_load(struct config *config, const struct port *port)
         config->page = page;
         config->stored = config->current = record.configuration;
     }
-}
-
-static bool within(uint32_t value, uint32_t low, uint32_t high, uint32_t *refused)
-{
-    if (value >= low && value <= high)
-        return true;
-    *refused = value;
-    return false;
-}
-
-bool config_valid(const struct configuration *candidate, uint32_t *value)
-{
-    uint32_t cap_ma = candidate->external_supply ? CURRENT_CAP_EXTERNAL_MA : CURRENT_CAP_MA;
-    return within(candidate->host_timeout_ms, 100, 60000, value) &&
-           within(candidate->external_supply, 0, 1, value) && within(candidate->limit_ma, 100, cap_ma, value) &&
-           within(candidate->quiescent_ua, 0, 5000, value) && within(candidate->channel_ua, candidate->external_supply ? 1000 : CHANNEL_USB_UA, 60000, value) &&
-           within(candidate->latch_us, 50, 500, value) && within(candidate->policy, 0, POLICY_SCALE, value);
 }
 
 /* The page after the newest one; at the start of a sector that sector is erased first. */

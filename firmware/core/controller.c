@@ -3,8 +3,7 @@
 #include "bytes.h"
 #include "events.h"
 
-#define OVERDUE_US 20000u       /* a light that was due so long ago will never come */
-#define DISTURBED_MOST 8u       /* a light whose transfer broke off so often will never get through */
+#define OVERDUE_US 20000u       /* a light that was due so long ago will never come: its transfer broke off */
 #define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
 
 uint64_t controller_now_us(const struct controller *controller)
@@ -21,6 +20,7 @@ static void hand_over(struct controller *controller)
     uint64_t now_us = controller_now_us(controller);
     if (slot->start_us < now_us) /* late: it goes out now, and is overdue from now on, not from when it should have */
         slot->start_us = now_us;
+    port->pulse(port->context, slot->pulse_us);
     port->light(port->context, slot->wire, slot->start_us, controller->config.current.latch_us);
 }
 
@@ -33,11 +33,11 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     bytes_copy(limited, colours, COLOUR_BYTES);
     if (!ring_limit(&controller->limits, limited, &scale))
         return false;
-    ring_wire_order(limited, slot->wire);
+    ring_wire_order(controller->colour_order, limited, slot->wire);
     uint32_t current_ua = ring_current_ua(&controller->limits, limited);
     slot->current_ma = ring_ma(current_ua);
-    slot->shines = current_ua > LED_COUNT * controller->limits.quiescent_ua;
-    slot->disturbed = 0;
+    slot->shines = current_ua > (uint32_t)controller->limits.led_count * controller->limits.quiescent_ua;
+    slot->pulse_us = slot->shines ? 0 : PORT_NO_PULSE;
     slot->busy = true;
     return true;
 }
@@ -89,17 +89,6 @@ bool controller_above_limit(const struct controller *controller)
            (controller->still_wanted && !ring_within(&controller->limits, controller->still));
 }
 
-/* The line has rested for the latch time since it broke off: the LEDs show the part they took, and get the whole. */
-static void send_again(struct controller *controller)
-{
-    struct controller_slot *slot = &controller->slot;
-    controller->counters.lights_disturbed++;
-    if (slot->disturbed < DISTURBED_MOST)
-        slot->disturbed++;
-    slot->start_us = 0;
-    hand_over(controller);
-}
-
 static void tell_sequencer(struct controller *controller, uint64_t first_bit_us)
 {
     const struct port *port = controller->port;
@@ -120,8 +109,6 @@ static bool finish_light(struct controller *controller, struct latched *latched)
     enum port_light result = PORT_LIGHT_NONE;
     if (slot->busy)
         result = port->light_result(port->context, &latched->first_bit_us, &latched->latched_us);
-    if (result == PORT_LIGHT_DISTURBED)
-        send_again(controller);
     if (result != PORT_LIGHT_LATCHED)
         return false;
     slot->busy = false;
@@ -169,6 +156,8 @@ static void plan_sequence(struct controller *controller)
     slot->light_id = asked && !sequencer->stepped ? controller->step_id : ++controller->next_id;
     slot->start_us = plan.start_us;
     slot->role = (uint8_t)next;
+    if (slot->shines && controller->pulse_middle)
+        slot->pulse_us = sequencer->active.steps[plan.at.step].dwell_us / 2u;
     if (plan.start_us && plan.start_us < controller_now_us(controller))
         controller->counters.late_steps++;
     hand_over(controller);
@@ -227,8 +216,6 @@ bool controller_healthy(const struct controller *controller)
     const struct controller_slot *slot = &controller->slot;
     if (!slot->busy)
         return true;
-    if (slot->disturbed >= DISTURBED_MOST)
-        return false;
     return slot->start_us == PORT_ON_TRIGGER || controller_now_us(controller) < slot->start_us + OVERDUE_US;
 }
 
@@ -251,6 +238,10 @@ void controller_start(struct controller *controller, const struct port *port)
     controller->trigger.divider = 1;
     controller->shown = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
     config_load(&controller->config, port);
+    controller->limits.led_count = controller->config.current.led_count;
+    controller->colour_order = controller->config.current.colour_order;
+    controller->pulse_middle = controller->config.current.output_at == OUTPUT_AT_MIDDLE;
+    port->setup(port->context, &controller->config.current);
     controller_apply_config(controller);
     controller_go_dark(controller, DARK_BOOT);
     controller_poll(controller);

@@ -25,8 +25,8 @@ struct controller_slot {
     uint32_t light_id;
     uint16_t current_ma;
     bool busy;
-    uint8_t disturbed; /* how often its transfer broke off */
     bool shines;       /* any LED is lit */
+    uint32_t pulse_us; /* of the trigger output, from the first bit on */
     uint8_t role;      /* enum sequencer_next: what it is to the sequence; SEQUENCER_WAIT: nothing */
 };
 
@@ -43,6 +43,8 @@ struct controller {
     struct sequencer sequencer;
     struct trigger trigger;
     struct set_sync sync;
+    uint8_t colour_order; /* as it was at the start, like the pins and the number of LEDs */
+    bool pulse_middle;
 
     struct controller_slot slot;
     uint8_t still[COLOUR_BYTES]; /* what SET_LEDS or a safety rule wants next */

@@ -16,7 +16,6 @@ static void send_event(struct controller *controller, enum event type, const voi
 
 void event_light(struct controller *controller, const struct latched *latched)
 {
-    const struct port *port = controller->port;
     struct light_event event = {
         .first_bit_us = latched->first_bit_us,
         .latched_us = latched->latched_us,
@@ -27,9 +26,6 @@ void event_light(struct controller *controller, const struct latched *latched)
         .step = controller->shown.step,
         .group = controller->shown.group,
     };
-    uint64_t sof_us;
-    event.sof_number = port->start_of_frame(port->context, &sof_us);
-    event.sof_us = sof_us;
     send_event(controller, EVENT_LIGHT, &event, sizeof event);
 }
 

@@ -12,6 +12,14 @@ static enum status limit(struct call *call, uint8_t colours[COLOUR_BYTES], uint1
     return STATUS_OK;
 }
 
+/* The host sends as many colours as there are LEDs, which has been checked; behind them it is dark. */
+static void take_colours(const struct call *call, const uint8_t *sent, uint8_t colours[COLOUR_BYTES])
+{
+    uint32_t count = 3u * call->controller->limits.led_count;
+    bytes_copy(colours, sent, count);
+    bytes_fill(colours + count, 0, COLOUR_BYTES - count);
+}
+
 enum status handle_set_leds(struct call *call)
 {
     struct controller *controller = call->controller;
@@ -21,7 +29,7 @@ enum status handle_set_leds(struct call *call)
     uint16_t current_ma = 0, scale = 0;
     if (running(call))
         return STATUS_BUSY;
-    bytes_copy(colours, request->colours, COLOUR_BYTES);
+    take_colours(call, request->colours, colours);
     enum status status = limit(call, colours, &current_ma, &scale);
     if (status != STATUS_OK)
         return status;
@@ -41,11 +49,11 @@ enum status handle_set_group(struct call *call)
     uint16_t current_ma = 0, scale = 0;
     if (outside(call, request->group, 0, GROUP_COUNT - 1))
         return STATUS_OUT_OF_RANGE;
-    bytes_copy(colours, request->colours, COLOUR_BYTES);
+    take_colours(call, request->colours, colours);
     enum status status = limit(call, colours, &current_ma, &scale);
     if (status != STATUS_OK)
         return status;
-    bytes_copy(call->controller->sequencer.staged.groups[request->group], request->colours, COLOUR_BYTES);
+    take_colours(call, request->colours, call->controller->sequencer.staged.groups[request->group]);
     reply->current_ma = current_ma;
     reply->scale = scale;
     return STATUS_OK;
@@ -89,7 +97,7 @@ enum status handle_commit(struct call *call)
     const struct commit *request = call->request;
     if (outside(call, request->step_count, 1, STEP_COUNT))
         return STATUS_OUT_OF_RANGE;
-    uint32_t crc = sequencer_table_crc(&sequencer->staged, request->step_count);
+    uint32_t crc = sequencer_table_crc(&sequencer->staged, request->step_count, call->controller->limits.led_count);
     if (crc != request->table_crc)
         return refuse(call, STATUS_CHECKSUM, crc);
     enum status status = playable(call, &sequencer->staged, request->step_count);

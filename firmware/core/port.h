@@ -12,7 +12,10 @@
 #include <stdint.h>
 
 /* start_us of a light that waits for the trigger instead of a time */
+struct configuration;
+
 #define PORT_ON_TRIGGER UINT64_MAX
+#define PORT_NO_PULSE UINT32_MAX
 
 /* flash of the configuration: two sectors that erase to 0xff, written in pages */
 #define PORT_SECTORS 2u
@@ -20,10 +23,9 @@
 #define PORT_PAGE_BYTES 256u
 
 enum port_light {
-    PORT_LIGHT_NONE,      /* no transfer since the last result was read */
-    PORT_LIGHT_WAITING,   /* its time or its trigger has not come, or its latch time is not over */
-    PORT_LIGHT_LATCHED,   /* the LEDs show it; reported once */
-    PORT_LIGHT_DISTURBED, /* the transfer broke off and the LEDs may show anything; reported once */
+    PORT_LIGHT_NONE,    /* no transfer since the last result was read */
+    PORT_LIGHT_WAITING, /* its time or its trigger has not come, or its latch time is not over; or it broke off */
+    PORT_LIGHT_LATCHED, /* the LEDs show it; reported once */
 };
 
 struct port_identity {
@@ -37,6 +39,9 @@ struct port_identity {
 struct port {
     void *context;
 
+    /* Before all else: the pins, and what hangs at them. */
+    void (*setup)(void *context, const struct configuration *configuration);
+
     uint64_t (*micros)(void *context);
 
     /* Queue bytes for the host; false, and nothing queued, if they do not all fit and leave `spare` bytes of room. */
@@ -44,6 +49,8 @@ struct port {
 
     /* Transfer the bytes to the LEDs at start_us (in the past: at once). Only called while none is waiting. */
     void (*light)(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);
+    /* The trigger output pulses so long after the first bit of the next light, once it is latched. */
+    void (*pulse)(void *context, uint32_t after_us);
     /* Take a waiting light back; false if its transfer has begun, which is never torn. */
     bool (*light_cancel)(void *context);
     enum port_light (*light_result)(void *context, uint64_t *first_bit_us, uint64_t *latched_us);
@@ -51,8 +58,6 @@ struct port {
     /* Which edge of the trigger pin the board passes to trigger_edge(); listen only if enabled. */
     void (*trigger)(void *context, bool enabled, bool falling);
 
-    /* A USB start of frame of the last second or so: its number, and when it was in *at_us (0: none was noted). */
-    uint16_t (*start_of_frame)(void *context, uint64_t *at_us);
     /* Raw 12-bit reading of the temperature sensor, 0xffff without one. */
     uint16_t (*temperature)(void *context);
 

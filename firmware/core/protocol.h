@@ -5,18 +5,18 @@
 
 #include <stdint.h>
 
-#define PROTOCOL_MAJOR 1u
-#define PROTOCOL_MINOR 1u
-#define SCHEMA_CRC 0x16d47537u
+#define PROTOCOL_MAJOR 2u
+#define PROTOCOL_MINOR 0u
+#define SCHEMA_CRC 0x784f457fu
 #define LED_COUNT 12u
-#define COLOUR_BYTES 36u
+#define MOST_LEDS 24u
+#define COLOUR_BYTES 72u
 #define GROUP_COUNT 16u
 #define STEP_COUNT 32u
 #define PACKET_BYTES 128u
 #define REPLY 128u
 #define EVENT 64u
 #define TICK_HZ 1000000u
-#define WIRE_US 360u
 #define DWELL_MIN_US 2000u
 #define DWELL_MAX_US 60000000u
 #define CURRENT_CAP_MA 450u
@@ -25,6 +25,8 @@
 #define RESET_MAGIC 0x52534554u
 #define BOOTLOADER_MAGIC 0x424f4f54u
 #define NO_STEP 255u
+#define NO_PIN 255u
+#define ACTIVE_LOW 128u
 #define FULL_SCALE 65535u
 
 /* How a request ended; `value` of the reply is what was refused. */
@@ -59,6 +61,19 @@ enum edge {
 enum policy {
     POLICY_REJECT = 0,
     POLICY_SCALE = 1,
+};
+
+/* In which order an LED takes its colours. RGBW: SK6812 RGBW, green first, whose white stays dark. */
+enum colour_order {
+    COLOUR_ORDER_GRB = 0,
+    COLOUR_ORDER_RGB = 1,
+    COLOUR_ORDER_RGBW = 2,
+};
+
+/* When in a light the trigger output pulses: once it is latched, or in the middle of its dwell. */
+enum output_at {
+    OUTPUT_AT_START = 0,
+    OUTPUT_AT_MIDDLE = 1,
 };
 
 /* What the light ring is doing. */
@@ -99,7 +114,6 @@ enum capability {
     CAPABILITY_TRIGGER = 1,
     CAPABILITY_FLASH = 2,
     CAPABILITY_BOOTLOADER = 4,
-    CAPABILITY_USB_CLOCK = 8,
     CAPABILITY_TEMPERATURE = 16,
 };
 
@@ -178,16 +192,14 @@ struct RECORD clock_reply {
     uint64_t host_us;
     uint64_t received_us; /* board clock when the packet was complete */
     uint64_t sent_us; /* board clock when the reply was queued */
-    uint64_t sof_us; /* board clock at the start of USB frame sof_number; 0: none was noted yet */
-    uint16_t sof_number; /* 11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second */
 };
-_Static_assert(sizeof(struct clock_reply) == 34, "clock_reply");
+_Static_assert(sizeof(struct clock_reply) == 24, "clock_reply");
 
 /* A light for all LEDs at once; refused while a sequence runs. */
 struct RECORD set_leds {
-    uint8_t colours[36]; /* red, green, blue of LED 0, of LED 1, ... */
+    uint8_t colours[72]; /* red, green, blue of LED 0, of LED 1, ...; 3 bytes for each of led_count LEDs */
 };
-_Static_assert(sizeof(struct set_leds) == 36, "set_leds");
+_Static_assert(sizeof(struct set_leds) == 72, "set_leds");
 
 /* What will be lit. */
 struct RECORD light_reply {
@@ -200,9 +212,9 @@ _Static_assert(sizeof(struct light_reply) == 8, "light_reply");
 /* One of the 16 light groups, staged until COMMIT. */
 struct RECORD set_group {
     uint8_t group;
-    uint8_t colours[36];
+    uint8_t colours[72];
 };
-_Static_assert(sizeof(struct set_group) == 37, "set_group");
+_Static_assert(sizeof(struct set_group) == 73, "set_group");
 
 /* What the group draws. */
 struct RECORD group_reply {
@@ -223,7 +235,7 @@ _Static_assert(sizeof(struct set_step) == 12, "set_step");
 
 /* Make the staged groups and steps the sequence, at once or, while one runs, when its pass ends. */
 struct RECORD commit {
-    uint32_t table_crc; /* CRC-32 over all 16 groups, then the first step_count SET_STEP records */
+    uint32_t table_crc; /* CRC-32 over all 16 groups, 3 bytes an LED, then the first step_count SET_STEP records */
     uint16_t loops; /* passes through the steps, 0: endless */
     uint8_t step_count; /* 1 to 32 */
 };
@@ -285,7 +297,6 @@ struct RECORD counters_reply {
     uint32_t replies_dropped;
     uint32_t events_dropped;
     uint32_t lights; /* latched */
-    uint32_t lights_disturbed; /* transfers that had to be sent again */
     uint32_t late_steps;
     uint32_t triggers; /* edges that should light a step */
     uint32_t triggers_missed; /* of these, while no step was ready */
@@ -293,7 +304,7 @@ struct RECORD counters_reply {
     uint32_t dark_faults; /* times the LEDs were darkened for safety */
     uint32_t flash_retries;
 };
-_Static_assert(sizeof(struct counters_reply) == 72, "counters_reply");
+_Static_assert(sizeof(struct counters_reply) == 68, "counters_reply");
 
 /* Ask for a TELEMETRY event every so often. */
 struct RECORD telemetry {
@@ -312,8 +323,15 @@ struct RECORD configuration {
     uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450 */
     uint8_t name[16]; /* of the sensor, UTF-8, padded with zeros */
     uint8_t bundle[8]; /* identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none */
+    uint8_t data_pin; /* GPIO of the LEDs' data, 0 to 29; this and what follows counts from the next start on */
+    uint8_t trigger_pin; /* GPIO of the camera's strobe */
+    uint8_t led_count; /* 1 to 24 */
+    uint8_t colour_order; /* enum colour_order */
+    uint8_t status_pin; /* GPIO of a status LED, plus ACTIVE_LOW where it lights when low; NO_PIN: none */
+    uint8_t output_pin; /* GPIO that pulses high for 100 us in each light, for a camera; NO_PIN: none */
+    uint8_t output_at; /* enum output_at */
 };
-_Static_assert(sizeof(struct configuration) == 36, "configuration");
+_Static_assert(sizeof(struct configuration) == 43, "configuration");
 
 /* A number that says that this is meant. */
 struct RECORD magic {
@@ -334,16 +352,14 @@ _Static_assert(sizeof(struct self_test_reply) == 12, "self_test_reply");
 struct RECORD light_event {
     uint64_t first_bit_us; /* board clock when its transfer began */
     uint64_t latched_us; /* board clock when the last LED had taken it; it shows within one PWM period of the LED */
-    uint64_t sof_us; /* as in ClockReply */
     uint32_t light_id;
-    uint16_t sof_number;
     uint16_t repetition;
     uint16_t loop;
     uint16_t events_dropped; /* events lost before this one, since the start */
     uint8_t step; /* 0xFF: not of a sequence */
     uint8_t group; /* 0xFF: dark or not of a sequence */
 };
-_Static_assert(sizeof(struct light_event) == 38, "light_event");
+_Static_assert(sizeof(struct light_event) == 28, "light_event");
 
 /* The board made its LEDs dark by itself. */
 struct RECORD dark_event {

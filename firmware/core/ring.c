@@ -1,14 +1,14 @@
 #include "ring.h"
 
-static uint32_t sum(const uint8_t colours[COLOUR_BYTES])
+static uint32_t sum(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
 {
     uint32_t total = 0;
-    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+    for (uint32_t i = 0; i < 3u * limits->led_count; i++)
         total += colours[i];
     return total;
 }
 
-/* At most 36 * 255 * 65535 = 601,611,300: fits 32 bits. Rounded up, so that the model never says too little. */
+/* At most 72 * 255 * 60000 = 1,101,600,000: fits 32 bits. Rounded up, so that the model never says too little. */
 static uint32_t channels_ua(const struct ring_limits *limits, uint32_t values)
 {
     return (values * limits->channel_ua + 254u) / 255u;
@@ -16,12 +16,12 @@ static uint32_t channels_ua(const struct ring_limits *limits, uint32_t values)
 
 static uint32_t quiescent_ua(const struct ring_limits *limits)
 {
-    return (uint32_t)LED_COUNT * limits->quiescent_ua;
+    return (uint32_t)limits->led_count * limits->quiescent_ua;
 }
 
 uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
 {
-    return quiescent_ua(limits) + channels_ua(limits, sum(colours));
+    return quiescent_ua(limits) + channels_ua(limits, sum(limits, colours));
 }
 
 uint16_t ring_ma(uint32_t current_ua)
@@ -39,7 +39,7 @@ bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_
 {
     uint32_t limit_ua = limits->limit_ma * 1000u;
     return quiescent_ua(limits) <= limit_ua &&
-           sum(colours) * limits->channel_ua <= (limit_ua - quiescent_ua(limits)) * 255u;
+           sum(limits, colours) * limits->channel_ua <= (limit_ua - quiescent_ua(limits)) * 255u;
 }
 
 /* The factor that brings a sum of values to what the limit leaves for them, in 1 / FULL_SCALE. */
@@ -60,17 +60,28 @@ bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES],
         return true;
     if (limits->policy == POLICY_REJECT)
         return false;
-    *scale = scale_for(limits, sum(colours));
-    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+    *scale = scale_for(limits, sum(limits, colours));
+    for (uint32_t i = 0; i < 3u * limits->led_count; i++)
         colours[i] = (uint8_t)(colours[i] * (uint32_t)*scale / FULL_SCALE);
     return true;
 }
 
-void ring_wire_order(const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES])
+void ring_wire_order(uint8_t order, const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES])
 {
+    uint32_t red = order == COLOUR_ORDER_RGB ? 0 : 1;
     for (uint32_t i = 0; i < COLOUR_BYTES; i += 3) {
-        wire[i] = colours[i + 1];
-        wire[i + 1] = colours[i];
+        wire[i + red] = colours[i];
+        wire[i + 1u - red] = colours[i + 1];
         wire[i + 2] = colours[i + 2];
     }
+}
+
+uint32_t ring_bits(uint8_t order)
+{
+    return order == COLOUR_ORDER_RGBW ? 32 : 24;
+}
+
+uint32_t ring_wire_us(uint8_t led_count, uint8_t order)
+{
+    return led_count * ring_bits(order) * 5u / 4u;
 }

@@ -1,4 +1,4 @@
-/* Colours of the 12 LEDs: their current, the limit, and the order of the wire. */
+/* Colours of the LEDs: their current, the limit, and the order of the wire. What lies behind the last LED is zero. */
 #ifndef GELLIGHT_RING_H
 #define GELLIGHT_RING_H
 
@@ -9,6 +9,7 @@
 
 /* The current model: each LED draws quiescent_ua, and channel_ua * value / 255 for each of its colours. */
 struct ring_limits {
+    uint8_t led_count;
     uint16_t limit_ma;
     uint16_t quiescent_ua;
     uint16_t channel_ua;
@@ -28,7 +29,11 @@ bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_
  */
 bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale);
 
-/* WS2812B takes green, red, blue (data sheet, "Composition of 24 bit data"). */
-void ring_wire_order(const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES]);
+/* WS2812B takes green, red, blue (data sheet, "Composition of 24 bit data"); `order` is of enum colour_order. */
+void ring_wire_order(uint8_t order, const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES]);
+
+/* How many bits an LED takes, and how long all of them take: 1.25 us a bit. */
+uint32_t ring_bits(uint8_t order);
+uint32_t ring_wire_us(uint8_t led_count, uint8_t order);
 
 #endif

@@ -4,9 +4,11 @@
 #include "crc.h"
 #include "port.h"
 
-uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_count)
+uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_count, uint8_t led_count)
 {
-    uint32_t crc = crc32(0, table->groups, sizeof table->groups);
+    uint32_t crc = 0;
+    for (uint32_t group = 0; group < GROUP_COUNT; group++)
+        crc = crc32(crc, table->groups[group], 3u * led_count);
     return crc32(crc, table->steps, step_count * sizeof table->steps[0]);
 }
 

@@ -55,7 +55,7 @@ struct sequencer {
     bool stepped;          /* the host asked for the next showing */
 };
 
-uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_count);
+uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_count, uint8_t led_count);
 
 /* Take over the staged table as it is now, at once or at the end of the running pass. */
 void sequencer_commit(struct sequencer *sequencer, uint8_t step_count, uint16_t loops);

@@ -6,7 +6,7 @@
 
 #include "story.h"
 
-#define ACT_BYTES 64u
+#define ACT_BYTES 128u
 
 size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t room);
 size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t room, unsigned int seed);
@@ -27,9 +27,10 @@ static uint32_t chance(uint32_t below)
     return (state >> 8) % below;
 }
 
+/* Of the board as it comes: a request has 3 bytes for each of its LEDs. */
 static void dim(uint8_t colours[COLOUR_BYTES])
 {
-    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+    for (uint32_t i = 0; i < 3u * LED_COUNT; i++)
         colours[i] = (uint8_t)(chance(3) ? 0 : chance(256));
 }
 
@@ -64,7 +65,10 @@ static void fill_well(uint8_t code, void *payload)
         *(struct configuration *)payload = (struct configuration){
             .host_timeout_ms = (uint16_t)(100u + chance(2000)), .limit_ma = (uint16_t)(100u + chance(351)),
             .quiescent_ua = (uint16_t)chance(5001), .channel_ua = 20000, .latch_us = 300,
-            .policy = (uint8_t)chance(2)};
+            .policy = (uint8_t)chance(2), .data_pin = 2, .trigger_pin = (uint8_t)(3u + chance(2)),
+            .led_count = (uint8_t)(1u + chance(24)), .colour_order = (uint8_t)chance(3),
+            .status_pin = (uint8_t)(chance(2) ? NO_PIN : 25u), .output_pin = (uint8_t)(chance(2) ? NO_PIN : 4u),
+            .output_at = (uint8_t)chance(2)};
     if (code == COMMAND_TRIM)
         *(struct trim *)payload = (struct trim){.phase_us = (int32_t)chance(8000) - 4000, .period = 1000};
 }
@@ -72,7 +76,9 @@ static void fill_well(uint8_t code, void *payload)
 static size_t write_request(uint8_t act[ACT_BYTES])
 {
     uint32_t which = chance(sizeof requests / sizeof *requests), variety = chance(4);
-    uint8_t fill = (uint8_t)chance(256), bytes = requests[which].bytes;
+    uint8_t fill = (uint8_t)chance(256), bytes = requests[which].bytes, code = requests[which].code;
+    if (variety && (code == COMMAND_SET_LEDS || code == COMMAND_SET_GROUP))
+        bytes = (uint8_t)(bytes - COLOUR_BYTES + 3u * LED_COUNT);
     act[0] = ACT_REQUEST;
     act[1] = bytes;
     act[2] = requests[which].code;

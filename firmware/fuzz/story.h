@@ -2,7 +2,7 @@
  * One fuzz input is a story told to the virtual board: a list of acts, each a byte for what and a byte for how much.
  *
  *   0 n       let n * 1009 us pass          4 n       the port closes (n even) or opens (n odd)
- *   1 n ...   n bytes of rubbish            5 n       n & 3 transfers break off; n & 4: the host takes no bytes
+ *   1 n ...   n bytes of rubbish            5 n       n & 4: the host takes no bytes, until the next such act
  *   2 n ...   a request: type, payload of n 6 n       COMMIT the first (n & 31) + 1 steps, n >> 6 times over
  *   3 n       an edge of the trigger pin,   7 n       as 0
  *             falling if n is odd

@@ -47,7 +47,7 @@ static void check_state(const struct board *board)
     require(sequencer->next.step < STEP_COUNT && sequencer->active.step_count <= STEP_COUNT);
     require(controller->reply_count <= PACKET_WIRE_BYTES);
     require(config_valid(&controller->config.current, &value));
-    require(controller_healthy(controller) || slot->disturbed);
+    require(controller_healthy(controller));
     require(controller->open || !controller->sequencer.running);
 }
 
@@ -65,7 +65,8 @@ static void commit(struct board *board, uint8_t amount)
 {
     struct commit request = {.step_count = (uint8_t)(1u + (amount & 31u)), .loops = amount >> 6};
     uint8_t body[1 + sizeof request] = {COMMAND_COMMIT};
-    request.table_crc = sequencer_table_crc(&board->controller.sequencer.staged, request.step_count);
+    request.table_crc = sequencer_table_crc(&board->controller.sequencer.staged, request.step_count,
+                                            board->controller.limits.led_count);
     bytes_copy(body + 1, &request, sizeof request);
     send_packet(board, body, sizeof request);
 }
@@ -87,7 +88,7 @@ static void perform(struct board *board, const uint8_t *act)
         board_link(board, amount & 1, DARK_PORT_CLOSED);
         break;
     case ACT_FAULT:
-        board_fault(board, amount & 4, amount & 3, -1);
+        board_fault(board, amount & 4, false, -1);
         break;
     case ACT_COMMIT:
         commit(board, amount);

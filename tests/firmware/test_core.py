@@ -352,14 +352,6 @@ def test_a_closed_port_darkens_at_once(core: VirtualBoard, reason: Dark) -> None
     assert status(core).dark == reason
 
 
-def test_a_disturbed_transfer_is_sent_again(core: VirtualBoard) -> None:
-    core.faults(disturb=2)
-    core.ok("SET_LEDS", p.SetLeds(RED))
-    core.advance(10_000)
-    assert core.lights()[-1][2] == RED
-    assert counters(core).lights_disturbed == 2
-
-
 def test_rubbish_is_counted_and_the_next_packet_is_heard(core: VirtualBoard) -> None:
     good = encode(Packet(p.COMMANDS["STATUS"].code, 1, b""))
     core.receive(b"\x05\x01\0" + b"\x01" * 300 + b"\0" + bytes([good[0], good[1] ^ 1]) + good[2:] + good)

@@ -7,8 +7,8 @@ import zlib
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Status
-from gellight.ring.wire import COLOUR_BYTES
+from gellight.ring.enumerations import Status, SyncMode
+from gellight.ring.wire import COLOUR_BYTES, MOST_LEDS
 from tests.firmware.helpers.virtual_board import FLASH_BYTES, VirtualBoard
 
 RED = bytes([200, 0, 0] + [0] * 33)
@@ -48,13 +48,17 @@ def test_the_bundle_of_the_sensor_is_remembered_without_power(core: VirtualBoard
     again.close()
 
 
-def test_a_record_of_firmware_that_knew_no_bundle_still_counts(core: VirtualBoard) -> None:
-    old = named("veteran").pack()[:-8]
+@pytest.mark.parametrize(("unknown_bytes", "bundle"), [(15, b"\xff" * 8), (7, bytes(8))], ids=["bundle", "wiring"])
+def test_a_record_of_firmware_that_knew_less_still_counts(
+    core: VirtualBoard, unknown_bytes: int, bundle: bytes
+) -> None:
+    """Pins and LEDs are then those of a board as it comes."""
+    old = named("veteran").pack()[:-unknown_bytes]
     page = struct.pack("<II", 0x474C4346, 7) + old
     page = page.ljust(252, b"\xff")
     flash = (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff")
     board = VirtualBoard(core.library, flash)
-    assert board.ok("GET_CONFIG") == dataclasses.replace(named("veteran"), bundle=b"\xff" * 8)
+    assert board.ok("GET_CONFIG") == dataclasses.replace(named("veteran"), bundle=bundle)
     board.close()
 
 
@@ -130,5 +134,34 @@ def test_telemetry_comes_by_itself(core: VirtualBoard) -> None:
     assert len(reports[0].payload) == p.StatusReply.codec().size
 
 
-def test_colours_have_the_size_of_the_ring() -> None:
-    assert COLOUR_BYTES == 36
+def test_there_is_room_for_the_colours_of_the_largest_ring() -> None:
+    assert COLOUR_BYTES == 3 * MOST_LEDS == 72
+
+
+@pytest.mark.parametrize("leds", [5, 24])
+def test_another_number_of_leds_counts_from_the_next_start_on(core: VirtualBoard, leds: int) -> None:
+    """Sequence, current and length of a request go by it."""
+    colours = bytes(range(3 * leds))
+    core.ok("SET_CONFIG", dataclasses.replace(named("large"), led_count=leds))
+    core.ok("SAVE_CONFIG")
+    assert core.ask("SET_LEDS", p.SetLeds(colours))[:2] == (Status.BAD_LENGTH, 3 * leds)
+    again = VirtualBoard(core.library, core.flash())
+    again.led_count = leds
+    assert again.ok("HELLO").led_count == leds
+    assert again.ok("SET_LEDS", p.SetLeds(colours)).current_ma == -(
+        -(leds * 1000 + -(-sum(colours) * 20000 // 255)) // 1000
+    )
+    assert again.ask("SET_LEDS", p.SetLeds(RED))[:2] == (Status.BAD_LENGTH, 36)
+    again.load_sequence([colours, colours[::-1]], [p.SetStep(k, k, 1, 5000, 0) for k in range(2)])
+    again.sync(SyncMode.FREE)
+    again.ok("START")
+    again.advance(20_000)
+    assert [light[2] for light in again.lights()[-2:]] in ([colours, colours[::-1]], [colours[::-1], colours])
+    again.close()
+
+
+@pytest.mark.parametrize(
+    "pins", [{"data_pin": 3}, {"output_pin": 2}, {"status_pin": p.ACTIVE_LOW + 2}, {"data_pin": 30}]
+)
+def test_a_pin_has_one_use(core: VirtualBoard, pins: dict[str, int]) -> None:
+    assert core.ask("SET_CONFIG", dataclasses.replace(named("mixed up"), **pins))[0] == Status.OUT_OF_RANGE

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,31 @@ def test_a_short_run_finds_nothing(fuzzer: Fuzzer) -> None:
     said = re.search(r"(\d+) executions|Done (\d+) runs", done.stdout + done.stderr)
     assert said
     assert int(said[1] or said[2]) > len(list(CORPUS.glob("*.bin")))
+
+
+CONTROL_FAULTS = [
+    ("control_count = count < setup.count ? count : setup.count;", "control_count = count;"),
+    ("    control_data1 = !control_data1;\n", ""),
+    ("    control_abort();\n    control_data1", "    control_data1"),
+    ("    new_address = 0;\n}\n\nvoid control_setup", "}\n\nvoid control_setup"),
+]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="maps registers at their places")
+def test_control_transfers_of_a_rude_host_break_no_rule(tmp_path: Path) -> None:
+    done = fuzz(compile_fuzzer(tmp_path / "control", what="control"), SECONDS, 1, corpus=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="maps registers at their places")
+@pytest.mark.parametrize(("old", "new"), CONTROL_FAULTS)
+def test_a_fault_of_endpoint_0_is_found(old: str, new: str, tmp_path: Path) -> None:
+    shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
+    path = tmp_path / "firmware/boards/rp2040/usb_control.c"
+    assert path.read_text().count(old) == 1
+    path.write_text(path.read_text().replace(old, new))
+    done = fuzz(compile_fuzzer(tmp_path / "control", tmp_path, what="control"), 40, 1, corpus=False)
+    assert done.returncode != 0
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("gcov") is None, reason="needs gcc and its gcov")

@@ -5,7 +5,7 @@ import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
-from gellight.ring.emulator.waveform import BITS, WINDOWS_NS
+from gellight.ring.emulator.waveform import WINDOWS_NS
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
@@ -40,7 +40,7 @@ def test_every_bit_keeps_the_windows_of_the_data_sheets(board: BenchBoard, ring:
     ring.set_leds(PATTERN)
     board.run(2_000)
     bits = board.waveform.bits
-    assert len(bits) == BITS
+    assert len(bits) == board.waveform.strip.bits == 288
     for bit in bits:
         name = "T1" if bit.high_ns > 500 else "T0"
         assert WINDOWS_NS[name + "H"][0] <= bit.high_ns <= WINDOWS_NS[name + "H"][1]
@@ -66,8 +66,8 @@ def test_an_led_frame_is_never_torn(board: BenchBoard, ring: LightRing) -> None:
     np.testing.assert_array_equal(shown[-1], shades[-1])
 
 
-def test_a_transfer_that_breaks_off_is_sent_again(image: bytes) -> None:
-    """The DMA is stopped in the middle: the LEDs take the part, then they get the whole."""
+def test_after_a_transfer_that_breaks_off_the_watchdog_makes_the_leds_dark(image: bytes) -> None:
+    """The DMA is stopped in the middle: the LEDs show the part they took for 120 ms at most."""
     board = BenchBoard(image)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         begun = len(board.waveform.frame_starts_us)
@@ -75,10 +75,12 @@ def test_a_transfer_that_breaks_off_is_sent_again(image: bytes) -> None:
         board.run_until(lambda: len(board.waveform.frame_starts_us) > begun, 2_000)
         board.run(50)
         board.chip.write_uint32(0x50000444, 1)  # CHAN_ABORT
-        board.run(5_000)
-        assert ring.counters().lights_disturbed == 1
+        assert board.run_until(lambda: board.resets, 140_000)
+        board.run(10_000)
         assert [fault.split(": ")[-1] for fault in board.faults] == ["torn"]
-        np.testing.assert_array_equal(lit(board), PATTERN)
+        assert not lit(board).any()
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
+        assert again.hello.reset_reason == ResetReason.WATCHDOG
 
 
 def test_the_event_tells_when_the_first_bit_left_the_pin(board: BenchBoard, ring: LightRing) -> None:

@@ -5,6 +5,8 @@ the core against a library built from the changed sources.
 """
 
 import shutil
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,8 @@ import pytest
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
 from gellight.ring.emulator.usb_host import ADDRESS
-from gellight.ring.enumerations import ResetReason, SyncMode
+from gellight.ring.emulator.waveform import Strip
+from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
@@ -24,8 +27,8 @@ from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
+STATUS_PIN = 16
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
-FRAME_TOLERANCE_US = 20
 
 
 def mutate(mutation: Mutation, folder: Path) -> Path:
@@ -156,15 +159,6 @@ def _close(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing
     return _reopen(board)
 
 
-def _frames(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
-    ring.clock()
-    board.run(150_400)
-    noted = ring.clock()
-    late_us = noted.sof_us - 1000 * (noted.sof_us // 1000)
-    if noted.sof_number != noted.sof_us // 1000 & 0x7FF or late_us > FRAME_TOLERANCE_US:
-        problems.append(f"USB frame noted {late_us} us late")
-
-
 def _short_packets(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     """Answers of 192 bytes pile up behind one that the host fetches late: packets of 64 bytes would end no read."""
     piled = [("HELLO", b""), ("COUNTERS", b""), ("COUNTERS", b""), ("SET_GROUP", p.SetGroup(15, bytes(36)).pack()),
@@ -182,11 +176,16 @@ def _short_packets(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
             problems.append("an answer waits for the next one")
 
 
-def _watchdog(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
+def _hang(board: BenchBoard) -> bool:
+    """Let the processor hang with interrupts off; false where the watchdog does not bite."""
+    resets, core = board.resets, board.chip.core
     board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
-    core = board.chip.core
     core.pc, core.pm, core.waiting = 0x2003FF00, True, False
-    if not board.run_until(lambda: board.resets, 150_000):
+    return board.run_until(lambda: board.resets > resets, 150_000)
+
+
+def _watchdog(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
+    if not _hang(board):
         problems.append("the watchdog does not bite")
     return _reopen(board)
 
@@ -255,9 +254,61 @@ def _bus(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
         problems.append("a controller that hangs is not reset in the dark")
 
 
+def _blinks(board: BenchBoard, duration_us: float) -> set[int]:
+    """Half periods of the status LED, ms, rounded to 10; empty where it is steady."""
+    times: list[float] = []
+    board.chip.gpio[STATUS_PIN].add_listener(lambda _new, _old: times.append(board.now_us))
+    board.run(duration_us)
+    return {round((after - before) / 1e4) * 10 for before, after in pairwise(times)}
+
+
+def _wiring(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    """All pins elsewhere, twice the LEDs, of another kind; the pulse of the output, the patterns of the status LED."""
+    ring.blank()
+    board.run(3_000)
+    wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=4, output_at=OutputAt.MIDDLE,
+                    status_pin=STATUS_PIN + p.ACTIVE_LOW, led_count=24, colour_order=ColourOrder.RGBW)  # fmt: skip
+    ring.configure(wired, save=True)
+    board.power_off()
+    other = BenchBoard(bytes(board.flash), strip=Strip(24, ColourOrder.RGBW, 9))
+    other.run_until(lambda: other.host.configured, 200_000)
+    if _blinks(other, 1_600_000) != {500}:
+        problems.append("the status LED does not blink slowly without a host")
+    again = _reopen(other)
+    _examine_wired(other, again, problems)
+    again.blank()
+    other.run(600_000)
+    if _blinks(other, 600_000) or other.chip.sio.gpio_value >> STATUS_PIN & 1:
+        problems.append("the status LED is not steadily lit with a host")
+    _hang(other)
+    other.run_until(lambda: other.host.configured, 200_000)
+    if _blinks(other, 500_000) != {100}:
+        problems.append("the status LED does not show the fault")
+    problems += other.faults
+
+
+def _examine_wired(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    pattern = np.tile(PATTERN, (2, 1))
+    ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
+    ring.set_sync(SyncMode.EXT)
+    changes: list[float] = []
+    board.chip.gpio[4].add_listener(lambda _new, _old: changes.append(board.now_us))
+    ring.start()
+    board.run(5_000)
+    begun = len(board.waveform.frame_starts_us)
+    board.chip.gpio[17].set_input_value(True)
+    board.run(5_000)
+    if not np.array_equal(board.timeline.at(board.now_us), pattern):
+        problems.append("colours of a ring that is wired in another way")
+    board.run(45_000)
+    begun_us = board.waveform.frame_starts_us[begun]
+    if len(changes) != 2 or abs(changes[0] - begun_us - 10_000) > 10 or abs(changes[1] - changes[0] - 100) > 5:
+        problems.append("the trigger output")
+
+
 CHECKS = (
-    _colours, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _frames, _watchdog, _fault,
-    _start_fault, _reflash, _bus,
+    _colours, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault,
+    _start_fault, _reflash, _bus, _wiring,
 )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import time
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -35,7 +34,7 @@ def test_the_board_passes_its_self_test(ring: LightRing) -> None:
 
 def test_a_light_is_latched_when_its_event_says_so(ring: LightRing) -> None:
     event = ring.wait_for_light(ring.set_leds(DIM).light_id)
-    assert event.latched_us - event.first_bit_us >= p.WIRE_US + 50
+    assert event.latched_us - event.first_bit_us >= 30 * ring.hello.led_count + 50
     assert ring.status().dark == Dark.NOT_DARK
 
 
@@ -91,17 +90,6 @@ def test_the_configuration_is_kept_over_a_restart(request: pytest.FixtureRequest
         kept = again.configuration()
         again.configure(before, save=True)  # first: the board is somebody's, whatever the test finds
     assert kept == named
-
-
-def test_the_clock_knows_when_a_usb_frame_began(ring: LightRing) -> None:
-    ring.clock()
-    noted = []
-    for _ in range(3):
-        time.sleep(0.2)
-        noted.append(ring.clock())
-    for before, after in pairwise(noted):
-        frames = after.sof_number - before.sof_number & 0x7FF
-        assert abs(after.sof_us - before.sof_us - 1000 * frames) < 100
 
 
 def test_the_chip_is_neither_frozen_nor_hot(ring: LightRing) -> None:

@@ -19,7 +19,7 @@ from gellight.ring.emulator.chip import (
 )
 from gellight.ring.emulator.clocks import Crystal
 from gellight.ring.emulator.registers import UsbGuard
-from gellight.ring.emulator.waveform import DARK, Light, LightTimeline, WaveformDecoder
+from gellight.ring.emulator.waveform import DARK, Light, LightTimeline, Strip, WaveformDecoder
 
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5
@@ -58,8 +58,8 @@ class SuspendingUsb(UsbGuard):
 class NotingDecoder(WaveformDecoder):
     """Remembers when each frame on the wire began."""
 
-    def __init__(self, timeline: LightTimeline, report: Callable[[str], None]) -> None:
-        super().__init__(timeline, report)
+    def __init__(self, timeline: LightTimeline, report: Callable[[str], None], strip: Strip) -> None:
+        super().__init__(timeline, report, strip)
         self.frame_starts_us: list[float] = []
 
     def _rise(self, time_ns: float) -> None:
@@ -76,13 +76,13 @@ class BenchBoard(EmulatedBoard):
     decoder = NotingDecoder
     waveform: NotingDecoder
 
-    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
+    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, strip: Strip | None = None) -> None:
         self.powered = True
         self.temperature_c = ROOM_C
         self.cut_after: int | None = None
         """power fails after so many bytes of flash were erased or programmed"""
         self._cut = False
-        super().__init__(image, unique_id=unique_id)
+        super().__init__(image, unique_id=unique_id, strip=strip)
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
         super()._start(scratch, reason, crystal)
@@ -163,6 +163,10 @@ class VirtualTransport:
             raise BoardError(f"the firmware did not enumerate: {board.faults or 'no fault was noticed'}")
         board.host.open()
         board.run_until(lambda: board.host.opened, 100_000)
+
+    def monotonic(self) -> float:
+        """Return the board's time, s: what the host's timeouts go by."""
+        return self.board.now_us / 1e6
 
     def write(self, data: bytes) -> None:
         """Queue the bytes for the bus."""

@@ -20,6 +20,18 @@ static uint64_t port_micros(void *context)
     return read_us;
 }
 
+static void port_setup(void *context, const struct configuration *configuration)
+{
+    struct board *board = context;
+    board->wire_us = ring_wire_us(configuration->led_count, configuration->colour_order);
+}
+
+static void port_pulse(void *context, uint32_t after_us)
+{
+    struct board *board = context;
+    board->pulse_us = after_us;
+}
+
 static bool port_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
 {
     struct board *board = context;
@@ -35,7 +47,7 @@ static void begin(struct board *board, uint64_t start_us)
 {
     board->on_trigger = false;
     board->light.first_bit_us = start_us > board->now_us ? start_us : board->now_us;
-    board->light.latched_us = board->light.first_bit_us + WIRE_US + board->latch_us;
+    board->light.latched_us = board->light.first_bit_us + board->wire_us + board->latch_us;
 }
 
 static void port_light(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us)
@@ -65,13 +77,9 @@ static enum port_light port_light_result(void *context, uint64_t *first_bit_us, 
     struct board *board = context;
     if (!board->waiting)
         return PORT_LIGHT_NONE;
-    if (board->on_trigger || board->now_us < board->light.latched_us)
+    if (board->on_trigger || board->now_us < board->light.latched_us || board->stuck)
         return PORT_LIGHT_WAITING;
     board->waiting = false;
-    if (board->disturb) {
-        board->disturb--;
-        return PORT_LIGHT_DISTURBED;
-    }
     *first_bit_us = board->light.first_bit_us;
     *latched_us = board->light.latched_us;
     board->lights[board->light_count++ % BOARD_LIGHTS] = board->light;
@@ -83,13 +91,6 @@ static void port_trigger(void *context, bool enabled, bool falling)
     struct board *board = context;
     board->listening = enabled;
     board->falling = falling;
-}
-
-static uint16_t port_start_of_frame(void *context, uint64_t *at_us)
-{
-    struct board *board = context;
-    *at_us = board->now_us / 1000u * 1000u;
-    return (uint16_t)(board->now_us / 1000u & 0x7ff);
 }
 
 static uint16_t port_temperature(void *context)
@@ -152,12 +153,13 @@ static void port_restart(void *context, bool bootloader)
 
 static const struct port functions = {
     .micros = port_micros,
+    .setup = port_setup,
+    .pulse = port_pulse,
     .send = port_send,
     .light = port_light,
     .light_cancel = port_light_cancel,
     .light_result = port_light_result,
     .trigger = port_trigger,
-    .start_of_frame = port_start_of_frame,
     .temperature = port_temperature,
     .flash_read = port_flash_read,
     .flash_erase = port_flash_erase,
@@ -167,7 +169,7 @@ static const struct port functions = {
     .identity = {
         .board = BOARD_KIND_HOST,
         .unique_id = "virtual",
-        .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_USB_CLOCK | CAPABILITY_TEMPERATURE,
+        .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_TEMPERATURE,
     },
 };
 
@@ -270,10 +272,10 @@ void board_flash(const struct board *board, uint8_t *flash)
     bytes_copy(flash, board->flash, BOARD_FLASH_BYTES);
 }
 
-void board_fault(struct board *board, uint32_t room, uint32_t disturb, int32_t cut_after)
+void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_after)
 {
     board->room = room;
-    board->disturb = disturb;
+    board->stuck = stuck;
     board->cut_after = cut_after;
 }
 

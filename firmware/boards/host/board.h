@@ -26,6 +26,7 @@ struct board {
     struct board_light light; /* on its way */
     bool waiting, on_trigger, begun, done;
     uint16_t latch_us;
+    uint32_t wire_us, pulse_us; /* of the light on its way */
 
     struct board_light lights[BOARD_LIGHTS];
     uint32_t light_count;
@@ -38,7 +39,7 @@ struct board {
 
     uint32_t room;          /* for so many bytes more */
     uint32_t reads_to_edge; /* an edge comes after so many readings of the clock, 0: none */
-    uint32_t disturb;       /* so many of the next transfers break off */
+    bool stuck;             /* transfers break off */
     int32_t cut_after;      /* power fails after so many bytes were programmed or erased; -1: never */
     bool powerless;
 };
@@ -53,7 +54,7 @@ uint32_t board_take_output(struct board *board, uint8_t *bytes, uint32_t room);
 uint32_t board_light_count(const struct board *board);
 void board_light_at(const struct board *board, uint32_t index, struct board_light *light);
 void board_flash(const struct board *board, uint8_t *flash);
-void board_fault(struct board *board, uint32_t room, uint32_t disturb, int32_t cut_after);
+void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_after);
 void board_edge_after_reads(struct board *board, uint32_t reads);
 uint64_t board_now(const struct board *board);
 uint32_t board_flags(const struct board *board); /* 1: healthy, 2: restarted, 4: into the boot loader */

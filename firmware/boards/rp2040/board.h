@@ -4,9 +4,6 @@
 
 #include "controller.h"
 
-#define LED_PIN 2u     /* data of LED 0, through a level shifter */
-#define TRIGGER_PIN 3u /* EXT mode: strobe or frame valid of a camera */
-
 struct image_header {
     uint32_t magic;
     uint32_t count;
@@ -37,21 +34,28 @@ void watchdog_restart(uint8_t reason);
 void fault(void);
 
 /* light.c */
-void light_start(void);
+void light_setup(const struct configuration *configuration);
 void light_show(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);
 bool light_cancel(void *context);
 enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *latched_us);
 bool light_path_intact(void);
 void light_force_dark(void);
-void light_listen(void *context, bool enabled, bool falling);
+void light_pulse(void *context, uint32_t after_us);
 void light_interrupt(void);
 void trigger_interrupt(void);
 extern struct trigger *light_trigger;
 
+/* pins.c */
+void pins_setup(const struct configuration *configuration);
+void pins_listen(void *context, bool enabled, bool falling);
+void pins_acknowledge(void); /* the edge of the trigger */
+void pins_pulse(uint32_t after_us); /* the trigger output, once that time has passed; PORT_NO_PULSE: not, also what waits */
+void pulse_interrupt(void);
+void status_show(const struct controller *controller); /* often: the status LED */
+
 /* usb.c */
 void usb_start(const uint8_t unique_id[8]);
 bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
-uint16_t usb_start_of_frame(void *context, uint64_t *at_us);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
 void usb_watch(void); /* often: notes frames, and resets a controller that hangs */
@@ -62,7 +66,6 @@ enum usb_event {
     USB_CLOSED = 1u << 1,
     USB_SUSPENDED = 1u << 2,
     USB_BOOTLOADER = 1u << 3,
-    USB_RESTART = 1u << 4,
 };
 uint32_t usb_events(void);
 

@@ -14,10 +14,10 @@
  */
 #include "board.h"
 #include "registers.h"
+#include "ring.h"
 
 #define PROGRAM_LENGTH 4u
 #define CLOCK_DIVIDER 10u
-#define ALL_LEDS ((uint32_t)LED_COUNT)
 
 enum phase {
     PHASE_IDLE,
@@ -28,7 +28,9 @@ enum phase {
 };
 
 static const uint16_t program[PROGRAM_LENGTH] = {0x6621, 0x1323, 0x1300, 0xa342};
-static uint32_t words[LED_COUNT]; /* green, red, blue from the top */
+static uint32_t words[MOST_LEDS]; /* the colours from the top, in the order of the wire */
+static uint32_t leds, wire_us, data_pin;
+static volatile uint32_t pulse_us; /* of the light on its way */
 static volatile uint8_t phase;
 static volatile uint64_t began_us;
 static uint32_t shown_us; /* from the first bit until the LEDs have latched */
@@ -36,33 +38,34 @@ struct trigger *light_trigger;
 
 static void pin_set_output(void)
 {
-    REGISTER(PIO0_SM0_PINCTRL) = 1u << 26 | LED_PIN << 5; /* SET: one pin */
+    REGISTER(PIO0_SM0_PINCTRL) = 1u << 26 | data_pin << 5; /* SET: one pin */
     REGISTER(PIO0_SM0_INSTR) = 0xe081;                    /* set pindirs, 1 */
-    REGISTER(PIO0_SM0_PINCTRL) = 1u << 29 | LED_PIN << 10; /* side-set: that pin */
+    REGISTER(PIO0_SM0_PINCTRL) = 1u << 29 | data_pin << 10; /* side-set: that pin */
 }
 
-void light_start(void)
+void light_setup(const struct configuration *configuration)
 {
+    uint32_t bits = ring_bits(configuration->colour_order);
+    leds = configuration->led_count;
+    data_pin = configuration->data_pin;
+    wire_us = ring_wire_us(configuration->led_count, configuration->colour_order);
     for (uint32_t i = 0; i < PROGRAM_LENGTH; i++)
         REGISTER(PIO0_INSTR_MEM(i)) = program[i];
     REGISTER(PIO0_SM0_CLKDIV) = CLOCK_DIVIDER << 16;
     REGISTER(PIO0_SM0_EXECCTRL) = (PROGRAM_LENGTH - 1u) << 12;          /* wrap */
-    REGISTER(PIO0_SM0_SHIFTCTRL) = 1u << 17 | 24u << 25 | 1u << 30;      /* autopull 24 bits, left, joined FIFO */
+    REGISTER(PIO0_SM0_SHIFTCTRL) = 1u << 17 | (bits & 31u) << 25 | 1u << 30; /* autopull (0: 32), left, joined FIFO */
     pin_set_output();
-    REGISTER(PADS_BANK0(LED_PIN)) = 0x52;  /* 4 mA, Schmitt trigger, no pull */
-    REGISTER(IO_BANK0_CTRL(LED_PIN)) = 6;  /* PIO0 */
+    REGISTER(PADS_BANK0(data_pin)) = 0x52;  /* 4 mA, Schmitt trigger, no pull */
+    REGISTER(IO_BANK0_CTRL(data_pin)) = 6;  /* PIO0 */
     REGISTER(PIO0_CTRL) = 1u << 4 | 1u << 8; /* restart: the shift register counts as empty */
     SET_BITS(PIO0_CTRL) = 1u << 0;
-    REGISTER(PADS_BANK0(TRIGGER_PIN)) = 0x4a; /* input, Schmitt trigger, pulled up */
-    REGISTER(IO_BANK0_CTRL(TRIGGER_PIN)) = 5; /* SIO */
-    REGISTER(NVIC_ISER) = 1u << IRQ_IO_BANK0;
 }
 
 static void prepare_transfer(void)
 {
     REGISTER(DMA_READ_ADDR) = (uint32_t)words;
     REGISTER(DMA_WRITE_ADDR) = PIO0_TXF0;
-    REGISTER(DMA_TRANS_COUNT) = ALL_LEDS;
+    REGISTER(DMA_TRANS_COUNT) = leds;
     /* enabled, words, read address counts up, chained to itself (to none), paced by PIO0 TX0, no interrupt */
     REGISTER(DMA_AL1_CTRL) = 1u << 0 | 2u << 2 | 1u << 4 | 0u << 11 | 0u << 15 | 1u << 21;
 }
@@ -100,9 +103,9 @@ static void launch_at(uint64_t start_us)
 void light_show(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us)
 {
     (void)context;
-    for (uint32_t i = 0; i < ALL_LEDS; i++, wire += 3)
+    for (uint32_t i = 0; i < leds; i++, wire += 3)
         words[i] = (uint32_t)wire[0] << 24 | (uint32_t)wire[1] << 16 | (uint32_t)wire[2] << 8;
-    shown_us = WIRE_US + latch_us + 1u;
+    shown_us = wire_us + latch_us + 1u;
     prepare_transfer();
     uint32_t interrupts = interrupts_off(); /* and a barrier to the compiler: the words are written before the DMA runs */
     if (start_us == PORT_ON_TRIGGER)
@@ -125,7 +128,7 @@ bool light_cancel(void *context)
     return waiting;
 }
 
-/* All words have left the DMA and the FIFO; a transfer that was broken off is not busy either, but has words left. */
+/* All words have left the DMA and the FIFO. A transfer that breaks off has words left for ever: it is overdue soon. */
 static bool transferred(void)
 {
     return !(REGISTER(DMA_CTRL_TRIG) & 1u << 24) && !REGISTER(DMA_TRANS_COUNT) && REGISTER(PIO0_FSTAT) & 1u << 24;
@@ -136,15 +139,28 @@ enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *la
     (void)context;
     if (phase == PHASE_IDLE)
         return PORT_LIGHT_NONE;
-    if (phase != PHASE_DONE)
+    if (phase != PHASE_DONE || !transferred())
         return PORT_LIGHT_WAITING;
     phase = PHASE_IDLE;
     *first_bit_us = began_us;
     *latched_us = began_us + shown_us;
-    if (transferred())
-        return PORT_LIGHT_LATCHED;
-    REGISTER(DMA_CHAN_ABORT) = 1u << 0;
-    return PORT_LIGHT_DISTURBED;
+    return PORT_LIGHT_LATCHED;
+}
+
+/* What waited for the light before has no meaning any more. */
+static void finish(void)
+{
+    phase = PHASE_DONE;
+    if (pulse_us != PORT_NO_PULSE)
+        pins_pulse(pulse_us > shown_us ? pulse_us - shown_us : 0);
+    else
+        pins_pulse(PORT_NO_PULSE);
+}
+
+void light_pulse(void *context, uint32_t after_us)
+{
+    (void)context;
+    pulse_us = after_us;
 }
 
 void light_interrupt(void)
@@ -153,21 +169,13 @@ void light_interrupt(void)
     if (phase == PHASE_TIME)
         launch();
     else if (phase == PHASE_SHIFTING)
-        phase = PHASE_DONE;
-}
-
-void light_listen(void *context, bool enabled, bool falling)
-{
-    (void)context;
-    uint32_t shift = 4u * TRIGGER_PIN;
-    REGISTER(IO_BANK0_INTR0) = 0xcu << shift;
-    REGISTER(IO_BANK0_PROC0_INTE0) = enabled ? (falling ? 4u : 8u) << shift : 0;
+        finish();
 }
 
 void trigger_interrupt(void)
 {
     uint64_t start_us, now_us = clock_micros();
-    REGISTER(IO_BANK0_INTR0) = 0xcu << 4u * TRIGGER_PIN;
+    pins_acknowledge();
     if (!trigger_edge(light_trigger, now_us, &start_us))
         return;
     uint32_t interrupts = interrupts_off();
@@ -180,7 +188,7 @@ void trigger_interrupt(void)
 bool light_path_intact(void)
 {
     return REGISTER(PIO0_SM0_CLKDIV) == CLOCK_DIVIDER << 16 &&
-           REGISTER(PIO0_SM0_PINCTRL) == (1u << 29 | LED_PIN << 10) && (REGISTER(IO_BANK0_CTRL(LED_PIN)) & 31u) == 6u;
+           REGISTER(PIO0_SM0_PINCTRL) == (1u << 29 | data_pin << 10) && (REGISTER(IO_BANK0_CTRL(data_pin)) & 31u) == 6u;
 }
 
 static void spin_us(uint32_t duration_us)
@@ -199,11 +207,11 @@ void light_force_dark(void)
     if (~REGISTER(RESETS_DONE) & (RESET_DMA | RESET_PIO0 | RESET_TIMER))
         return;
     REGISTER(DMA_CHAN_ABORT) = 1u << 0;
-    spin_us(WIRE_US + 500u);
-    for (uint32_t i = 0; i < ALL_LEDS; i++) {
+    spin_us(wire_us + 500u);
+    for (uint32_t i = 0; i < leds; i++) {
         while (REGISTER(PIO0_FSTAT) & 1u << 16)
             ;
         REGISTER(PIO0_TXF0) = 0;
     }
-    spin_us(WIRE_US + 500u);
+    spin_us(wire_us + 500u);
 }

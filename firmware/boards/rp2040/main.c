@@ -68,16 +68,24 @@ static void port_restart(void *context, bool bootloader)
     watchdog_restart(RESET_REASON_COMMAND);
 }
 
+static void port_setup(void *context, const struct configuration *configuration)
+{
+    (void)context;
+    light_setup(configuration);
+    pins_setup(configuration);
+}
+
 static void port_fill(void)
 {
     port = (struct port){
+        .setup = port_setup,
         .micros = port_micros,
         .send = usb_send,
+        .pulse = light_pulse,
         .light = light_show,
         .light_cancel = light_cancel,
         .light_result = light_result,
-        .trigger = light_listen,
-        .start_of_frame = usb_start_of_frame,
+        .trigger = pins_listen,
         .temperature = port_temperature,
         .flash_read = flash_read,
         .flash_erase = flash_erase,
@@ -87,8 +95,8 @@ static void port_fill(void)
         .identity = {
             .board = BOARD_KIND_RP2040,
             .reset_reason = watchdog_reset_reason(),
-            .capabilities = CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_USB_CLOCK |
-                            CAPABILITY_TEMPERATURE,
+            .capabilities =
+                CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_TEMPERATURE,
             .image_crc = image_header.crc,
         },
     };
@@ -101,8 +109,8 @@ static void follow_bus(void)
         controller_link(&controller, false, DARK_PORT_CLOSED);
     if (happened & USB_SUSPENDED)
         controller_link(&controller, false, DARK_SUSPENDED);
-    if (happened & (USB_BOOTLOADER | USB_RESTART))
-        controller_restart(&controller, happened & USB_BOOTLOADER);
+    if (happened & USB_BOOTLOADER)
+        controller_restart(&controller, true);
     if (happened & USB_OPENED)
         controller_link(&controller, true, DARK_NOT_DARK);
 }
@@ -126,7 +134,6 @@ int main(void)
     vectors_install();
     clock_start();
     stack_paint();
-    light_start();
     port_fill();
     light_trigger = &controller.trigger;
     controller_start(&controller, &port);
@@ -137,8 +144,11 @@ int main(void)
         serve_host();
         usb_watch();
         controller_poll(&controller);
-        if (tick_passed() && controller_healthy(&controller))
-            watchdog_feed();
+        if (tick_passed()) {
+            status_show(&controller);
+            if (controller_healthy(&controller))
+                watchdog_feed();
+        }
         sleep_until_something_happens();
     }
 }

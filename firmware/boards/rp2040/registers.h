@@ -39,8 +39,8 @@
 #define RESET_USBCTRL (1u << 24)
 
 #define IO_BANK0_CTRL(pin) (0x40014004u + 8u * (pin))
-#define IO_BANK0_INTR0 0x400140f0u
-#define IO_BANK0_PROC0_INTE0 0x40014100u
+#define IO_BANK0_INTR(pin) (0x400140f0u + 4u * ((pin) / 8u)) /* four bits a pin */
+#define IO_BANK0_PROC0_INTE(pin) (0x40014100u + 4u * ((pin) / 8u))
 #define IO_QSPI_SS_CTRL 0x4001800cu
 #define PADS_BANK0(pin) (0x4001c004u + 4u * (pin))
 
@@ -94,6 +94,10 @@
 #define USB_INTE (USB_BASE + 0x90u)
 #define USB_INTS (USB_BASE + 0x98u)
 
+#define SIO_OUT_SET 0xd0000014u
+#define SIO_OUT_CLEAR 0xd0000018u
+#define SIO_ENABLE_SET 0xd0000024u
+
 #define PIO0_CTRL 0x50200000u
 #define PIO0_FSTAT 0x50200004u
 #define PIO0_TXF0 0x50200010u
@@ -113,6 +117,7 @@
 /* The interrupts, by their numbers. */
 #define IRQ_TIMER_0 0u
 #define IRQ_TIMER_1 1u
+#define IRQ_TIMER_2 2u
 #define IRQ_USB 5u
 #define IRQ_IO_BANK0 13u
 

@@ -53,8 +53,8 @@ static uint32_t progress_us;    /* low half of the time when something was armed
 static bool terminal_ready; /* DTR, as the host said last */
 static volatile bool open;  /* and the bus is awake */
 static volatile uint8_t events; /* bits of enum usb_event */
-static uint64_t sof_us;         /* board clock at the start of the frame sof_number, 0: none was noted yet */
-static uint16_t sof_number;
+static uint32_t sof_us;         /* low half of the time when the frame began that was noted last */
+static bool sof_noted;
 
 /* Only the interrupt of USB is held off: that of the light may never wait. */
 static void lock(void)
@@ -120,12 +120,12 @@ static uint32_t now_us(void)
 
 static bool frame_noted(uint32_t within_us)
 {
-    return sof_us && now_us() - (uint32_t)sof_us < within_us;
+    return sof_noted && now_us() - sof_us < within_us;
 }
 
 static bool frame_allows(void)
 {
-    uint32_t since_us = now_us() - (uint32_t)sof_us, place_us = since_us % FRAME_US;
+    uint32_t since_us = now_us() - sof_us, place_us = since_us % FRAME_US;
     bool certain = since_us == place_us || place_us >= FRAME_BEGINS_US; /* that this frame has begun */
     return frame_noted(SOF_EVERY_US + 10000u) && certain && place_us < FRAME_ENDS_US;
 }
@@ -220,8 +220,9 @@ static void resume(void)
 static void start_of_frame(void)
 {
     CLEAR_BITS(USB_INTE) = INTERRUPT_SOF;
-    sof_us = clock_micros();
-    sof_number = (uint16_t)(REGISTER(USB_SOF_RD) & 0x7ffu); /* reading ends the interrupt */
+    sof_us = now_us();
+    sof_noted = true;
+    (void)REGISTER(USB_SOF_RD); /* ends the interrupt */
     if (in_waiting)
         arm_packet();
 }
@@ -324,17 +325,6 @@ bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
         send_packet();
     unlock();
     return fits;
-}
-
-/* What was noted last. */
-uint16_t usb_start_of_frame(void *context, uint64_t *at_us)
-{
-    (void)context;
-    lock();
-    uint16_t number = sof_number;
-    *at_us = sof_us;
-    unlock();
-    return number;
 }
 
 size_t usb_receive(uint8_t *bytes, size_t room)

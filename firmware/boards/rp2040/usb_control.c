@@ -29,12 +29,9 @@
 #define GET_LINE_CODING 0x21u
 #define SET_CONTROL_LINE_STATE 0x22u
 #define SEND_BREAK 0x23u
-#define RESET_TO_BOOTLOADER 1u
-#define RESET_TO_FLASH 2u
 
 #define SERIAL_INTERFACE 0u
 #define DATA_INTERFACE 1u
-#define RESET_INTERFACE 2u
 #define BULK_OUT 0x02u
 #define BULK_IN 0x82u
 
@@ -119,7 +116,7 @@ static void clear_feature(void)
 static void interface_setting(void)
 {
     static const uint8_t only[1];
-    if (!configuration || setup.index > RESET_INTERFACE || setup.value) {
+    if (!configuration || setup.index > DATA_INTERFACE || setup.value) {
         control_refuse();
     } else if (setup.request == GET_INTERFACE) {
         control_reply(only, 1);
@@ -177,10 +174,6 @@ static void interface_request(void)
         control_accept(); /* nobody listens to it */
     } else if (setup.type == FROM_INTERFACE && setup.request == GET_LINE_CODING && setup.index == SERIAL_INTERFACE) {
         control_reply(line_coding, sizeof line_coding);
-    } else if (setup.type == TO_INTERFACE && setup.index == RESET_INTERFACE &&
-               (setup.request == RESET_TO_BOOTLOADER || setup.request == RESET_TO_FLASH)) {
-        usb_note(setup.request == RESET_TO_BOOTLOADER ? USB_BOOTLOADER : USB_RESTART);
-        control_accept();
     } else {
         control_refuse();
     }

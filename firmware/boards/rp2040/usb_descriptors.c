@@ -1,4 +1,4 @@
-/* What the board tells the host about itself: a CDC-ACM serial port, and the reset interface that picotool knows. */
+/* What the board tells the host about itself: a CDC-ACM serial port. */
 #include "board.h"
 
 #include "bytes.h"
@@ -20,7 +20,7 @@ static const uint8_t device[] = {
 };
 
 static const uint8_t configuration[] = {
-    9, CONFIGURATION, 84, 0, 3, 1, 0, 0x80, 250, /* three interfaces, bus powered, 500 mA */
+    9, CONFIGURATION, 75, 0, 2, 1, 0, 0x80, 250, /* two interfaces, bus powered, 500 mA */
     8, 11, 0, 2, 2, 2, 0, 0,                     /* interfaces 0 and 1 are one function */
     9, 4, 0, 0, 1, 2, 2, 0, 0,                   /* communication: abstract control model */
     5, 0x24, 0, 0x10, 1,
@@ -31,9 +31,8 @@ static const uint8_t configuration[] = {
     9, 4, 1, 0, 2, 10, 0, 0, 0,                  /* data */
     7, 5, 0x02, 2, 64, 0, 0,
     7, 5, 0x82, 2, 64, 0, 0,
-    9, 4, 2, 0, 0, 0xff, 0, 1, 0,                /* reset interface */
 };
-_Static_assert(sizeof configuration == 9 + 8 + 9 + 5 + 5 + 4 + 5 + 7 + 9 + 7 + 7 + 9, "length in the descriptor");
+_Static_assert(sizeof configuration == 9 + 8 + 9 + 5 + 5 + 4 + 5 + 7 + 9 + 7 + 7, "length in the descriptor");
 
 static const char *const texts[] = {"GelLight", "GelLight light ring"};
 static char serial_number[17];

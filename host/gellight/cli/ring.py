@@ -2,7 +2,8 @@
 
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from enum import IntEnum
 from typing import Annotated
 
 import numpy as np
@@ -11,9 +12,11 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
-from gellight.ring.enumerations import Dark, ResetReason, SyncMode
+from gellight.ring.boards import BOARDS, check_wiring, find_board, wired_as
+from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
-from gellight.ring.wire import LED_COUNT
+from gellight.ring.protocol import ACTIVE_LOW, NO_PIN, Configuration
+from gellight.ring.wire import MOST_LEDS
 
 app = typer.Typer(help="The light ring by hand.", no_args_is_help=True)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
@@ -89,27 +92,27 @@ def _text(b: Board) -> str:
 
 @app.command("set")
 def set_colour(
-    colour: Annotated[str, typer.Argument(help="RRGGBB in hexadecimal, or 12 of them separated by commas")],
+    colour: Annotated[str, typer.Argument(help="RRGGBB in hexadecimal, or one for each LED, separated by commas")],
     url: Url = "serial://",
     seconds: Seconds = 0,
 ) -> None:
     """Light all LEDs in one colour, or each in its own."""
     with connect(url) as ring:
-        reply = ring.set_leds(np.array(_colours(colour), np.uint8))
+        reply = ring.set_leds(np.array(_colours(colour, ring.led_count), np.uint8))
         ring.wait_for_light(reply.light_id)
         scaled = "" if reply.scale == 0xFFFF else f", scaled by {reply.scale / 65535:.3f}"
         _wait(f"lit, {reply.current_ma} mA{scaled}", seconds)
 
 
-def _colours(text: str) -> list[list[int]]:
+def _colours(text: str, leds: int) -> list[list[int]]:
     words = text.split(",")
     try:
         colours = [bytes.fromhex(word.strip().removeprefix("#")) for word in words]
     except ValueError:
         colours = []
-    if len(colours) not in (1, LED_COUNT) or any(len(colour) != 3 for colour in colours):
-        raise InputError(f"{text!r} is no colour: give RRGGBB, for example ff0000, or {LED_COUNT} of them")
-    return [list(colour) for colour in colours] * (LED_COUNT if len(colours) == 1 else 1)
+    if len(colours) not in (1, leds) or any(len(colour) != 3 for colour in colours):
+        raise InputError(f"{text!r} is no colour: give RRGGBB, for example ff0000, or {leds} of them")
+    return [list(colour) for colour in colours] * (leds if len(colours) == 1 else 1)
 
 
 @app.command("group")
@@ -120,14 +123,14 @@ def group(
     seconds: Seconds = 0,
 ) -> None:
     """Light some LEDs in one colour, the others stay dark."""
-    chosen = _numbers(leds)
-    colours = np.zeros((LED_COUNT, 3), np.uint8)
-    colours[chosen] = np.array(_colours(colour)[0], np.uint8)
     with connect(url) as ring:
+        chosen = _numbers(leds, ring.led_count)
+        colours = np.zeros((ring.led_count, 3), np.uint8)
+        colours[chosen] = np.array(_colours(colour, 1)[0], np.uint8)
         _wait(f"LEDs {chosen}, {ring.set_leds(colours).current_ma} mA", seconds)
 
 
-def _numbers(text: str) -> list[int]:
+def _numbers(text: str, leds: int) -> list[int]:
     found: list[int] = []
     try:
         for part in text.split(","):
@@ -135,8 +138,8 @@ def _numbers(text: str) -> list[int]:
             found += range(int(first), int(last or first) + 1)
     except ValueError:
         found = []
-    if not found or min(found) < 0 or max(found) >= LED_COUNT:
-        raise InputError(f"{text!r} names no LEDs: give numbers from 0 to {LED_COUNT - 1}, for example 0-3,8")
+    if not found or min(found) < 0 or max(found) >= leds:
+        raise InputError(f"{text!r} names no LEDs: give numbers from 0 to {leds - 1}, for example 0-3,8")
     return found
 
 
@@ -150,15 +153,65 @@ def sequence(
     seconds: Seconds = 0,
 ) -> None:
     """Light the red, the green and the blue third of the ring in turn, timed by the board."""
-    groups = np.zeros((3, LED_COUNT, 3), np.uint8)
-    for number in range(3):
-        groups[number, 4 * number : 4 * number + 4, number] = value
     with connect(url) as ring:
+        groups = np.zeros((3, ring.led_count, 3), np.uint8)
+        for number in range(3):
+            groups[number, number * ring.led_count // 3 : (number + 1) * ring.led_count // 3, number] = value
         ring.load_sequence(list(groups), [Step(group=k, dwell_us=round(dwell_ms * 1e3)) for k in range(3)])
         ring.set_sync(SyncMode.FREE)
         ring.start()
         _wait("red, green and blue in turn", seconds)
         print(f"{ring.counters().lights} lights, {ring.counters().late_steps} of them late")
+
+
+@app.command("configure")
+def configure(
+    board: Annotated[str | None, typer.Option(help=f"preset of the pins: {', '.join(BOARDS)}")] = None,
+    data_pin: Annotated[int | None, typer.Option(help="GPIO of the LEDs' data")] = None,
+    trigger_pin: Annotated[int | None, typer.Option(help="GPIO of the camera's strobe")] = None,
+    output_pin: Annotated[int | None, typer.Option(help="GPIO that pulses in each light; 255: none")] = None,
+    status_pin: Annotated[
+        int | None, typer.Option(help="GPIO of a status LED, plus 128 if low lights it; 255: none")
+    ] = None,
+    leds: Annotated[int | None, typer.Option(help=f"number of LEDs, 1 to {MOST_LEDS}")] = None,
+    order: Annotated[str | None, typer.Option(help="grb (WS2812B), rgb or rgbw (SK6812 RGBW)")] = None,
+    output: Annotated[str | None, typer.Option(help="when the output pulses: start, middle or none")] = None,
+    url: Url = "serial://",
+) -> None:
+    """Change what the board remembers without power: its pins and LEDs; then start it anew."""
+    with connect(url) as ring:
+        changed = ring.configuration()
+        if board:
+            changed = wired_as(changed, find_board(board), output=output not in (None, "none"))
+        given = {"data_pin": data_pin, "trigger_pin": trigger_pin, "output_pin": output_pin, "status_pin": status_pin,
+                 "led_count": leds, "colour_order": _member(ColourOrder, order)}  # fmt: skip
+        given |= {"output_pin": NO_PIN} if output == "none" else {"output_at": _member(OutputAt, output)}
+        for name, value in given.items():
+            changed = changed if value is None else replace(changed, **{name: value})  # type: ignore[arg-type]
+        check_wiring(changed)
+        ring.light(None)
+        ring.configure(changed, save=True)
+        ring.reset()
+    print(_wiring(changed, board))
+
+
+def _member(kind: type[IntEnum], name: str | None) -> int | None:
+    names = [member.name.lower() for member in kind]
+    if name is not None and name not in names:
+        raise InputError(f"{name!r} is none of {', '.join(names)}")
+    return None if name is None else int(kind[name.upper()])
+
+
+def _wiring(c: Configuration, board: str | None) -> str:
+    status = "no status LED" if c.status_pin == NO_PIN else f"status LED at GPIO {c.status_pin & ~ACTIVE_LOW}"
+    output = "no trigger output"
+    if c.output_pin != NO_PIN:
+        output = f"trigger output at GPIO {c.output_pin} ({OutputAt(c.output_at).name.lower()} of each light)"
+    labels = f"; {BOARDS[board].name} prints data, trigger, output as {BOARDS[board].printed}" if board else ""
+    return (
+        f"saved: {c.led_count} LEDs ({ColourOrder(c.colour_order).name}) at GPIO {c.data_pin}, trigger at GPIO "
+        f"{c.trigger_pin}, {output}, {status}{labels}; the board starts anew"
+    )
 
 
 @app.command("off")

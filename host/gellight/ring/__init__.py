@@ -8,6 +8,7 @@ transport.py     bytes to a board by URL: serial://, usb://, sim://
 board_link.py    requests, replies and events, with retries
 light_ring.py    LightRing: typed commands, and what keeps it lit
 light_groups.py  which LEDs shine together
+boards.py        the boards that makers use, and their pins
 firmware/        from the C sources to the board
 emulator/        the firmware image in an emulated RP2040: sim://
 """

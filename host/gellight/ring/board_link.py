@@ -75,6 +75,8 @@ class BoardLink:
         self.transport = transport
         self.timeout_s, self.attempts = timeout_s, attempts
         """a request is sent at most so often, and each time waits so long for its reply, whatever else comes"""
+        self._monotonic: Callable[[], float] = getattr(transport, "monotonic", time.monotonic)
+        """a board that is emulated step by step has a time of its own"""
         self.retries = 0
         self.damaged = 0
         """packets from the board that could not be read"""
@@ -131,7 +133,7 @@ class BoardLink:
 
     def _await_reply(self, code: int, sequence: int) -> Packet | None:
         """Return the reply, None after `timeout_s` without it; what has arrived by then is looked at all the same."""
-        end_s = time.monotonic() + self.timeout_s
+        end_s = self._monotonic() + self.timeout_s
         expired = False
         while True:
             while self._packets:
@@ -140,7 +142,7 @@ class BoardLink:
                     return packet
             if expired:
                 return None
-            left_s = end_s - time.monotonic()
+            left_s = end_s - self._monotonic()
             expired = left_s <= 0
             if not self._receive(max(0.0, left_s)):
                 return None
@@ -174,12 +176,11 @@ class BoardLink:
 
     def _wait_for_event(self, wanted: Callable[[Record], bool], timeout_s: float) -> Record | None:
         """Return the first event so wanted, None after so long; meanwhile other threads send their requests."""
-        end_s, silent_s = time.monotonic() + timeout_s, 0.0
+        end_s = self._monotonic() + timeout_s
         while True:
             with self._lock:
                 found = next(filter(wanted, self.events), None)
-                left_s = min(end_s - time.monotonic(), timeout_s - silent_s)
+                left_s = end_s - self._monotonic()
                 if found is not None or left_s <= 0:
                     return found
-                slice_s = min(SLICE_S, left_s)
-                silent_s += 0.0 if self._receive(slice_s) else slice_s
+                self._receive(min(SLICE_S, left_s))

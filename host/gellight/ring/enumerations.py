@@ -41,6 +41,21 @@ class Policy(IntEnum):
     SCALE = 1
 
 
+class ColourOrder(IntEnum):
+    """In which order an LED takes its colours. RGBW: SK6812 RGBW, green first, whose white stays dark."""
+
+    GRB = 0
+    RGB = 1
+    RGBW = 2
+
+
+class OutputAt(IntEnum):
+    """When in a light the trigger output pulses: once it is latched, or in the middle of its dwell."""
+
+    START = 0
+    MIDDLE = 1
+
+
 class State(IntEnum):
     """What the light ring is doing."""
 
@@ -84,7 +99,6 @@ class Capability(IntFlag):
     TRIGGER = 1
     FLASH = 2
     BOOTLOADER = 4
-    USB_CLOCK = 8
     TEMPERATURE = 16
 
 
@@ -98,5 +112,6 @@ class Check(IntFlag):
 
 
 ENUMS: tuple[type[IntEnum] | type[IntFlag], ...] = (
-    Status, SyncMode, Edge, Policy, State, Dark, ResetReason, BoardKind, Capability, Check)  # fmt: skip
+    Status, SyncMode, Edge, Policy, ColourOrder, OutputAt, State, Dark, ResetReason, BoardKind, Capability,
+    Check)  # fmt: skip
 """in the order of the schema"""

@@ -22,7 +22,7 @@ from gellight.ring import protocol
 from gellight.ring.board_link import BoardLink
 from gellight.ring.enumerations import Capability, Dark, Edge, Policy, SyncMode
 from gellight.ring.transport import Transport, open_transport
-from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Record
+from gellight.ring.wire import Record
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class LightRing(BoardLink):
         self.ping_listeners: list[Callable[[Ping], None]] = []
         """called with the clocks after every `clock` and `status`, in the thread that asked"""
         self.still: NDArray[np.uint8] | None = None
-        """(12, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
+        """(n, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
         self.lit_s = -inf
         """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
         self._dark: Dark | None = None
@@ -154,6 +154,11 @@ class LightRing(BoardLink):
 
     # ---- commands ----
 
+    @property
+    def led_count(self) -> int:
+        """Return how many LEDs the board drives; every light has so many colours."""
+        return self.hello.led_count
+
     def clock(self, host_us: int = 0) -> protocol.ClockReply:
         """Return the times of the board's clock (us) around this request."""
         sent_s = time.monotonic()
@@ -169,14 +174,15 @@ class LightRing(BoardLink):
             listener(ping)
 
     def set_leds(self, colours: NDArray[np.uint8]) -> protocol.LightReply:
-        """Light the LEDs: colours (12, 3) uint8 RGB; the reply tells current and scale."""
+        """Light the LEDs: colours (n, 3) uint8 RGB; the reply tells current and scale."""
         with self._lighting:
-            reply = self._request("SET_LEDS", protocol.LightReply, protocol.SetLeds(colour_bytes(colours)))
+            record = protocol.SetLeds(colour_bytes(colours, self.led_count))
+            reply = self._request("SET_LEDS", protocol.LightReply, record)
             self.still = np.array(colours)
             return reply
 
     def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = LATCH_TIMEOUT_S) -> int:
-        """Show a still light, (12, 3) uint8 RGB, and wait until the LEDs have latched it; return its number.
+        """Show a still light, (n, 3) uint8 RGB, and wait until the LEDs have latched it; return its number.
 
         None ends a sequence and makes the LEDs dark. Raises BoardError where the board refuses the light, scales it to
         its current limit, or does not latch it.
@@ -184,7 +190,7 @@ class LightRing(BoardLink):
         with self._lighting:
             if colours is None:
                 self.blank()
-            reply = self.set_leds(np.zeros((LED_COUNT, 3), np.uint8) if colours is None else colours)
+            reply = self.set_leds(np.zeros((self.led_count, 3), np.uint8) if colours is None else colours)
             if colours is not None and reply.scale != protocol.FULL_SCALE:
                 raise BoardError(
                     f"the current limit scales this light to {reply.scale / protocol.FULL_SCALE:.1%}, so it is not the "
@@ -206,9 +212,9 @@ class LightRing(BoardLink):
             self._dark = None
 
     def load_sequence(self, groups: Sequence[NDArray[np.uint8]], steps: Sequence[Step], *, loops: int = 0) -> None:
-        """Stage groups, each (12, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless."""
-        table = [colour_bytes(colours) for colours in groups]
-        table += [bytes(COLOUR_BYTES)] * (protocol.GROUP_COUNT - len(table))
+        """Stage groups, each (n, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless."""
+        table = [colour_bytes(colours, self.led_count) for colours in groups]
+        table += [bytes(3 * self.led_count)] * (protocol.GROUP_COUNT - len(table))
         for index, staged in enumerate(table):
             self._request("SET_GROUP", protocol.GroupReply, protocol.SetGroup(index, staged))
         records = [protocol.SetStep(i, s.group, s.repeat, s.dwell_us, s.blank_us) for i, s in enumerate(steps)]
@@ -311,9 +317,9 @@ def chip_temperature_c(hello: protocol.HelloReply, status: protocol.StatusReply)
     return 27 - (status.temperature * 3.3 / 4096 - 0.706) / 0.001721
 
 
-def colour_bytes(colours: NDArray[np.uint8]) -> bytes:
-    """Return (12, 3) uint8 RGB in the order of the wire; ValueError for any other array."""
+def colour_bytes(colours: NDArray[np.uint8], led_count: int) -> bytes:
+    """Return (n, 3) uint8 RGB in the order of the wire; ValueError for an array of another number of LEDs or kind."""
     array = np.asarray(colours)
-    if array.shape != (LED_COUNT, 3) or array.dtype != np.uint8:
-        raise ValueError(f"colours have to be ({LED_COUNT}, 3) uint8, not {array.shape} {array.dtype}")
+    if array.shape != (led_count, 3) or array.dtype != np.uint8:
+        raise ValueError(f"colours have to be ({led_count}, 3) uint8, not {array.shape} {array.dtype}")
     return array.tobytes()

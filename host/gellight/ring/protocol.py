@@ -21,6 +21,7 @@ from gellight.ring.enumerations import ENUMS
 from gellight.ring.wire import (
     COLOUR_BYTES,
     LED_COUNT,
+    MOST_LEDS,
     PACKET_BYTES,
     Bytes8,
     Bytes16,
@@ -34,16 +35,15 @@ from gellight.ring.wire import (
     u64,
 )
 
-VERSION = (1, 1)
+VERSION = (2, 0)
 GROUP_COUNT = 16
 STEP_COUNT = 32
 REPLY = 0x80
 EVENT = 0x40
 TICK_HZ = 1_000_000
-WIRE_US = 360
-"""12 LEDs of 24 bits of 1.25 us"""
 DWELL_MIN_US = 2_000
-"""the light takes 660 us on the wire and to latch, and the longest command holds the board up for less than the rest"""
+"""12 LEDs take 660 us on the wire and to latch, 24 of 32 bits 1260, and the longest command holds the board up for less
+than the rest"""
 DWELL_MAX_US = 60_000_000
 CURRENT_CAP_MA = 450
 """the most that a USB port may be asked for, unless the board has its own supply"""
@@ -53,10 +53,14 @@ TRIM_MAX = 42_949_673
 RESET_MAGIC = 0x52534554
 BOOTLOADER_MAGIC = 0x424F4F54
 NO_STEP = 0xFF
+NO_PIN = 0xFF
+ACTIVE_LOW = 0x80
+"""added to the number of a pin that is driven low to switch on"""
 FULL_SCALE = 0xFFFF
 
 CONSTANTS = {
     "LED_COUNT": LED_COUNT,
+    "MOST_LEDS": MOST_LEDS,
     "COLOUR_BYTES": COLOUR_BYTES,
     "GROUP_COUNT": GROUP_COUNT,
     "STEP_COUNT": STEP_COUNT,
@@ -64,7 +68,6 @@ CONSTANTS = {
     "REPLY": REPLY,
     "EVENT": EVENT,
     "TICK_HZ": TICK_HZ,
-    "WIRE_US": WIRE_US,
     "DWELL_MIN_US": DWELL_MIN_US,
     "DWELL_MAX_US": DWELL_MAX_US,
     "CURRENT_CAP_MA": CURRENT_CAP_MA,
@@ -73,6 +76,8 @@ CONSTANTS = {
     "RESET_MAGIC": RESET_MAGIC,
     "BOOTLOADER_MAGIC": BOOTLOADER_MAGIC,
     "NO_STEP": NO_STEP,
+    "NO_PIN": NO_PIN,
+    "ACTIVE_LOW": ACTIVE_LOW,
     "FULL_SCALE": FULL_SCALE,
 }
 
@@ -118,15 +123,13 @@ class ClockReply(Record):
     host_us: u64
     received_us: Annotated[u64, "board clock when the packet was complete"]
     sent_us: Annotated[u64, "board clock when the reply was queued"]
-    sof_us: Annotated[u64, "board clock at the start of USB frame sof_number; 0: none was noted yet"]
-    sof_number: Annotated[u16, "11 bits; a frame is noted after a CLOCK or LIGHT, at most 10 a second"]
 
 
 @dataclass(frozen=True)
 class SetLeds(Record):
     """A light for all LEDs at once; refused while a sequence runs."""
 
-    colours: Annotated[Colours, "red, green, blue of LED 0, of LED 1, ..."]
+    colours: Annotated[Colours, "red, green, blue of LED 0, of LED 1, ...; 3 bytes for each of led_count LEDs"]
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,7 @@ class SetStep(Record):
 class Commit(Record):
     """Make the staged groups and steps the sequence, at once or, while one runs, when its pass ends."""
 
-    table_crc: Annotated[u32, "CRC-32 over all 16 groups, then the first step_count SET_STEP records"]
+    table_crc: Annotated[u32, "CRC-32 over all 16 groups, 3 bytes an LED, then the first step_count SET_STEP records"]
     loops: Annotated[u16, "passes through the steps, 0: endless"]
     step_count: Annotated[u8, "1 to 32"]
 
@@ -236,7 +239,6 @@ class CountersReply(Record):
     replies_dropped: u32
     events_dropped: u32
     lights: Annotated[u32, "latched"]
-    lights_disturbed: Annotated[u32, "transfers that had to be sent again"]
     late_steps: u32
     triggers: Annotated[u32, "edges that should light a step"]
     triggers_missed: Annotated[u32, "of these, while no step was ready"]
@@ -258,6 +260,13 @@ class Configuration(Record):
     external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]
     name: Annotated[Bytes16, "of the sensor, UTF-8, padded with zeros"]
     bundle: Annotated[Bytes8, "identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none"] = bytes(8)
+    data_pin: Annotated[u8, "GPIO of the LEDs' data, 0 to 29; this and what follows counts from the next start on"] = 2
+    trigger_pin: Annotated[u8, "GPIO of the camera's strobe"] = 3
+    led_count: Annotated[u8, "1 to 24"] = LED_COUNT
+    colour_order: Annotated[u8, "enum colour_order"] = 0
+    status_pin: Annotated[u8, "GPIO of a status LED, plus ACTIVE_LOW where it lights when low; NO_PIN: none"] = 25
+    output_pin: Annotated[u8, "GPIO that pulses high for 100 us in each light, for a camera; NO_PIN: none"] = 0xFF
+    output_at: Annotated[u8, "enum output_at"] = 0
 
 
 @dataclass(frozen=True)
@@ -290,9 +299,7 @@ class LightEvent(Record):
 
     first_bit_us: Annotated[u64, "board clock when its transfer began"]
     latched_us: Annotated[u64, "board clock when the last LED had taken it; it shows within one PWM period of the LED"]
-    sof_us: Annotated[u64, "as in ClockReply"]
     light_id: u32
-    sof_number: u16
     repetition: u16
     loop: u16
     events_dropped: Annotated[u16, "events lost before this one, since the start"]

@@ -9,7 +9,9 @@ from typing import Annotated, NamedTuple, Self, get_type_hints
 from gellight.base.errors import BoardError
 
 LED_COUNT = 12
-COLOUR_BYTES = 3 * LED_COUNT
+"""of the paper's ring, and of a board that was not configured otherwise"""
+MOST_LEDS = 24
+COLOUR_BYTES = 3 * MOST_LEDS
 PACKET_BYTES = 128
 """of a decoded packet, its CRC included"""
 
@@ -20,6 +22,8 @@ class Scalar(NamedTuple):
     code: str
     c_type: str
     length: int = 0
+    trailing: bool = False
+    """the last field of a request, which may be shorter"""
 
 
 u8 = Annotated[int, Scalar("B", "uint8_t")]
@@ -27,7 +31,7 @@ u16 = Annotated[int, Scalar("H", "uint16_t")]
 u32 = Annotated[int, Scalar("I", "uint32_t")]
 u64 = Annotated[int, Scalar("Q", "uint64_t")]
 i32 = Annotated[int, Scalar("i", "int32_t")]
-Colours = Annotated[bytes, Scalar(f"{COLOUR_BYTES}s", "uint8_t", COLOUR_BYTES)]
+Colours = Annotated[bytes, Scalar(f"{COLOUR_BYTES}s", "uint8_t", COLOUR_BYTES, trailing=True)]
 Bytes8 = Annotated[bytes, Scalar("8s", "uint8_t", 8)]
 Bytes16 = Annotated[bytes, Scalar("16s", "uint8_t", 16)]
 
@@ -43,11 +47,16 @@ class Record:
 
     def pack(self) -> bytes:
         """Return the bytes of the record; a value that does not fit is a ValueError."""
-        values = [getattr(self, name) for name, _, _ in layout(type(self))]
+        rows = layout(type(self))
+        values = [getattr(self, name) for name, _, _ in rows]
+        shorter = rows[-1][1].length - len(values[-1]) if rows and rows[-1][1].trailing else 0
         try:
-            return self.codec().pack(*values)
+            packed = self.codec().pack(*values)
         except struct.error as error:
             raise ValueError(f"{self} does not fit its packet: {error}") from error
+        if shorter < 0:
+            raise ValueError(f"{self} does not fit its packet: {-shorter} bytes too many")
+        return packed[: len(packed) - shorter]
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:

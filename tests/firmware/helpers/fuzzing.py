@@ -1,4 +1,6 @@
-"""Build and run the fuzzer of the core: `python tests/firmware/helpers/fuzzing.py SECONDS [SEED]` for a long run.
+"""Build and run the fuzzers: `python tests/firmware/helpers/fuzzing.py SECONDS [SEED [control]]` for a long run.
+
+The core gets stories (firmware/fuzz/target.c), endpoint 0 of the USB device control transfers (firmware/fuzz/control).
 
 libFuzzer where clang has it, firmware/fuzz/driver.c where not: both are guided by coverage, and change stories by
 firmware/fuzz/mutator.c. Inputs that reach new code are added to build/fuzz. With `--keep` in place of SECONDS,
@@ -26,18 +28,23 @@ class Fuzzer(NamedTuple):
     engine: str
 
 
-def _command(compiler: list[str], checkout: Path, target: Path, *flags: str) -> list[str]:
-    folders = [checkout / "firmware" / name for name in ("fuzz", "boards/host", "core")]
-    files = [file for folder in folders for file in sorted(folder.glob("*.c")) if file.name != "driver.c"]
-    includes = [f"-I{folder}" for folder in folders]
-    return [*compiler, *FLAGS, *flags, *includes, *map(str, files), "-o", str(target)]
+def _command(compiler: list[str], checkout: Path, target: Path, what: str, *flags: str) -> list[str]:
+    firmware = checkout / "firmware"
+    if what == "control":  # the device's source casts its 32-bit addresses to pointers
+        folders = [firmware / "fuzz/control", firmware / "boards/rp2040", firmware / "core"]
+        files = [folders[0] / "target.c", *(folders[1] / name for name in ("usb_control.c", "usb_descriptors.c"))]
+        flags = (*flags, "-D_DEFAULT_SOURCE", "-Wno-int-to-pointer-cast")
+    else:
+        folders = [firmware / name for name in ("fuzz", "boards/host", "core")]
+        files = [file for folder in folders for file in sorted(folder.glob("*.c")) if file.name != "driver.c"]
+    return [*compiler, *FLAGS, *flags, *(f"-I{folder}" for folder in folders), *map(str, files), "-o", str(target)]
 
 
-def compile_fuzzer(target: Path, checkout: Path = CHECKOUT) -> Fuzzer:
-    """Build it under the sanitizers of the compiler at hand."""
+def compile_fuzzer(target: Path, checkout: Path = CHECKOUT, *, what: str = "core") -> Fuzzer:
+    """Build the fuzzer of the `core` or of `control` transfers, under the sanitizers of the compiler at hand."""
     clang, found = shutil.which("clang"), shutil.which("gcc") or shutil.which("cc")
     if clang:
-        command = _command([clang], checkout, target, "-fsanitize=fuzzer,address,undefined")
+        command = _command([clang], checkout, target, what, "-fsanitize=fuzzer,address,undefined")
         done = subprocess.run(command, capture_output=True, check=False)
         if done.returncode == 0:
             return Fuzzer(target, "libFuzzer")
@@ -47,19 +54,22 @@ def compile_fuzzer(target: Path, checkout: Path = CHECKOUT) -> Fuzzer:
     source = checkout / "firmware/fuzz/driver.c"
     subprocess.run([*compiler, *FLAGS, "-O2", "-c", str(source), "-o", str(driver)], check=True)
     flags = [f"-fsanitize={sanitizers}", "-fsanitize-coverage=trace-pc", str(driver)]
-    subprocess.run(_command(compiler, checkout, target, *flags), check=True)
+    subprocess.run(_command(compiler, checkout, target, what, *flags), check=True)
     return Fuzzer(target, "driver")
 
 
-def fuzz(fuzzer: Fuzzer, seconds: int, seed: int, folder: str = "-") -> subprocess.CompletedProcess[str]:
-    """Run it, starting from the corpus; what reaches new code goes to the folder."""
-    files = [str(file) for file in sorted(CORPUS.glob("*.bin"))]
+def fuzz(
+    fuzzer: Fuzzer, seconds: int, seed: int, folder: str = "-", *, corpus: bool = True
+) -> subprocess.CompletedProcess[str]:
+    """Run it, starting from the corpus (that of the core); what reaches new code goes to the folder."""
+    files = [str(file) for file in sorted(CORPUS.glob("*.bin"))] if corpus else []
     command = [str(fuzzer.program), str(seconds), str(seed), folder, *files]
     if fuzzer.engine == "libFuzzer":
         NEW.mkdir(parents=True, exist_ok=True)
         command = [str(fuzzer.program), f"-max_total_time={seconds}", f"-seed={seed}", f"-max_len={INPUT_BYTES}",
                    f"-artifact_prefix={NEW.parent}/"]  # fmt: skip
-        command += [str(NEW), str(CORPUS)] if folder == "-" else [folder, str(CORPUS)]
+        if corpus:
+            command += [str(NEW) if folder == "-" else folder, str(CORPUS)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -79,12 +89,15 @@ def keep(fuzzer: Fuzzer) -> int:
 
 def main() -> int:
     NEW.mkdir(parents=True, exist_ok=True)
+    given = dict(enumerate(sys.argv[1:]))
+    seconds, seed, what = given[0], given.get(1, "1"), given.get(2, "core")
     with tempfile.TemporaryDirectory() as scratch:
-        fuzzer = compile_fuzzer(Path(scratch) / "fuzzer")
-        if sys.argv[1] == "--keep":
+        fuzzer = compile_fuzzer(Path(scratch) / "fuzzer", what=what)
+        if seconds == "--keep":
             print(f"{keep(fuzzer)} inputs in {CORPUS}")
             return 0
-        done = fuzz(fuzzer, int(sys.argv[1]), int((sys.argv[2:] or ["1"])[0]), str(NEW))
+        core = what == "core"
+        done = fuzz(fuzzer, int(seconds), int(seed), str(NEW) if core else "-", corpus=core)
     print(fuzzer.engine, done.stdout, done.stderr[-3000:], sep="\n")
     return done.returncode
 

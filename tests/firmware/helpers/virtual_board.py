@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gellight.ring import protocol
 from gellight.ring.enumerations import Edge, SyncMode
-from gellight.ring.wire import COLOUR_BYTES, Packet, Record, decode, encode
+from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Packet, Record, decode, encode
 
 CHECKOUT = Path(__file__).parents[3]
 FLASH_BYTES = 8192
@@ -83,6 +83,7 @@ class VirtualBoard:
         self.packets: list[Packet] = []
         self._partial = bytearray()
         self.garbage = 0
+        self.led_count = LED_COUNT
         if opened:
             self.link(True)
             self.advance(2000)
@@ -103,11 +104,9 @@ class VirtualBoard:
     def link(self, opened: bool, reason: int = 5) -> None:
         self.library.board_link(self._board, ctypes.c_bool(opened), ctypes.c_uint32(reason))
 
-    def faults(self, *, room: int = OUTPUT_BYTES, disturb: int = 0, cut_after: int = -1) -> None:
-        """The host takes only so many bytes more; so many lights break off; so many bytes of flash change."""
-        self.library.board_fault(
-            self._board, ctypes.c_uint32(room), ctypes.c_uint32(disturb), ctypes.c_int32(cut_after)
-        )
+    def faults(self, *, room: int = OUTPUT_BYTES, stuck: bool = False, cut_after: int = -1) -> None:
+        """The host takes only so many bytes more; transfers to the LEDs break off; so many bytes of flash change."""
+        self.library.board_fault(self._board, ctypes.c_uint32(room), ctypes.c_bool(stuck), ctypes.c_int32(cut_after))
 
     def edge_after_reads(self, reads: int) -> None:
         """The trigger comes right after the board has read its clock so many times."""
@@ -133,7 +132,7 @@ class VirtualBoard:
             light = _Light()
             self.library.board_light_at(self._board, ctypes.c_uint32(index), ctypes.byref(light))
             wire = bytes(light.wire)
-            rgb = b"".join(bytes((wire[i + 1], wire[i], wire[i + 2])) for i in range(0, COLOUR_BYTES, 3))
+            rgb = b"".join(bytes((wire[i + 1], wire[i], wire[i + 2])) for i in range(0, 3 * self.led_count, 3))
             found.append((light.first_bit_us, light.latched_us, rgb))
         return found
 
@@ -166,7 +165,7 @@ class VirtualBoard:
         return protocol.COMMANDS[name].reply.unpack(payload)
 
     def load_sequence(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
-        table = [*groups, *[bytes(COLOUR_BYTES)] * (protocol.GROUP_COUNT - len(groups))]
+        table = [*groups, *[bytes(3 * self.led_count)] * (protocol.GROUP_COUNT - len(groups))]
         for index, colours in enumerate(table):
             self.ok("SET_GROUP", protocol.SetGroup(index, colours))
         for step in steps:

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from gellight.base.errors import GellightError
 from gellight.cli.main import app
 from gellight.ring.firmware.build import committed_image
+from gellight.ring.light_ring import LightRing
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 
@@ -57,6 +58,33 @@ def test_set_lights_all_leds_and_leaves_them_dark(board: BenchBoard) -> None:
     assert (done.exit_code, done.stdout) == (0, "lit, 103 mA\n")  # 12 + 12 * 20 * (16 + 32 + 48) / 255, rounded up
     assert [[0x10, 0x20, 0x30]] * 12 in shown(board)
     assert not board.timeline.at(board.now_us).any()
+
+
+def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard) -> None:
+    done = gellight("ring", "configure", "--board", "xiao", "--order", "rgb", "--output", "middle")
+    assert done.exit_code == 0, done.output
+    assert "12 LEDs (RGB) at GPIO 2, trigger at GPIO 3, trigger output at GPIO 4 (middle" in done.stdout
+    assert "Seeed XIAO RP2040 prints data, trigger, output as D8, D10, D9" in done.stdout
+    board.run(200_000)
+    assert board.resets == 1
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        kept = ring.configuration()
+    assert (kept.colour_order, kept.output_pin, kept.output_at, kept.status_pin) == (1, 4, 1, 0x80 + 25)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--board", "feather"], "choose pico, pico-w"),
+        (["--data-pin", "3"], "GPIO 3 is chosen for data and trigger"),
+        (["--leds", "25"], "the board drives 1 to 24"),
+        (["--order", "bgr"], "'bgr' is none of grb, rgb, rgbw"),
+    ],
+)
+def test_a_wiring_that_cannot_be_changes_nothing(board: BenchBoard, options: list[str], words: str) -> None:
+    done = gellight("ring", "configure", *options)
+    assert words in str(done.exception)
+    assert board.resets == 0
 
 
 def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:

@@ -146,11 +146,11 @@ def test_a_port_where_nobody_answers_is_an_error() -> None:
 
 
 def test_colours_have_to_be_twelve_times_rgb() -> None:
-    assert len(colour_bytes(RED)) == 36
+    assert len(colour_bytes(RED, 12)) == 36
     with pytest.raises(ValueError, match=r"\(12, 3\) uint8"):
-        colour_bytes(RED.astype(np.float32))
+        colour_bytes(RED.astype(np.float32), 12)
     with pytest.raises(ValueError, match=r"\(12, 3\) uint8"):
-        colour_bytes(RED[:11])
+        colour_bytes(RED[:11], 12)
 
 
 # ---- the verbs ----

@@ -19,7 +19,6 @@ from pydantic import BaseModel
 
 from gellight.base.errors import BoardError
 from gellight.ring.emulator.waveform import Light, LightTimeline
-from gellight.ring.wire import LED_COUNT
 
 logger = logging.getLogger(__name__)
 START_S = 30.0
@@ -183,7 +182,7 @@ class SimulatedBoard:
             self.path, self._started = report.ready_at, True
             self._ready.set()
         if report.light_us is not None:
-            colours = np.frombuffer(bytes.fromhex(report.colours), np.uint8).reshape(LED_COUNT, 3)
+            colours = np.frombuffer(bytes.fromhex(report.colours), np.uint8).reshape(-1, 3)
             self.timeline.append(Light(report.light_us, colours))
         if report.faults is not None:
             self.faults = report.faults

@@ -16,10 +16,9 @@ from rp2040py.simulator import Simulator
 from gellight.ring.emulator import clocks, registers
 from gellight.ring.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.ring.emulator.usb_host import UsbHost
-from gellight.ring.emulator.waveform import LightTimeline, WaveformDecoder
+from gellight.ring.emulator.waveform import LightTimeline, Strip, WaveformDecoder
 from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
 
-LED_PIN = 2
 FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
 PIO0, USB, PSM = 0x50200, 0x50110, 0x40010
@@ -59,13 +58,13 @@ class EmulatedBoard:
     usb_block = registers.UsbGuard
     decoder = WaveformDecoder
 
-    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID) -> None:
-        """Flash an image and switch the power on."""
+    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, strip: Strip | None = None) -> None:
+        """Flash an image and switch the power on; `strip` are the LEDs, by default those of a board as it comes."""
         self.unique_id = unique_id
         self.flash = bytearray(image.ljust(FLASH_BYTES, b"\xff"))
         self.faults: list[str] = []
         self.timeline = LightTimeline()
-        self.waveform = self.decoder(self.timeline, self.fault)
+        self.waveform = self.decoder(self.timeline, self.fault, strip or Strip())
         self.resets = 0
         self.in_bootloader = False
         self._past_ns = self._chip_ns = 0.0
@@ -101,7 +100,7 @@ class EmulatedBoard:
         self.clocks = clocks.ClockTree(crystal, self.fault, self._reclock)
         self._install_registers(chip)
         self._pio_ns, self._pio_busy, self._pio_behind = 0.0, True, 0
-        chip.gpio[LED_PIN].add_listener(lambda new, _old: self._pin_changed(int(new)))
+        chip.gpio[self.waveform.strip.pin].add_listener(lambda new, _old: self._pin_changed(int(new)))
         self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_hz > 0)
         self._boot()
 

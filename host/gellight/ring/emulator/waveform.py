@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError
+from gellight.ring.enumerations import ColourOrder
 from gellight.ring.wire import LED_COUNT
 
-BITS = 24 * LED_COUNT
 LATCH_NS = 280_000.0
 WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.0), "T1L": (580.0, 600.0)}
 ONE_NS = 500.0
@@ -32,7 +32,7 @@ class Light(NamedTuple):
     time_us: float
     """when they latched it"""
     colours: NDArray[np.uint8]
-    """(12, 3) RGB"""
+    """(n, 3) RGB"""
 
 
 class Bit(NamedTuple):
@@ -40,6 +40,24 @@ class Bit(NamedTuple):
 
     high_ns: float
     low_ns: float | None
+
+
+class Strip(NamedTuple):
+    """The LEDs that hang at the data pin: what they make of the bits."""
+
+    leds: int = LED_COUNT
+    order: ColourOrder = ColourOrder.GRB
+    pin: int = 2
+
+    @property
+    def bits(self) -> int:
+        """All LEDs together take so many."""
+        return self.leds * (32 if self.order == ColourOrder.RGBW else 24)
+
+    def colours(self, ones: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        """Return (n, 3) RGB; white is no part of it."""
+        values = np.packbits(ones).reshape(self.leds, -1)
+        return values[:, [0, 1, 2] if self.order == ColourOrder.RGB else [1, 0, 2]]
 
 
 class LightTimeline:
@@ -92,9 +110,9 @@ class LightTimeline:
 class WaveformDecoder:
     """Read the pin edge by edge; every bit out of its window and every torn frame is reported."""
 
-    def __init__(self, timeline: LightTimeline, report: Callable[[str], None]) -> None:
+    def __init__(self, timeline: LightTimeline, report: Callable[[str], None], strip: Strip) -> None:
         """Fill the timeline, and report what LEDs might misread."""
-        self.timeline = timeline
+        self.timeline, self.strip = timeline, strip
         self.bits: list[Bit] = []
         """of the last frame that was latched"""
         self._report = report
@@ -135,10 +153,9 @@ class WaveformDecoder:
     def _latch(self) -> None:
         bits, self._frame = self._frame, []
         self._check(bits[-1])
-        if len(bits) != BITS:
-            self._report(f"WS2812B: a frame of {len(bits)} bits, not {BITS}: torn")
+        if len(bits) != self.strip.bits:
+            self._report(f"WS2812B: a frame of {len(bits)} bits, not {self.strip.bits}: torn")
         self.bits = bits
-        ones = np.zeros(BITS, bool)
-        ones[: len(bits)] = [bit.high_ns > ONE_NS for bit in bits[:BITS]]
-        colours = np.packbits(ones).reshape(LED_COUNT, 3)[:, [1, 0, 2]]  # the wire carries green, red, blue
-        self.timeline.append(Light((self._fall_ns + LATCH_NS) / 1e3, colours))
+        ones = np.zeros(self.strip.bits, bool)
+        ones[: len(bits)] = [bit.high_ns > ONE_NS for bit in bits[: self.strip.bits]]
+        self.timeline.append(Light((self._fall_ns + LATCH_NS) / 1e3, self.strip.colours(ones)))

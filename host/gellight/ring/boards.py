@@ -1,0 +1,67 @@
+"""The boards that makers use, by name: which pins they have for the LEDs, the camera and a status LED."""
+
+from dataclasses import dataclass, replace
+
+from gellight.base.errors import InputError
+from gellight.ring.protocol import ACTIVE_LOW, NO_PIN, Configuration
+from gellight.ring.wire import MOST_LEDS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """Pins by their GPIO number, and what is printed beside them."""
+
+    name: str
+    data_pin: int
+    trigger_pin: int
+    output_pin: int
+    status_pin: int
+    """ACTIVE_LOW is added where the LED lights when low; NO_PIN: it has none that a pin alone can light"""
+    printed: str
+    """data, trigger and output as the board labels them"""
+
+
+BOARDS = {
+    "pico": Board(name="Raspberry Pi Pico", data_pin=2, trigger_pin=3, output_pin=4, status_pin=25,
+                  printed="GP2, GP3, GP4"),
+    "pico-w": Board(name="Raspberry Pi Pico W", data_pin=2, trigger_pin=3, output_pin=4, status_pin=NO_PIN,
+                    printed="GP2, GP3, GP4"),
+    "xiao": Board(name="Seeed XIAO RP2040", data_pin=2, trigger_pin=3, output_pin=4, status_pin=25 + ACTIVE_LOW,
+                  printed="D8, D10, D9"),
+    "rp2040-zero": Board(name="Waveshare RP2040-Zero", data_pin=2, trigger_pin=3, output_pin=4, status_pin=NO_PIN,
+                         printed="GP2, GP3, GP4"),
+    "qt-py": Board(name="Adafruit QT Py RP2040", data_pin=3, trigger_pin=4, output_pin=6, status_pin=NO_PIN,
+                   printed="MO, MI, SCK"),
+}  # fmt: skip
+
+
+def find_board(name: str) -> Board:
+    """Return a board by its name; InputError for one that is not listed."""
+    if name not in BOARDS:
+        raise InputError(f"there is no preset for a board {name!r}: choose {', '.join(BOARDS)}, or give its pins")
+    return BOARDS[name]
+
+
+def wired_as(configuration: Configuration, board: Board, *, output: bool) -> Configuration:
+    """Return the configuration with the pins of a board; that of the trigger output only where it is wanted."""
+    return replace(
+        configuration, data_pin=board.data_pin, trigger_pin=board.trigger_pin, status_pin=board.status_pin,
+        output_pin=board.output_pin if output else NO_PIN,
+    )  # fmt: skip
+
+
+def check_wiring(configuration: Configuration) -> None:
+    """Raise InputError where the board would refuse the pins or the number of LEDs, and say why."""
+    if not 1 <= configuration.led_count <= MOST_LEDS:
+        raise InputError(f"{configuration.led_count} LEDs: the board drives 1 to {MOST_LEDS}")
+    pins = {"data": configuration.data_pin, "trigger": configuration.trigger_pin}
+    if configuration.output_pin != NO_PIN:
+        pins["output"] = configuration.output_pin
+    if configuration.status_pin != NO_PIN:
+        pins["status"] = configuration.status_pin & ~ACTIVE_LOW
+    for name, pin in pins.items():
+        if not 0 <= pin <= 29:
+            raise InputError(f"the {name} pin is GPIO {pin}: the RP2040 has 0 to 29")
+        others = [other for other in pins if other != name and pins[other] == pin]
+        if others:
+            raise InputError(f"GPIO {pin} is chosen for {name} and {others[0]}: choose different pins")

@@ -1,0 +1,168 @@
+"""Pins, number and order of the LEDs, trigger output and status LED of the committed image, as its flash says."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gellight.ring import protocol as p
+from gellight.ring.board_link import RefusedError
+from gellight.ring.emulator.waveform import Strip
+from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
+from gellight.ring.light_ring import LightRing, Step
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
+
+RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
+OUTPUT, PULSE_US = 4, 100
+DWELL_US = 20_000
+
+
+def opened(board: BenchBoard) -> LightRing:
+    return LightRing(VirtualTransport(board), keep_alive_s=None)
+
+
+def wired(image: bytes, strip: Strip | None = None, **fields: int) -> BenchBoard:
+    """A board that was configured so and has started anew; its LEDs may be others than before."""
+    before = BenchBoard(image)
+    ring = opened(before)
+    ring.configure(replace(ring.configuration(), **fields), save=True)
+    before.power_off()
+    board = BenchBoard(bytes(before.flash), strip=strip)
+    assert before.faults == []
+    return board
+
+
+def levels(board: BenchBoard, pin: int) -> list[tuple[float, bool]]:
+    """Every change of a pin that the board drives, from now on."""
+    changes: list[tuple[float, bool]] = []
+    board.chip.gpio[pin].add_listener(lambda new, _old: changes.append((board.now_us, int(new) == 1)))
+    return changes
+
+
+@pytest.mark.parametrize(("leds", "order"), [(1, 0), (24, 0), (24, 2), (16, 1), (12, 2)])
+def test_any_number_of_leds_in_any_order_at_any_pin(image: bytes, leds: int, order: int) -> None:
+    strip = Strip(leds, ColourOrder(order), 9)
+    board = wired(image, strip, data_pin=9, led_count=leds, colour_order=order)
+    pattern = (np.arange(3 * leds, dtype=np.uint8) * 5 % 61).reshape(leds, 3)
+    with opened(board) as ring:
+        assert ring.hello.led_count == ring.led_count == leds
+        event = ring.wait_for_light(ring.set_leds(pattern).light_id)
+        board.run(1_000)
+        np.testing.assert_array_equal(board.timeline.at(board.now_us), pattern)
+        assert event.latched_us - event.first_bit_us == strip.bits * 1.25 + 301
+        ring.load_sequence([pattern, pattern[::-1]], [Step(group=k, dwell_us=2_000) for k in range(2)])
+        ring.set_sync(SyncMode.FREE)
+        ring.start()
+        board.run(40_000)
+        assert ring.counters().late_steps == 0
+    assert board.faults == []
+
+
+def test_colours_for_another_number_of_leds_are_refused(image: bytes) -> None:
+    board = wired(image, Strip(5), led_count=5)
+    with opened(board) as ring:
+        with pytest.raises(ValueError, match=r"\(5, 3\) uint8"):
+            ring.set_leds(RED)
+        with pytest.raises(RefusedError, match=r"BAD_LENGTH .36."):
+            ring._request("SET_LEDS", p.LightReply, p.SetLeds(RED.tobytes()))
+
+
+def test_the_current_counts_every_led(image: bytes) -> None:
+    board = wired(image, Strip(24), led_count=24)
+    with opened(board) as ring:
+        red = np.tile(np.array((100, 0, 0), np.uint8), (24, 1))
+        assert ring.set_leds(red).current_ma == np.ceil(24 * (1 + 20 * 100 / 255))
+
+
+def test_pins_and_leds_change_with_the_next_start_alone(board: BenchBoard, ring: LightRing) -> None:
+    ring.configure(replace(ring.configuration(), led_count=24, data_pin=7))
+    ring.set_leds(RED)
+    board.run(2_000)
+    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"data_pin": 3}, {"data_pin": 30}, {"output_pin": 2}, {"status_pin": 3}, {"status_pin": p.ACTIVE_LOW + 3},
+     {"trigger_pin": p.NO_PIN}, {"data_pin": p.NO_PIN}, {"led_count": 0}, {"led_count": 25}, {"colour_order": 3},
+     {"output_at": 2}],
+)  # fmt: skip
+def test_a_wiring_that_cannot_be_is_refused(board: BenchBoard, ring: LightRing, fields: dict[str, int]) -> None:
+    before = ring.configuration()
+    with pytest.raises(RefusedError, match="OUT_OF_RANGE"):
+        ring.configure(replace(before, **fields))
+    assert ring.configuration() == before
+
+
+def test_the_trigger_may_come_at_another_pin(image: bytes) -> None:
+    board = wired(image, trigger_pin=17)
+    with opened(board) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
+        ring.set_sync(SyncMode.EXT)
+        ring.start()
+        board.run(5_000)
+        board.set_trigger(True)
+        board.run(3_000)
+        assert not board.timeline.at(board.now_us).any()
+        board.chip.gpio[17].set_input_value(True)
+        board.run(3_000)
+        assert board.timeline.at(board.now_us).any()
+
+
+@pytest.mark.parametrize("at", list(OutputAt))
+def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> None:
+    board = wired(image, output_pin=OUTPUT, output_at=at)
+    with opened(board) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=DWELL_US, blank_us=DWELL_US)], loops=3)
+        ring.set_sync(SyncMode.FREE)
+        changes, since = levels(board, OUTPUT), len(board.waveform.frame_starts_us)
+        ring.start()
+        board.run(8 * DWELL_US)
+        begun = board.waveform.frame_starts_us[since::2][:3]
+        expected = [start + (DWELL_US / 2 if at is OutputAt.MIDDLE else 661) for start in begun]
+        rises, falls = ([when for when, level in changes if level is up] for up in (True, False))
+        assert len(rises) == len(falls) == 3
+        np.testing.assert_allclose(rises, expected, atol=8)
+        np.testing.assert_allclose(np.array(falls) - rises, PULSE_US, atol=5)
+    assert board.faults == []
+
+
+def test_no_pulse_comes_once_the_light_was_taken_away(image: bytes) -> None:
+    board = wired(image, output_pin=OUTPUT, output_at=OutputAt.MIDDLE)
+    with opened(board) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=DWELL_US)])
+        ring.set_sync(SyncMode.FREE)
+        changes = levels(board, OUTPUT)
+        ring.start()
+        board.run(DWELL_US / 4)
+        ring.blank()
+        board.run(3 * DWELL_US)
+        assert changes == []
+
+
+def half_periods_ms(board: BenchBoard, pin: int, duration_us: float) -> list[int]:
+    changes = levels(board, pin)
+    board.run(duration_us)
+    return [round((b - a) / 1e4) * 10 for (a, _), (b, _) in pairwise(changes)]
+
+
+@pytest.mark.parametrize(("pin", "low"), [(25, False), (16, True)])
+def test_the_status_led_tells_host_and_fault_apart(image: bytes, pin: int, low: bool) -> None:
+    board = wired(image, status_pin=pin + (p.ACTIVE_LOW if low else 0))
+    assert board.run_until(lambda: board.host.configured, 200_000)
+    assert set(half_periods_ms(board, pin, 2_600_000)) == {500}
+    with opened(board):
+        board.run(600_000)
+        assert half_periods_ms(board, pin, 1_200_000) == []
+        assert (board.chip.sio.gpio_value >> pin & 1) == (not low)
+    core = board.chip.core
+    board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
+    core.pc, core.pm, core.waiting = 0x2003FF00, True, False
+    assert board.run_until(lambda: board.resets, 150_000)
+    assert board.run_until(lambda: board.host.configured, 200_000)
+    assert set(half_periods_ms(board, pin, 1_000_000)) == {100}
+    with opened(board) as ring:
+        assert ring.hello.reset_reason == ResetReason.WATCHDOG
+        board.run(600_000)
+        assert half_periods_ms(board, pin, 1_200_000) == []
