@@ -43,6 +43,9 @@ from sim_reference.geometry import SensorGeometry
 DARK_S = 5.0
 """LEDs that the board has made dark are lit again within this time, or never"""
 
+CLOSE_S = 1.0
+"""as long `close` waits for a press that is computed ahead"""
+
 
 class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
@@ -79,6 +82,8 @@ class SimulatedCamera(Camera):
         self._closed = True
         if self.ring is not None:
             self.ring.close()
+        if self._ahead is not None:
+            self._ahead.join(CLOSE_S)  # Python ends with an abort while a thread is in a library's code
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""
