@@ -35,5 +35,5 @@ def test_a_silent_board_is_told_with_its_remedy(guest: Guest, one: VirtualSensor
 
 def test_a_ring_that_is_not_there_is_told_with_what_is(guest: Guest, one: VirtualSensor) -> None:
     message = guest.run("commanding:refused", url="serial://FFFF")
-    assert "no board with serial number FFFF" in message
+    assert "not exactly one board with serial number or product string 'FFFF'" in message
     assert ONE in message

@@ -7,6 +7,7 @@ from typing import Any
 from gellight.calibration.choices import RoutineOptions
 from gellight.calibration.routine import Routine
 from gellight.sensor.sensor_camera import open_sensor
+from gellight.training.training import TrainingOptions
 from tests.vm.inside.agent import report
 
 POLL_S = 0.05
@@ -15,7 +16,11 @@ POLL_S = 0.05
 def calibrate(url: str, folder: str, presses: int) -> dict[str, Any]:
     """Calibrate as a user at the terminal would until so many presses are taken, and stop; report what is due."""
     place, circles, confirmed = Path(folder), dict[int, dict[str, float]](), {"prepare", "reference"}
-    options = RoutineOptions(out=place / "bundle", sensor="fine", cylinder_presses=2, reference_frames=8)
+    # The routine tries its trainer first; to import PyTorch takes minutes on the emulated processor.
+    training = TrainingOptions(trainer="numpy")
+    options = RoutineOptions(
+        out=place / "bundle", sensor="fine", cylinder_presses=2, reference_frames=8, training=training
+    )
     with open_sensor(url) as camera:
         routine = Routine(camera, options, place / "state")
         routine.act("start")
