@@ -123,7 +123,7 @@ class World:
         reported_us = latched_us + rng.uniform(0, 200)
         light_id = self.light_ids[-1][1] + 1
         self.light_ids.append((reported_us, light_id))
-        event = protocol.LightEvent(round(first_us - 0.5), round(latched_us + 0.5), 0, light_id, 0, 0, 0, 0, 0, group)
+        event = protocol.LightEvent(round(first_us - 0.5), round(latched_us + 0.5), light_id, 0, 0, 0, 0, group)
         if rng.random() >= lost:
             self.events.append((reported_us, event))
 

@@ -34,7 +34,7 @@ class ScriptedRing(LightRing):
 
     def wait_for_light(self, light_id: int, timeout_s: float = 1.0) -> protocol.LightEvent:
         assert light_id == len(self.shown)
-        return protocol.LightEvent(0, 0, 0, light_id, 0, 0, 0, 0, 0, 0)
+        return protocol.LightEvent(0, 0, light_id, 0, 0, 0, 0, 0)
 
     def blank(self) -> None:
         self.still = None

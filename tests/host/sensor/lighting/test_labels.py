@@ -64,7 +64,7 @@ def test_a_light_that_is_later_than_the_earliest_of_its_kind_may_be_a_repetition
     known = KnownLight(pulse_period_us=500.0, plan=lambda last, event: 10_000.0)
     for number, late_us in enumerate((0, 0, 0, 0, 0, 800, 800)):
         first_us = 10_000 * number + late_us
-        known.note_event(protocol.LightEvent(first_us, first_us + 660, 0, number + 1, 0, 0, 0, 0, 0, number % 2))
+        known.note_event(protocol.LightEvent(first_us, first_us + 660, number + 1, 0, 0, 0, 0, number % 2))
     _, until, group = known.between(30_500.0, 70_000.0)
     assert group.tolist() == [1, 0, 1, 0]
     assert until[0] == 40_000.0, "a light on time counts from its first bit"
@@ -75,7 +75,7 @@ def test_a_light_that_is_later_than_the_earliest_of_its_kind_may_be_a_repetition
 def test_a_lost_event_makes_the_light_unknown_until_the_next() -> None:
     known = KnownLight(pulse_period_us=500.0)
     for light_id, first_us, group in ((1, 10_000, 0), (3, 50_000, 0)):
-        known.note_event(protocol.LightEvent(first_us, first_us + 660, 0, light_id, 0, 0, 0, 0, 0, group))
+        known.note_event(protocol.LightEvent(first_us, first_us + 660, light_id, 0, 0, 0, 0, group))
         known.note_status(replace(NO_STATUS, time_us=first_us + 20_000, light_id=light_id))
     assert known.lost == 1
     sure, until, group = known.between(0.0, 100_000.0)
