@@ -83,7 +83,7 @@ def test_find_names_the_sensor_and_doctor_finds_it_well(guest: Guest, bench: Ben
     listed = guest.run("sensing:gellight", arguments=["find", "--json"], limit_s=60)
     (sensor,) = json.loads(listed["out"])["sensors"]
     assert (sensor["url"], sensor["port"]) == (f"sensor://{LIT}", "1-3")
-    found = guest.run("sensing:gellight", arguments=["doctor", "--json"], limit_s=90)
+    found = guest.run("sensing:gellight", arguments=["doctor", "--json"], limit_s=250)
     findings = {(each["check"], each["level"]): each["text"] for each in json.loads(found["out"])["findings"]}
     print("\n".join(f"{level} {check}: {text}" for (check, level), text in findings.items()))
     assert ("board", "ok") in findings

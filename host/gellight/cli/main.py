@@ -27,7 +27,7 @@ VERBS = lazy_group(
         "bench": ("bench:command", "Time the frame path, or measure depth scale or accuracy."),
         "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
         "optimize": ("optimize:app", "Find the best illumination and make its parts."),
-        "simulate": ("simulate:app", "Press objects into the simulated gel."),
+        "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
         "ring": ("ring:app", "The light ring by hand."),
         "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),
         "sim": ("simulated_board:command", "Run the firmware in a simulated board behind a pseudo-terminal."),

@@ -6,7 +6,10 @@ gellight/<name>/alive    liveliness: it is there as long as the daemon is
 """
 
 import json
+import logging
+import os
 import socket
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import quote, unquote
@@ -14,7 +17,9 @@ from urllib.parse import quote, unquote
 import zenoh
 
 from gellight.base.errors import StreamError
+from gellight.stream import shared_memory
 
+logger = logging.getLogger(__name__)
 LAN_PORT = 7447
 CONNECT_MS = 3000
 
@@ -64,7 +69,11 @@ def _settings(config: Path | None) -> zenoh.Config:
 
 def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Session:
     """Open a session with these settings; shared memory is used wherever both sides can."""
-    both = {**given, "scouting/multicast/enabled": False, "transport/shared_memory/enabled": True}
+    # Without the folder zenoh would open nothing at all, as in some containers and small Linux systems.
+    shared = sys.platform != "linux" or os.access(shared_memory.PLACE, os.W_OK)
+    if not shared:
+        logger.warning("%s cannot be written: frames go through the network, which costs more", shared_memory.PLACE)
+    both = {**given, "scouting/multicast/enabled": False, "transport/shared_memory/enabled": shared}
     for name, value in both.items():
         settings.insert_json5(name, json.dumps(value))
     try:

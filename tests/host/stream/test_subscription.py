@@ -17,6 +17,7 @@ import pytest
 import gellight
 from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import TactileFrame
+from gellight.stream import shared_memory
 from gellight.stream.network import key, publishing_session, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
@@ -44,6 +45,17 @@ def test_a_frame_arrives_as_the_daemon_made_it() -> None:
             assert np.array_equal(got.depth_mm, sent.depth_mm)
             assert np.array_equal(got.gradient_map, sent.gradient_map)
             assert got.contact.indentation_mm == sent.contact.indentation_mm
+
+
+def test_without_shared_memory_frames_go_through_the_network(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(shared_memory, "PLACE", str(tmp_path / "missing"))
+    daemon, made = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
+        got = frames.next_frame()
+        assert np.array_equal(got.depth_mm, made.given[got.camera_frame.sequence].depth_mm)
+    assert "missing cannot be written" in caplog.text
 
 
 def test_another_process_gets_frames_too() -> None:
