@@ -264,6 +264,7 @@ def _blinks(board: BenchBoard, duration_us: float) -> set[int]:
 
 def _wiring(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     """All pins elsewhere, twice the LEDs, of another kind; the pulse of the output, the patterns of the status LED."""
+    ring = _reopen(board)
     ring.blank()
     board.run(3_000)
     wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=4, output_at=OutputAt.MIDDLE,

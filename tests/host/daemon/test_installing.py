@@ -187,7 +187,7 @@ def test_a_sensor_without_a_bundle_runs_with_that_of_the_simulated_one_unless_it
     tmp_path: Path,
 ) -> None:
     store = BundleStore(tmp_path / "store")
-    camera = SimpleNamespace(ring=None, url="v4l2:///dev/video0?fps=30")
+    camera = SimpleNamespace(ring=None, url="v4l2:///dev/video0?fps=30", bundle=None)
     assert bundle_of(camera, store, default="synthetic").identity == load_bundle("synthetic").identity  # type: ignore[arg-type]
     with pytest.raises(BundleError, match="has no calibration bundle"):
         bundle_of(camera, store)  # type: ignore[arg-type]

@@ -91,7 +91,7 @@ def test_the_session_refuses_a_camera_of_another_size_and_leaves_the_leds_dark(
     bench.plug("1-2", "GL0001")
     monkeypatch.setattr(assembly, "load_bundle", lambda name: bundle)
     monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, bundle: bench.open(url, bundle))
-    settings = loaded({"sensor.url": "auto?width=640&height=480"})
+    settings = loaded({"sensor.url": "auto?width=640&height=480", "sensor.calibration": "synthetic"})
     with pytest.raises(BundleError, match=r"delivers 640x480 pixels, the calibration .* is for 32x24"):
         assembly.open_session(settings)
     assert bench.all_dark()
