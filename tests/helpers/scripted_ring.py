@@ -16,6 +16,8 @@ from gellight.ring.light_ring import LightRing
 class ScriptedRing(LightRing):
     """A `LightRing` whose requests are answered here."""
 
+    led_count = 12
+
     def __init__(self, still: np.ndarray | None = None) -> None:
         self._lock, self._lighting = threading.RLock(), threading.RLock()
         self._dark, self._heard_s, self.lit_s = None, inf, -inf

@@ -327,9 +327,11 @@ def test_the_doctor_takes_every_name_that_is_printed_for_a_sensor(clinic: Clinic
 def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:
     findings = [doctor.ok("disk", "1 GB"), doctor.problem("usb", "slow", "use another cable")]
     monkeypatch.setattr("gellight.cli.doctor.examine", lambda name, surroundings, folder: iter(findings))
+    monkeypatch.setattr("gellight.cli.doctor.check_trainer", lambda: doctor.ok("training", "numpy trains networks"))
     shown = invoke("doctor")
     assert shown.exit_code == 1
-    assert shown.output.splitlines()[1:] == ["problem  usb         slow", f"{'':21}-> use another cable"]
+    assert shown.output.splitlines()[1:3] == ["problem  usb         slow", f"{'':21}-> use another cable"]
+    assert shown.output.splitlines()[3].split(maxsplit=2) == ["ok", "training", "numpy trains networks"]
     listed = json.loads(invoke("doctor", "--json").output)["findings"]
     assert listed[1] == {"level": "problem", "check": "usb", "text": "slow", "remedy": "use another cable"}
     findings.pop()
