@@ -161,8 +161,8 @@ def _close(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing
 
 def _short_packets(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     """Answers of 192 bytes pile up behind one that the host fetches late: packets of 64 bytes would end no read."""
-    piled = [("HELLO", b""), ("COUNTERS", b""), ("COUNTERS", b""), ("SET_GROUP", p.SetGroup(15, bytes(36)).pack()),
-             ("TELEMETRY", bytes(2))]  # fmt: skip
+    group = p.SetGroup(15, bytes(36)).pack()
+    piled = [("HELLO", b"")] * 3 + [("SET_GROUP", group)] * 2 + [("CLOCK", bytes(8))] * 2
     for _ in range(3):  # at different places of a USB frame
         ring.clock()
         board.run(290)
@@ -174,6 +174,9 @@ def _short_packets(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
         board.host.latency_us = 0.0
         if board.host.received.count(0) != len(piled):
             problems.append("an answer waits for the next one")
+        late = bytes(board.host.received).split(b"\0")[1:]
+        if sum(len(answer) + 1 for answer in late if answer) % 64:
+            problems.append("what piles up is no whole number of packets of 64 bytes: choose other answers")
 
 
 def _hang(board: BenchBoard) -> bool:
