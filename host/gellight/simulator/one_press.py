@@ -33,7 +33,7 @@ from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
 
 SPACING_MM = GRID_EXTENT_MM / GRID_SIZE
 BYTES_PER_VERTEX = 40_000
-"""of a press by finite elements at its largest, measured"""
+"""of a press by finite elements at its largest, from meshes of up to 7000 vertices; larger ones are extrapolated"""
 Progress = Callable[[Step], None]
 
 
