@@ -35,9 +35,10 @@ def serve(call: Call, sensor: VirtualSensor) -> list[str]:
     return problems
 
 
+@pytest.mark.timeout(900)
 def test_the_routine_measures_a_sensor_behind_usb(guest: Guest, bench: Bench) -> None:
     bench.plug("fine", 0)
-    call = guest.start("calibrating:calibrate", url="auto", folder="/tmp/calibration", presses=PRESSES, limit_s=250)
+    call = guest.start("calibrating:calibrate", url="auto", folder="/tmp/calibration", presses=PRESSES, limit_s=600)
     problems = serve(call, bench.sensors["fine"])
     found = call.result()
     print(problems, found["figures"])
