@@ -325,6 +325,7 @@ def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> N
     assert examine(build(mutate(mutation, tmp_path))) != []
 
 
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
 def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
     library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
