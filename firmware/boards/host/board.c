@@ -207,7 +207,7 @@ static uint64_t next_event(const struct board *board, uint64_t end_us)
     uint64_t next = end_us;
     if (board->tick_us + TICK_US < next)
         next = board->tick_us + TICK_US;
-    if (board->waiting && !board->on_trigger && board->light.latched_us < next)
+    if (board->waiting && !board->on_trigger && !board->stuck && board->light.latched_us < next)
         next = board->light.latched_us;
     return next > board->now_us ? next : board->now_us;
 }
