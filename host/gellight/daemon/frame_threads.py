@@ -9,10 +9,12 @@ status says so, and nobody gets a frame from before.
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from gellight.base.errors import CameraError
 from gellight.base.mailbox import Mailbox
+from gellight.base.turns import Turns
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -43,6 +45,7 @@ class FrameThreads:
         self._away: str | None = None
         self._newest = self._void = -1
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
+        self._capturing, self._reconstructing = Turns(), Turns()
         self._handing_on = threading.Lock()
         """held while a frame is delivered or the old ones are thrown away"""
         self._threads = [
@@ -88,6 +91,15 @@ class FrameThreads:
             self.captured.clear()
             self.delivered.clear()
 
+    @contextmanager
+    def halted(self) -> Iterator[None]:
+        """Let camera and reconstruction rest between two frames; no frame from before is reconstructed afterwards."""
+        with self._capturing, self._reconstructing:
+            try:
+                yield
+            finally:
+                self.throw_away()
+
     def note(self, name: str, problem: str | None) -> None:
         """Show what is wrong with something, and log it once; None: nothing any more."""
         if problem is None:
@@ -100,16 +112,20 @@ class FrameThreads:
     def _capture(self) -> None:
         try:
             while not self.ended:
-                try:
-                    frame = self._camera.read()
-                except ReconnectingError as error:
-                    self._leave(str(error))
-                    continue
-                self._away, self._newest = None, frame.sequence
-                self.statistics.note_captured(frame)
-                self.captured.put(frame)
+                with self._capturing:
+                    self._capture_one()
         except Exception as error:
             self._end(error, self.captured)
+
+    def _capture_one(self) -> None:
+        try:
+            frame = self._camera.read()
+        except ReconnectingError as error:
+            self._leave(str(error))
+            return
+        self._away, self._newest = None, frame.sequence
+        self.statistics.note_captured(frame)
+        self.captured.put(frame)
 
     def _leave(self, why: str) -> None:
         if self._away is None:
@@ -125,7 +141,9 @@ class FrameThreads:
                     number, frame = self.captured.take(number, POLL_S)
                 except TimeoutError:
                     continue
-                self._deliver(self._reconstruct_frame(frame))
+                with self._reconstructing:
+                    if frame.sequence > self._void:
+                        self._deliver(self._reconstruct_frame(frame))
         except Exception as error:
             self._end(error, self.captured, self.delivered)
             self._ended.set()

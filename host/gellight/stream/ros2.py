@@ -1,7 +1,7 @@
 """Topics of ROS 2 without ROS: the messages and the keys of rmw_zenoh, by the router that ROS 2 runs (`rmw_zenohd`).
 
     /NAME/image_raw     sensor_msgs/Image          rgb8, frame NAME_camera
-    /NAME/camera_info   sensor_msgs/CameraInfo     size only: K is 0, which means "not calibrated"
+    /NAME/camera_info   sensor_msgs/CameraInfo     plumb_bob; see reconstruction/lens/intrinsics.py
     /NAME/depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
     /NAME/points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
     /NAME/contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
@@ -26,11 +26,14 @@ import zenoh
 
 from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.lens.intrinsics import intrinsics
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import DepthKind, depth_image, topic_name
 from gellight.recording.ros_messages import IMAGE, CdrWriter, RosImage
 from gellight.report.point_cloud import points_of
 from gellight.stream.network import close, subscribing_session
 
+PAPER = RingGeometry()
 logger = logging.getLogger(__name__)
 POLL_S, DIAGNOSTICS_S = 0.5, 1.0
 QOS = "::,1:,:,:,,"
@@ -70,9 +73,15 @@ class Topic:
 class Ros2Publisher:
     """Publishes a daemon that runs as a node of ROS 2; a context manager."""
 
-    def __init__(self, daemon: Daemon, router: str, *, name: str, domain: int = 0) -> None:
-        """Publish by the router at `router`, such as tcp/localhost:7447. name: of the sensor. domain: ROS_DOMAIN_ID."""
+    def __init__(
+        self, daemon: Daemon, router: str, *, name: str, domain: int = 0, distance_mm: float = PAPER.camera_height_mm
+    ) -> None:
+        """Publish by the router at `router`, such as tcp/localhost:7447. name: of the sensor. domain: ROS_DOMAIN_ID.
+
+        distance_mm: from the gel to the camera, which the focal length of `camera_info` goes by.
+        """
         self._daemon, self._router, self._domain = daemon, router, domain
+        self._distance_mm = distance_mm
         self._name = topic_name(name)
         self.prefix = f"/{self._name}"
         self._ended = threading.Event()
@@ -158,8 +167,12 @@ class Ros2Publisher:
     def _camera_info(self, frame: TactileFrame) -> bytes:
         height, width = frame.depth_mm.shape
         writer = CdrWriter().header(taken_s(frame), f"{self._name}_camera").put("I", height, width)
-        writer.string("").put("I", 0)  # no distortion model and no coefficients
-        return writer.put("d", *[0.0] * (9 + 9 + 12)).put("I", *[0] * 6).put("B", 0).finish()
+        camera = intrinsics(self._daemon.bundle, self._distance_mm)
+        matrix = camera.matrix.ravel().tolist()
+        writer.string("plumb_bob").put("I", 5).put("d", *camera.distortion, 0.0, 0.0, 0.0)
+        projected = np.column_stack([camera.matrix, np.zeros(3)]).ravel().tolist()
+        writer.put("d", *matrix, *np.eye(3).ravel().tolist(), *projected)
+        return writer.put("I", *[0] * 6).put("B", 0).finish()
 
     def _points(self, frame: TactileFrame) -> bytes:
         assert frame.provenance is not None
