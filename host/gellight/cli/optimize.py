@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from gellight.base.errors import InputError
-from gellight.cli.options import AsJson, with_options
+from gellight.cli.options import AsJson, GeometryFile, with_options
 from gellight.design import designs, output, studies
 from gellight.design import report as reporting
 from gellight.design.all_studies import run_all_studies, time_sweep
@@ -35,12 +35,6 @@ from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
-GeometryFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the paper"
-    ),
-]
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]

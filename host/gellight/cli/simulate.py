@@ -14,8 +14,7 @@ from rich.progress import Progress
 
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
-from gellight.cli.optimize import GeometryFile
-from gellight.cli.options import AsJson, Overwrite, refuse_existing
+from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing
 from gellight.design.geometry import read_geometry
 from gellight.simulator.gel_models import GelKind
 from gellight.simulator.one_press import PressRequest, press_once
