@@ -5,4 +5,5 @@ camera.py          what every camera promises
 camera_wrapper.py  the base of cameras that stand in front of another
 timing.py          when a camera exposes its rows
 image_files.py     image files as a camera
+video_files.py     the pictures of a video file
 """

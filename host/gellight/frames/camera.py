@@ -77,6 +77,8 @@ class Camera(Protocol):
     """what it was opened with"""
     image_shape: tuple[int, int]
     """(H, W) of every frame"""
+    waits: bool = False
+    """whether its next frame waits until it is read, as in a file: a slow reader then gets every frame, only later"""
     stage: PressStage | None = None
     """the stage of a simulated sensor; None where objects are pressed by hand"""
     ring: LightRing | None = None

@@ -29,6 +29,7 @@ class CameraWrapper(Camera):
 
     url: str = _passed_on("url")
     image_shape: tuple[int, int] = _passed_on("image_shape")
+    waits: bool = _passed_on("waits")
     stage: PressStage | None = _passed_on("stage")
     ring: LightRing | None = _passed_on("ring")
     bundle: Bundle | None = _passed_on("bundle")

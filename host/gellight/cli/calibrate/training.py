@@ -243,7 +243,7 @@ def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
         return []
     return [
         f"WARNING: the ball was named as {named_mm:g} mm in radius, but the light in its imprints fits one of about "
-        f"{likely_mm:.1f} mm: measure the ball, and train again with its radius"
+        f"{likely_mm:.3g} mm: measure the ball, and train again with its radius"
     ]
 
 
