@@ -9,13 +9,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CameraError, GellightError, InputError
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
+from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
@@ -148,6 +149,11 @@ class Daemon:
         the bundle says; then nothing has changed.
         """
         bundle.check_fits(self._camera.url, self._camera.image_shape)
+        if bundle.files.get(PICTURE_STEPS) != self._camera.picture_files.get(PICTURE_STEPS):
+            raise BundleError(
+                f"{bundle.source} takes another view of the gel, or fills other dots, than the running sensor: stop "
+                "it, and start it with this bundle"
+            )
         watch, judge = self._in_use.watch, self._in_use.selfcheck
         replacement = _InUse(
             bundle=bundle,

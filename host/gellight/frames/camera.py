@@ -89,6 +89,11 @@ class Camera(Protocol):
     """exposure, gain and white balance; None where there is nothing to set"""
 
     @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """What a bundle for its frames has to hold, by file name: how they are made from what the camera took."""
+        return {}
+
+    @property
     def timing(self) -> CameraTiming | None:
         """When its rows are exposed, for labels of light; None where it is not known."""
         return None

@@ -51,6 +51,11 @@ class CameraWrapper(Camera):
             self._using.release()
 
     @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """What a bundle for its frames has to hold."""
+        return self._camera.picture_files
+
+    @property
     def timing(self) -> CameraTiming | None:
         """When the camera inside exposes its rows."""
         return self._camera.timing

@@ -31,7 +31,8 @@ def command(
     """
     refuse_existing(out, overwrite)
     ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
-    found = detect(_images(images), read_reference(reference).image, ball)
+    untouched = read_reference(reference)
+    found = detect(_images(images), untouched.image, ball, dots=untouched.dots)
     refused = [detection for detection in found if detection.circle is None]
     if len(refused) < len(found):
         write_presses(out, found)
