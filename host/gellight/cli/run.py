@@ -101,7 +101,7 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
     """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     with (
         running.ended_by_hand(),
-        open_session(settings) as daemon,
+        open_session(settings, every=True) as daemon,
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
@@ -177,7 +177,7 @@ def follow(
     begun_s = frame_s = time.monotonic()
     while not frames or count < frames:
         try:
-            frame = daemon.wait_frame(sequence, WAIT_S)
+            frame = daemon.next_frame(sequence, WAIT_S)
         except EndOfStream:
             break
         except TimeoutError:
