@@ -48,6 +48,7 @@ DOORS = {
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),
     "zenoh": ("stream/",),
+    "foxglove": ("stream/foxglove.py",),
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),
