@@ -48,6 +48,12 @@ class Running:
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
+    sequence: Annotated[
+        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
+    ] = None
+    light_mode: Annotated[
+        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
+    ] = None
     publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
         None
     )
@@ -68,6 +74,8 @@ class Running:
             "sensor.calibration": self.calibration,
             "dashboard.port": port,
             "reconstruction.mode": self.mode,
+            "lighting.sequence": self.sequence,
+            "lighting.light_mode": self.light_mode,
             "stream.enabled": self.publish,
             "stream.name": self.name,
             "stream.lan": self.lan,
