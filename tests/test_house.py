@@ -19,7 +19,7 @@ PACKAGES = {
 }
 ROOMS = (
     "base", "ring", "bundle", "frames", "reconstruction", "report", "simulator", "sensor", "recording", "opening",
-    "training", "watch", "design", "calibration", "daemon", "evaluation", "stream", "dashboard", "cli",
+    "training", "watch", "design", "calibration", "daemon", "evaluation", "stream", "dashboard", "soak", "cli",
 )  # fmt: skip
 """of the host, lowest first: a room imports from itself and from rooms before it"""
 EXCEPTIONS: dict[tuple[str, str], str] = {}
