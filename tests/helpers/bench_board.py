@@ -19,7 +19,7 @@ from gellight.ring.emulator.chip import (
 )
 from gellight.ring.emulator.clocks import Crystal
 from gellight.ring.emulator.registers import UsbGuard
-from gellight.ring.emulator.waveform import DARK, Light, LightTimeline, Strip, WaveformDecoder
+from gellight.ring.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5
@@ -102,7 +102,7 @@ class BenchBoard(EmulatedBoard):
         self.waveform.settle(self._past_ns)
         self.waveform._frame, self.waveform._high = [], False
         last_us = self.timeline[-1].time_us if len(self.timeline) else 0.0
-        self.timeline.append(Light(max(self.now_us, last_us), DARK))
+        self.timeline.append(Light(max(self.now_us, last_us), self.waveform.strip.dark))
 
     def leave_bootloader(self) -> None:
         """Start what is in flash, as the boot ROM does when it has written an image: by the watchdog (2.8.4)."""

@@ -63,8 +63,9 @@ class EmulatedBoard:
         self.unique_id = unique_id
         self.flash = bytearray(image.ljust(FLASH_BYTES, b"\xff"))
         self.faults: list[str] = []
-        self.timeline = LightTimeline()
-        self.waveform = self.decoder(self.timeline, self.fault, strip or Strip())
+        strip = strip or Strip()
+        self.timeline = LightTimeline(strip.leds)
+        self.waveform = self.decoder(self.timeline, self.fault, strip)
         self.resets = 0
         self.in_bootloader = False
         self._past_ns = self._chip_ns = 0.0
@@ -100,7 +101,11 @@ class EmulatedBoard:
         self.clocks = clocks.ClockTree(crystal, self.fault, self._reclock)
         self._install_registers(chip)
         self._pio_ns, self._pio_busy, self._pio_behind = 0.0, True, 0
-        chip.gpio[self.waveform.strip.pin].add_listener(lambda new, _old: self._pin_changed(int(new)))
+        strip = self.waveform.strip
+        chip.gpio[strip.pin].add_listener(lambda new, _old: self._pin_changed(int(new)))
+        if strip.switch_pin is not None:
+            self._switch_changed(-1)  # its pin is not driven any more
+            chip.gpio[strip.switch_pin].add_listener(lambda new, _old: self._switch_changed(int(new)))
         self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_hz > 0)
         self._boot()
 
@@ -167,6 +172,9 @@ class EmulatedBoard:
     def _pin_changed(self, level: int) -> None:
         if level in (0, 1):
             self.waveform.edge(self._past_ns + (self._pio_ns if self._pio_busy else self._chip_ns), bool(level))
+
+    def _switch_changed(self, level: int) -> None:
+        self.waveform.supply(self._past_ns + self._chip_ns, self.waveform.strip.powered(level))
 
     def _rom_function(self, number: int) -> None:
         if number == Function.UB:
