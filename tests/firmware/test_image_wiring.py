@@ -12,26 +12,12 @@ from gellight.ring.emulator.chip import VTOR
 from gellight.ring.emulator.waveform import Strip
 from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.firmware.helpers.wiring import opened, wired
+from tests.helpers.bench_board import BenchBoard
 
 RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 OUTPUT, PULSE_US = 4, 100
 DWELL_US = 20_000
-
-
-def opened(board: BenchBoard) -> LightRing:
-    return LightRing(VirtualTransport(board), keep_alive_s=None)
-
-
-def wired(image: bytes, strip: Strip | None = None, **fields: int) -> BenchBoard:
-    """A board that was configured so and has started anew; its LEDs may be others than before."""
-    before = BenchBoard(image)
-    ring = opened(before)
-    ring.configure(replace(ring.configuration(), **fields), save=True)
-    before.power_off()
-    board = BenchBoard(bytes(before.flash), strip=strip)
-    assert before.faults == []
-    return board
 
 
 def levels(board: BenchBoard, pin: int) -> list[tuple[float, bool]]:

@@ -14,6 +14,7 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
+from gellight.ring.emulator.busy_bus import B1, B2, DATA_PLUS
 from gellight.ring.emulator.chip import VTOR
 from gellight.ring.emulator.usb_host import ADDRESS
 from gellight.ring.emulator.waveform import Strip
@@ -340,8 +341,30 @@ def _examine_wired(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
         problems.append("the trigger output")
 
 
+def _hub(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    """Silicon B1 joins a busy hub and gives GPIO15 back; nobody touches it on B2, or where it is in use."""
+    for revision, busy in ((B1, True), (B2, False)):
+        other = BenchBoard(bytes(board.flash), revision=revision, busy_hub=busy)
+        pin, taken = other.chip.gpio[DATA_PLUS], []
+        if not other.run_until(lambda b=other, p=pin, t=taken: t.append(p.ctrl) or b.host.configured, 200_000):
+            problems.append("does not join a busy hub")
+        if pin.ctrl != taken[0] or (revision == B2 and set(taken) != {taken[0]}):
+            problems.append("GPIO15 is taken, or not given back")
+        problems += other.faults
+    ring.blank()
+    board.run(3_000)
+    before = ring.configuration()
+    ring.configure(replace(before, status_pin=DATA_PLUS), save=True)
+    used = BenchBoard(bytes(board.chip.flash[: 1 << 21]), revision=B1)
+    seen: set[int] = set()
+    used.run_until(lambda: seen.add(used.chip.gpio[DATA_PLUS].ctrl & 31), 120_000)
+    if not seen <= {5, 31}:
+        problems.append("GPIO15 is taken while it is in use")
+    ring.configure(before, save=True)
+
+
 CHECKS = (
-    _colours, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault,
+    _colours, _hub, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault,
     _start_fault, _reflash, _heat, _bus, _wiring,
 )  # fmt: skip
 

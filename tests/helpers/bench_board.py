@@ -12,7 +12,6 @@ from gellight.ring.emulator.chip import (
     FLASH_BYTES,
     ROOM_C,
     TEMPERATURE_CHANNEL,
-    UNIQUE_ID,
     USB,
     EmulatedBoard,
     temperature_reading,
@@ -76,13 +75,13 @@ class BenchBoard(EmulatedBoard):
     decoder = NotingDecoder
     waveform: NotingDecoder
 
-    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, strip: Strip | None = None) -> None:
+    def __init__(self, image: bytes, **options: Any) -> None:
         self.powered = True
         self.temperature_c = ROOM_C
         self.cut_after: int | None = None
         """power fails after so many bytes of flash were erased or programmed"""
         self._cut = False
-        super().__init__(image, unique_id=unique_id, strip=strip)
+        super().__init__(image, **options)
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
         super()._start(scratch, reason, crystal)

@@ -70,6 +70,9 @@ enum usb_event {
 };
 uint32_t usb_events(void);
 
+/* usb_join.c */
+void join_interrupt(void);
+
 /* usb_descriptors.c */
 const uint8_t *usb_descriptor(uint8_t type, uint8_t index, uint16_t *count);
 void usb_serial_number(const uint8_t unique_id[8]);
