@@ -14,9 +14,10 @@ AUTO = "auto"
 """Setting of the calibration that stands for whichever bundle belongs to the sensor."""
 
 
-def open_session(settings: Settings) -> Daemon:
+def open_session(settings: Settings, *, every: bool = False) -> Daemon:
     """Return the daemon (not yet started) of the sensor and the calibration that `settings` name.
 
+    every: where the sensor is a file, its pictures wait for a reader that uses `Daemon.next_frame`.
     Raises CameraError, BoardError, InputError, ConfigError or BundleError; the camera is closed again, and its
     LEDs are dark, when something does not fit.
     """
@@ -33,6 +34,7 @@ def open_session(settings: Settings) -> Daemon:
             selfcheck=judge,
             rebuild=lambda replacement: path_for(replacement, settings),
             watch=SensorWatch(bundle, rezero=settings.watch.rezero) if watched else None,
+            every=every,
         )
     except BaseException:
         camera.close()

@@ -29,6 +29,7 @@ class CameraWrapper(Camera):
 
     url: str = _passed_on("url")
     image_shape: tuple[int, int] = _passed_on("image_shape")
+    waits: bool = _passed_on("waits")
     stage: PressStage | None = _passed_on("stage")
     ring: LightRing | None = _passed_on("ring")
     bundle: Bundle | None = _passed_on("bundle")
@@ -48,6 +49,11 @@ class CameraWrapper(Camera):
             yield
         finally:
             self._using.release()
+
+    @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """What a bundle for its frames has to hold."""
+        return self._camera.picture_files
 
     @property
     def timing(self) -> CameraTiming | None:

@@ -20,6 +20,7 @@ from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import CameraFrame, EncodedImage, LightLabel, LightState
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording import recording_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import DepthKind, Recording, RecordingWriter, depth_image, topic_name
 from gellight.recording.replay_camera import ReplayCamera
@@ -224,16 +225,20 @@ def test_a_whole_recording_says_so(record: Record) -> None:
     assert recording.whole
 
 
-def test_the_end_of_the_process_costs_only_the_last_chunk(tmp_path: Path, bundle: Bundle) -> None:
+def test_a_chunk_can_be_read_as_soon_as_it_is_finished(
+    tmp_path: Path, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The end of the process, at any frame, costs less than one chunk, here of 8 frames."""
+    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 8 * len(plain(0).image.tobytes()))
     writer = RecordingWriter(tmp_path / "killed.mcap", "finger")
-    for number in range(1000):
+    for number in range(60):
         writer.add(FrameRecord.of(plain(number), unix_s=1e9 + number, zero=bundle.identity), bundle)
-    writer.flush()
-    recording = Recording(tmp_path / "killed.mcap")  # nothing was finished
-    assert len(list(recording.frames())) > 400
-    assert not recording.whole
+        if number >= 8:
+            recording = Recording(tmp_path / "killed.mcap")  # nothing more is written in its place
+            assert len(list(recording.frames())) > number - 8
+            assert not recording.whole
     writer.close()
-    assert len(list(recording.frames())) == 1000
+    assert len(list(recording.frames())) == 60
 
 
 @pytest.mark.parametrize(

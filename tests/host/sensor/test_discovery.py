@@ -103,9 +103,7 @@ def test_the_same_serial_number_twice_is_told_and_the_ports_serve(usb: FakeUsb) 
 
 
 def test_no_sensor_and_no_such_sensor_are_told(usb: FakeUsb) -> None:
-    with pytest.raises(
-        UnpluggedError, match=r"check the cable, or name the simulated sensor, sim:// \(--sensor sim://\)"
-    ):
+    with pytest.raises(UnpluggedError, match=r"check the cable, or take the simulated sensor \(--sensor sim://\)"):
         seen(usb).only()
     usb.plug("1-1", serial="GL0001", cameras=1, rings=1)
     with pytest.raises(UnpluggedError, match=r"no sensor is called GL0002 \(there: sensor://GL0001\)"):
