@@ -28,6 +28,7 @@ from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.opening import REAL
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
 
@@ -65,6 +66,7 @@ class Running:
     lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
+    foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
     log: Annotated[str | None, typer.Option(help="Form of the log: text or json.", show_default="text")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
@@ -86,6 +88,7 @@ class Running:
             "stream.lan": self.lan,
             "stream.zenoh_config": self.zenoh_config,
             "stream.ros2": self.ros2,
+            "stream.foxglove": self.foxglove,
             "service.log": self.log,
         }
 
@@ -99,7 +102,7 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
     logs.configure(settings.service.log, settings.sensor.url)
     with (
         running.ended_by_hand(),
-        open_session(settings) as daemon,
+        open_session(settings, every=True) as daemon,
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
@@ -133,7 +136,7 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
 
 @contextmanager
 def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
-    """Publish the frames to other programs, unless the settings say no, and to ROS 2 where they say so."""
+    """Publish the frames to other programs, unless the settings say no, to ROS 2 and Foxglove where they say so."""
     chosen = settings.stream
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
     with ExitStack() as stack:
@@ -141,13 +144,16 @@ def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
             publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
             there = f"zenoh://<this computer>:{publisher.lan_port}/{publisher.name}" if chosen.lan else publisher.name
             logs.say(f"publishing: gellight.subscribe({there!r})")
+        name = chosen.name or name_of_sensor(daemon.camera)
         if chosen.ros2:
-            name = chosen.name or name_of_sensor(daemon.camera)
-            distance_mm = settings.geometry.camera_height_mm or RingGeometry().camera_height_mm
+            distance_mm = settings.geometry.camera_height_mm or RingGeometry.camera_height_mm
             topics = stack.enter_context(
                 Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain, distance_mm=distance_mm)
             )
             logs.say(f"ROS 2 topics: {topics.prefix}/...")
+        if chosen.foxglove:
+            view = stack.enter_context(FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan))
+            logs.say(f"Foxglove: open {view.url}")
         yield
 
 
@@ -178,7 +184,7 @@ def follow(
     begun_s = frame_s = time.monotonic()
     while not frames or count < frames:
         try:
-            frame = daemon.wait_frame(sequence, WAIT_S)
+            frame = daemon.next_frame(sequence, WAIT_S)
         except EndOfStream:
             break
         except TimeoutError:

@@ -101,7 +101,8 @@ class SensorProcess:
         """Run `settings`; the dashboard of the process is at a free port of this machine."""
         own = settings.dashboard.model_copy(update={"port": 0, "host": "127.0.0.1", "token": ""})
         self.key, self.name = str(number), f"{number}: {settings.sensor.url}"
-        self._settings, self._running = settings.model_copy(update={"dashboard": own}), running
+        view = settings.stream.model_copy(update={"foxglove_port": settings.stream.foxglove_port + number - 1})
+        self._settings, self._running = settings.model_copy(update={"dashboard": own, "stream": view}), running
         self.report = Report()
         self._broke_off_s: float | None = None
 
@@ -190,7 +191,7 @@ def _stream(settings: Settings, running: Running, reports: Connection) -> None:
     try:
         with (
             running.ended_by_hand(),
-            open_session(settings) as daemon,
+            open_session(settings, every=True) as daemon,
             served(daemon, settings) as address,
             published(daemon, settings),
         ):

@@ -19,9 +19,10 @@ AUTO = "auto"
 """Setting of the calibration that stands for whichever bundle belongs to the sensor."""
 
 
-def open_session(settings: Settings) -> Daemon:
+def open_session(settings: Settings, *, every: bool = False) -> Daemon:
     """Return the daemon (not yet started) of the sensor and the calibration that `settings` name.
 
+    every: where the sensor is a file, its pictures wait for a reader that uses `Daemon.next_frame`.
     Raises CameraError, BoardError, InputError, ConfigError or BundleError; the camera is closed again, and its
     LEDs are dark, when something does not fit.
     """
@@ -40,6 +41,7 @@ def open_session(settings: Settings) -> Daemon:
             rebuild=first.rebuild,
             watch=SensorWatch(bundle, rezero=settings.watch.rezero) if first.watched else None,
             equipment=lambda used, other: equipment(used, in_mode(settings, other)),
+            every=every,
         )
     except BaseException:
         camera.close()

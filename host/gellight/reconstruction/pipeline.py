@@ -82,6 +82,7 @@ class Reconstructor:
             bundle.network,
             bundle.image_shape,
             noise_grey=bundle.manifest.noise_grey,
+            rest_grey=bundle.manifest.rest_grey,
             threads=threads,
             source=bundle.source,
         )

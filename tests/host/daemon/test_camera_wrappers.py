@@ -11,6 +11,7 @@ from gellight.daemon.frame_threads import SharedCamera
 from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import RestingCamera, RingCamera, SeriesCamera
@@ -25,6 +26,7 @@ WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
     WindowCamera: lambda camera: WindowCamera(
         SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()), GROUPS, exposure_us=None
     ),
+    PreparedCamera: lambda camera: PreparedCamera(camera, PictureSteps(image_width_px=48, image_height_px=32)),
     SwitchedCamera: lambda camera: SwitchedCamera(camera, lambda sensor: sensor),
     RingCamera: lambda camera: RingCamera(camera, GROUPS, exposure_us=None, frames=1),
     SeriesCamera: lambda camera: SeriesCamera(camera, GROUPS, exposure_us=None, frames=1),
@@ -36,6 +38,7 @@ ITS_OWN = {
     "read": set(WRAPPERS),
     "timing": {SequencedCamera, WindowCamera},  # what its labels go by
     "status": {SequencedCamera, WindowCamera},  # what became of the frames of the sequence, too
+    "picture_files": {PreparedCamera},  # what it does to the pictures
     "close": {SharedCamera},  # the daemon closes its camera
 }
 """what a wrapper does not pass on, and which wrappers do not"""
