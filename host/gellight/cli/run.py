@@ -48,6 +48,12 @@ class Running:
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
+    sequence: Annotated[
+        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
+    ] = None
+    light_mode: Annotated[
+        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
+    ] = None
     publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
         None
     )
@@ -68,6 +74,8 @@ class Running:
             "sensor.calibration": self.calibration,
             "dashboard.port": port,
             "reconstruction.mode": self.mode,
+            "lighting.sequence": self.sequence,
+            "lighting.light_mode": self.light_mode,
             "stream.enabled": self.publish,
             "stream.name": self.name,
             "stream.lan": self.lan,
@@ -104,7 +112,7 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
     """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     with (
         running.ended_by_hand(),
-        open_session(settings) as daemon,
+        open_session(settings, every=True) as daemon,
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
@@ -183,7 +191,7 @@ def follow(
     begun_s = frame_s = time.monotonic()
     while not frames or count < frames:
         try:
-            frame = daemon.wait_frame(sequence, WAIT_S)
+            frame = daemon.next_frame(sequence, WAIT_S)
         except EndOfStream:
             break
         except TimeoutError:
