@@ -244,6 +244,10 @@ class SequencedCamera(CameraWrapper):
         """Exposure, readout and period that the labels go by."""
         return self._timing
 
+    def release(self) -> None:
+        """End the sequence; see `stop`."""
+        self.stop()
+
     def stop(self) -> None:
         """End the sequence and give back the light of before (dark if there was none); the camera stays open."""
         with self._alone():
