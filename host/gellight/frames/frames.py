@@ -84,6 +84,8 @@ class CameraFrame:
     """start of the exposure on the clock of `time.monotonic`"""
     sequence: int
     """counts the frames the camera took; a gap is a lost frame, a repetition is the same frame again"""
+    estimated: bool = False
+    """the camera did not tell when it took this frame: `time_s` is too early by some periods, never too late"""
     source: str = ""
     """where the frame came from, for messages: a file name or the URL of the camera"""
     light: NDArray[np.uint8] | None = None
