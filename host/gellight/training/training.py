@@ -74,11 +74,11 @@ def read_reference(source: str | Path) -> Reference:
     mean = np.asarray(np.mean(frames, axis=0, dtype=np.float32))
     dots = find_dots(mean)
     filled = dots.filled_grey(mean, dots.mask(mean)) if dots else mean
-    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else _noise_of_one(filled)
+    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else noise_of_one(filled)
     return Reference(image=filled, frames=len(frames), noise_grey=noise, dots=dots)
 
 
-def _noise_of_one(image: Floats) -> float:
+def noise_of_one(image: Floats) -> float:
     """Robust estimate from second differences along the rows: (1, -2, 1) has variance 6 sigma^2."""
     second = image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:]
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6))
