@@ -48,7 +48,7 @@ class PressRecord(PictureRecord, Circle):
 
     def press(self, folder: Path) -> Press:
         """Return the press as it is trained on; folder: that of the calibration."""
-        return Press(image=folder / self.file, **self.circle())
+        return Press(image=folder / self.file, found=True, **self.circle())
 
     def circle(self) -> dict[str, float]:
         """Return the three numbers of the circle by name."""

@@ -20,6 +20,10 @@ from gellight.frames.image_files import read_image
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
+RIM = 0.9
+"""of the contact radius: beyond it, within a circle that was drawn by hand, the gel has left the ball already"""
+QUALITY = "quality"
+"""optional column: how well the pattern of a ball fits, of a circle that `detect` found"""
 REFUSED = "refused"
 """optional column: why an image is not used; such a row has no circle"""
 Floats = NDArray[np.float32]
@@ -53,6 +57,8 @@ class Press:
     center_x_px: float
     center_y_px: float
     contact_radius_px: float
+    found: bool = False
+    """whether `detect` found the circle; else a hand may have drawn it"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +67,8 @@ class TableOptions:
 
     inset_px: float = 1.0
     """the outermost ring of the contact circle is left out: there a label that is a pixel off is wrong most"""
+    rim_share: float = 1.0
+    """of the pixels beyond `RIM` of a contact radius that a hand may have drawn, how many are learnt from"""
     flat_share: float = 0.3
     """untouched pixels, as a share of the contact pixels, with gradient 0"""
     flat_distance: float = 1.9
@@ -112,7 +120,8 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int]) -> lis
             raise InputError(f"{where}: image {name} is already in line {seen[name]}: keep one circle for each image")
         seen[name] = line
         x, y, radius = (_number(row, column, where) for column in COLUMNS[1:])
-        press = Press(image=path.parent / name, center_x_px=x, center_y_px=y, contact_radius_px=radius)
+        found = bool((row.get(QUALITY) or "").strip())
+        press = Press(image=path.parent / name, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=found)
         _check_circle(press, ball, image_shape, where)
         _check_image(press, image_shape, where)
         presses.append(press)
@@ -246,6 +255,9 @@ def _press_rows(
             f"{press.image}: no pixel is left of a contact circle of {press.contact_radius_px:g} px after an inset "
             f"of {options.inset_px:g} px: press deeper or remove the line"
         )
+    if options.rim_share < 1 and not press.found:
+        rim = distance.ravel()[contact] > RIM * press.contact_radius_px
+        contact = contact[~rim | (random.random(len(contact)) < options.rim_share)]
     far = np.flatnonzero(distance > options.flat_distance * press.contact_radius_px)
     flat = random.choice(far, min(len(far), round(options.flat_share * len(contact))), replace=False)
     gradient = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]
