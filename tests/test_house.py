@@ -41,6 +41,7 @@ DOORS = {
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "reconstruction/photometric/reconstructor.py", "report/pictures.py", "report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
+        "training/labelling/plate.py",
     ),
     "google": ("reconstruction/jacobian.py",),
     "onnx": ("reconstruction/jacobian.py",),

@@ -185,7 +185,7 @@ class SequencedCamera(CameraWrapper):
             frame = self._camera.read()
         assert self.watch is not None
         assert self._started_on is not None
-        timed = self.watch.label(frame.time_s, self.image_shape[0])
+        timed = UNKNOWN_LABEL if frame.estimated else self.watch.label(frame.time_s, self.image_shape[0])
         seen = self._check.label(frame.image) if self._check else None
         frame = replace(frame, label=self._agree(timed, seen))
         if self.watch.silenced():  # this program was held up for so long that the board ended the sequence
@@ -194,7 +194,7 @@ class SequencedCamera(CameraWrapper):
             )
             self._started_on.start()
             self._trim = Trim(0, 0.0)  # a start forgets the trim
-        elif self.mode is LightMode.FREE:
+        elif self.mode is LightMode.FREE and not frame.estimated:
             self._steer(frame)
         return frame
 
