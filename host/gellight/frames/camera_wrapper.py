@@ -1,18 +1,18 @@
 """The base of cameras that stand in front of another camera and change what is read from it."""
 
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
+from gellight.base.turns import Turns
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
 from gellight.frames.timing import CameraTiming
+from gellight.ring.board_link import SilentError
 from gellight.ring.light_ring import LightRing
 
 
@@ -38,17 +38,11 @@ class CameraWrapper(Camera):
     def __init__(self, camera: Camera) -> None:
         """Take over `camera`."""
         self._camera = camera
-        self._using, self._next_user = threading.Lock(), threading.Lock()
+        self._turns = Turns()
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _alone(self) -> Turns:
         """Use camera and ring alone. Threads take turns, so `adopt` need not wait for a pause of who reads."""
-        with self._next_user:
-            self._using.acquire()
-        try:
-            yield
-        finally:
-            self._using.release()
+        return self._turns
 
     @property
     def picture_files(self) -> Mapping[str, bytes]:
@@ -72,16 +66,26 @@ class CameraWrapper(Camera):
         """Set and light the camera inside."""
         self._camera.adopt(controls, colours)
 
+    def release(self) -> None:
+        """Give back what was set and lit for this wrapper; the camera inside stays open."""
+
     def close(self) -> None:
         """Close the camera inside, with its LEDs dark."""
         self._camera.close()
 
     def _why_failed(self, error: BoardError, ring: LightRing | None) -> CameraError | BoardError:
-        """Return what to raise where the board failed: `error` itself, or that the sensor was unplugged.
+        """Return what to raise where the board failed: `error` itself, or that the stream goes on.
 
-        Raises ReconnectingError itself while the sensor is away.
+        It goes on where the sensor was unplugged and is back, and where a board that was not heard for a while answers
+        again. Raises ReconnectingError itself while the sensor is away.
         """
         self._camera.read()
-        if self.ring is ring:
+        if self.ring is not ring:
+            return ReconnectingError(f"{self.url} was unplugged and is back: {error}")
+        if ring is None or not isinstance(error, SilentError):
             return error
-        return ReconnectingError(f"{self.url} was unplugged and is back: {error}")
+        try:
+            ring.clock()
+        except BoardError:
+            return error
+        return ReconnectingError(f"the board of {self.url} answers again: {error}")

@@ -308,3 +308,18 @@ def test_a_recording_brings_its_bundle(record: Record, bundle: Bundle) -> None:
     with open_camera(f"replay://{record([plain(0)])}") as camera:
         assert isinstance(camera, ReplayCamera)
         assert camera.bundle.identity == bundle.identity
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+def test_a_recording_is_whole_and_plays_on_where_the_time_of_day_was_set(
+    tmp_path: Path, bundle: Bundle, step_s: float
+) -> None:
+    path = tmp_path / "set.mcap"
+    with RecordingWriter(path, "GL-7") as writer:
+        for sequence in range(6):
+            unix_s = 1e9 + sequence / 30 + (step_s if sequence > 2 else 0.0)
+            writer.add(FrameRecord.of(plain(sequence), unix_s=unix_s, zero=bundle.identity), bundle)
+    assert [record.info.sequence for record in Recording(path).frames()] == list(range(6))
+    assert [record.info.sequence for record in Recording(path).frames(0.1)] == [3, 4, 5]
+    with open_camera(f"replay://{path}") as camera:
+        assert [camera.read().sequence for _ in range(6)] == list(range(6))

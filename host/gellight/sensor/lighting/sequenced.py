@@ -48,6 +48,11 @@ class LightMode(StrEnum):
     """the strobe of the camera on the trigger pin of the board; no frame need be mixed"""
 
 
+def clock_error_s(mode: LightMode) -> float:
+    """Return what the host is assumed to be off about the time of a light when the hold is chosen."""
+    return CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
+
+
 @dataclass
 class LightCounters:
     """What became of the frames."""
@@ -98,7 +103,7 @@ class SequencedCamera(CameraWrapper):
         if ring.status().state == State.RUNNING:
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
         self._timing = self._given_timing or timing_of(self._camera)
-        error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if self.mode is LightMode.EXT else 0.0)
+        error_s = clock_error_s(self.mode)
         self.frames = self._given_frames or hold_frames(
             self._timing, locked=True, clock_error_s=error_s, leds=ring.led_count
         )
@@ -163,9 +168,10 @@ class SequencedCamera(CameraWrapper):
                 frame = self._held() if self.mode is LightMode.HOLD else self._labelled()
             except BoardError as error:
                 raise self._why_failed(error, ring) from error
-        assert frame.label is not None
-        setattr(self.counters, frame.label.state, getattr(self.counters, frame.label.state) + 1)
-        return frame
+        label = frame.label
+        assert label is not None
+        setattr(self.counters, label.state, getattr(self.counters, label.state) + 1)
+        return replace(frame, light=None if label.group is None else self._groups[label.group])
 
     def _held(self) -> CameraFrame:
         """Show the next group and take a frame of it."""
@@ -181,7 +187,7 @@ class SequencedCamera(CameraWrapper):
             frame = self._camera.read()
         assert self.watch is not None
         assert self._started_on is not None
-        timed = self.watch.label(frame.time_s, self.image_shape[0])
+        timed = UNKNOWN_LABEL if frame.estimated else self.watch.label(frame.time_s, self.image_shape[0])
         seen = self._check.label(frame.image) if self._check else None
         frame = replace(frame, label=self._agree(timed, seen))
         if self.watch.silenced():  # this program was held up for so long that the board ended the sequence
@@ -190,7 +196,7 @@ class SequencedCamera(CameraWrapper):
             )
             self._started_on.start()
             self._trim = Trim(0, 0.0)  # a start forgets the trim
-        elif self.mode is LightMode.FREE:
+        elif self.mode is LightMode.FREE and not frame.estimated:
             self._steer(frame)
         return frame
 
@@ -230,10 +236,19 @@ class SequencedCamera(CameraWrapper):
         self._trim = trim
         self.counters.trims += 1
 
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside, and what became of the frames of the sequence."""
+        told = {"light_mode": str(self.mode), "groups": len(self._groups), "frames_per_light": self.frames}
+        return {**super().status(), "light_sequence": {**told, **vars(self.counters)}}
+
     @property
     def timing(self) -> CameraTiming:
         """Exposure, readout and period that the labels go by."""
         return self._timing
+
+    def release(self) -> None:
+        """End the sequence; see `stop`."""
+        self.stop()
 
     def stop(self) -> None:
         """End the sequence and give back the light of before (dark if there was none); the camera stays open."""

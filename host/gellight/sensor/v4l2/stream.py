@@ -38,6 +38,10 @@ class Picture:
     """it is on the right clock, later than the one before, and not in the future"""
     arrived_s: float
     """when it was taken from the driver"""
+    absent_s: float
+    """when it surely was not there yet: the driver had no picture"""
+    repeats: bool
+    """it is byte for byte the picture before"""
 
 
 @dataclass
@@ -52,7 +56,7 @@ class Counts:
     duplicated: int = 0
     """the same sequence number or time came again; not delivered"""
     identical: int = 0
-    """delivered, yet byte for byte the picture before: the camera repeats itself or sees no light at all"""
+    """byte for byte the picture before: the camera repeats itself, or sees no light at all"""
     damaged: int = 0
     """marked as damaged by the driver, or empty"""
     corrupt: int = 0
@@ -81,6 +85,7 @@ class Stream:
         self._memory: list[mmap] = []
         self._last: tuple[int, float] | None = None
         self._last_data = b""
+        self._absent_s = kernel.clock()
         self.counts = Counts()
         try:
             with explaining(path, "to start its stream"):
@@ -116,8 +121,6 @@ class Stream:
             picture = self._drain()
             if picture is not None:
                 self.counts.delivered += 1
-                self.counts.identical += picture.data == self._last_data
-                self._last_data = picture.data
                 return picture
         raise StalledError(
             f"{self._path} delivers only damaged pictures ({self.counts.as_json()}): use another cable or USB port, "
@@ -149,7 +152,7 @@ class Stream:
             picture = self._judge(buffer)
             with explaining(self._path, "to take a buffer back"):
                 self._ask(v.QBUF, v.Buffer(index=buffer.index, type=v.CAPTURE, memory=v.MMAP))
-            if picture is not None:
+            if picture is not None and not (picture.repeats and newest is not None):
                 self.counts.skipped += newest is not None
                 newest = picture
             if taken == len(self._memory):
@@ -160,11 +163,12 @@ class Stream:
         return newest
 
     def _dequeue(self) -> v.Buffer | None:
-        buffer = v.Buffer(type=v.CAPTURE, memory=v.MMAP)
+        buffer, asked_s = v.Buffer(type=v.CAPTURE, memory=v.MMAP), self._kernel.clock()
         try:
             self._ask(v.DQBUF, buffer)
         except OSError as error:
             if error.errno in (errno.EAGAIN, errno.EINTR):
+                self._absent_s = asked_s if error.errno == errno.EAGAIN else self._absent_s
                 return None
             if error.errno == errno.EIO and self.plugged():
                 self.counts.damaged += 1
@@ -185,13 +189,18 @@ class Stream:
         monotonic = buffer.flags & v.TIMESTAMP_MASK == v.TIMESTAMP_MONOTONIC
         sound = monotonic and now_s - OLDEST_STAMP_S <= stamp_s <= now_s and self._stamp_grows
         self.counts.wrong_stamps += not sound
+        data = bytes(self._memory[buffer.index][: buffer.bytesused])
+        repeats, self._last_data = data == self._last_data, data
+        self.counts.identical += repeats
         return Picture(
-            data=bytes(self._memory[buffer.index][: buffer.bytesused]),
+            data=data,
             sequence=buffer.sequence,
             stamp_s=stamp_s,
             stamp_is_start=buffer.flags & v.SOURCE_MASK == v.SOURCE_SOE,
             stamp_is_sound=sound,
             arrived_s=now_s,
+            absent_s=self._absent_s,
+            repeats=repeats,
         )
 
     def _advance(self, sequence: int, stamp_s: float) -> bool:
