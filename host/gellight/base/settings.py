@@ -96,7 +96,7 @@ class ReconstructionSettings(StrictModel):
     )
     light_groups: Literal["triples", "singles"] = Field(
         default="triples",
-        description="exposures of photometric stereo: 4 of a red, a green and a blue LED each, or 12 of one LED",
+        description="exposures of photometric stereo: 4 of a red, a green and a blue LED each, or one of each LED",
     )
     frames_per_light: int = Field(
         default=1, ge=1, le=64, description="frames averaged in each exposure of photometric stereo"

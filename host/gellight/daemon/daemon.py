@@ -233,16 +233,20 @@ class Daemon:
             return True
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show (12, 3) uint8 RGB on the LEDs from now on, or the light of the bundle again (None).
+        """Show (n, 3) uint8 RGB on the n LEDs from now on, or the light of the bundle again (None).
 
-        Depth means something only under the light of the bundle. Raises InputError while a calibration goes on or
-        where the sensor has no ring, else as `Camera.adopt`.
+        Depth means something only under the light of the bundle. Raises InputError while a calibration goes on,
+        where the sensor has no ring or another number of LEDs, else as `Camera.adopt`.
         """
         with self._changing:
             if self._lent is not None:
                 raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
             if self._camera.ring is None:
                 raise InputError(f"{self._camera.url} has no light ring that can be driven")
+            if colours is not None and len(colours) != self._camera.ring.led_count:
+                raise InputError(
+                    f"{len(colours)} colours, the ring has {self._camera.ring.led_count} LEDs: give one each"
+                )
             if self.mode != "network":
                 raise InputError(f"the sensor runs in mode {self.mode}, which changes the light all the time")
             self._set(Setting(controls={}, colours=self.bundle.colours if colours is None else colours))

@@ -14,6 +14,7 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
 from gellight.daemon.daemon import Daemon
+from gellight.ring.wire import MOST_LEDS
 from gellight.stream.wire import Byte
 
 
@@ -30,10 +31,10 @@ class Calibration(StrictModel):
 
 
 class Light(StrictModel):
-    """Show these colours on the 12 LEDs; None: those of the bundle again."""
+    """Show these colours on the LEDs; None: those of the bundle again."""
 
     type: Literal["light"] = "light"
-    colours: Annotated[list[tuple[Byte, Byte, Byte]], Field(min_length=12, max_length=12)] | None
+    colours: Annotated[list[tuple[Byte, Byte, Byte]], Field(min_length=1, max_length=MOST_LEDS)] | None
 
 
 class Mode(StrictModel):

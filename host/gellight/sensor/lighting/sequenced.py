@@ -104,9 +104,11 @@ class SequencedCamera(CameraWrapper):
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
         self._timing = self._given_timing or timing_of(self._camera)
         error_s = clock_error_s(self.mode)
-        self.frames = self._given_frames or hold_frames(self._timing, locked=True, clock_error_s=error_s)
+        self.frames = self._given_frames or hold_frames(
+            self._timing, locked=True, clock_error_s=error_s, leds=ring.led_count
+        )
         self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
-        self._lock = PhaseLock(self._timing, frames=self.frames)
+        self._lock = PhaseLock(self._timing, frames=self.frames, leds=ring.led_count)
         self._hold = Hold(self._camera, timing=self._timing, check=self._check)
         if self.mode is not LightMode.HOLD:
             self._run(ring)
