@@ -6,6 +6,9 @@ Three ways are compared, each with 1 and 4 readers in processes of their own: Ge
 the same over TCP on this computer, and a plain TCP socket with pickled NumPy arrays, whose reader gets the same maps.
 The latency is from the moment before encoding to the moment when the reader has the arrays, of the slowest reader. The
 processor's share is of one core. Readers take every frame; those that did not come are lost.
+
+Before that: what recording costs, in processor time and as megabytes a second of one thread, and how old a frame of a
+simulated sensor is when another process has it, counted from the start of its exposure. A run takes two minutes.
 """
 
 import json
@@ -27,10 +30,12 @@ from unittest import mock
 import cv2
 import numpy as np
 
+import gellight
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import EncodedImage, Provenance, TactileFrame
 from gellight.stream import network, shared_memory
+from gellight.stream.publisher import Publisher
 from gellight.stream.shared_memory import SharedMemory
 from gellight.stream.wire import decode, encode
 from tests.helpers.dashboard_source import bump
@@ -187,7 +192,7 @@ def recording_costs(frames: int = 100) -> None:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "a.mcap"
                 writer = RecordingWriter(path, "bench", depth=depth)
-                begun = processor_s()
+                begun, begun_s = processor_s(), time.monotonic()
                 for number in range(frames):
                     frame = frame_of(number, base)
                     camera_frame = replace(frame.camera_frame, encoded=encoded)
@@ -195,8 +200,30 @@ def recording_costs(frames: int = 100) -> None:
                     writer.add_depth(frame)
                 writer.close()
                 cost_ms = (processor_s() - begun) / frames * 1e3
-                size_mb = path.stat().st_size / frames / 1e6
-            print(f"record {kind:4} depth {depth:8}: {cost_ms:5.2f} ms of processor a frame, {size_mb:.2f} MB")
+                size_mb, took_s = path.stat().st_size / 1e6, time.monotonic() - begun_s
+            print(
+                f"record {kind:4} depth {depth:8}: {cost_ms:5.2f} ms of processor a frame, {size_mb / frames:.2f} MB; "
+                f"{size_mb / took_s:.0f} MB/s, {frames / took_s:.0f} frames/s"
+            )
+
+
+def ages_at_a_reader(frames: int = 60) -> None:
+    """Print how old the frames of a simulated sensor are in another process, since the start of their exposure."""
+    with gellight.connect("sim://?object=BALL&depth=1&fps=20") as sensor, Publisher(sensor.daemon, name="bench"):
+        sensor.next_frame()
+        command = [sys.executable, "-m", "tests.benchmarks.stream", "subscribe", str(frames)]
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    for stage, ages_ms in json.loads(done.stdout).items():
+        p50, p99 = np.percentile(ages_ms, [50, 99])
+        print(f"age since the start of the exposure, {stage:13}: p50 {p50:6.1f} ms, p99 {p99:6.1f} ms")
+
+
+def read_ages(frames: int) -> None:
+    """Be the reader of `ages_at_a_reader`: print the ages at each stage, ms."""
+    with gellight.subscribe("bench") as source:
+        given = [source.next_frame().provenance for _ in range(frames)]
+    ages = [provenance.ages_s for provenance in given if provenance is not None]
+    print(json.dumps({stage: [age[stage] * 1e3 for age in ages] for stage in ages[0]}))
 
 
 def main() -> None:
@@ -205,9 +232,13 @@ def main() -> None:
         read_zenoh(sys.argv[2], float(sys.argv[3]))
     if sys.argv[1:2] == ["socket"]:
         read_socket(int(sys.argv[2]), float(sys.argv[3]))
+    if sys.argv[1:2] == ["subscribe"]:
+        read_ages(int(sys.argv[2]))
+        return
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 6.0
     print(f"{len(encode(frame_of(0, bump(0.8, 1.0, 0.0)))) / 1e6:.2f} MB a frame, {os.getloadavg()[0]:.1f} load")
     recording_costs()
+    ages_at_a_reader()
     for readers in (1, 4):
         measure("zenoh, shared memory", lambda: over_zenoh(True), readers, seconds)
         measure("zenoh, TCP", lambda: over_zenoh(False), readers, seconds)

@@ -1,6 +1,6 @@
 """A program that finds the plug-in as LeRobot does and uses it; tests start it in a process of its own.
 
-    python lerobot_reader.py camera OUT.npz | press | quantise MIN MAX USE_LOG
+    python lerobot_reader.py camera OUT.npz | press CAMERAS [refused] | quantise MIN MAX USE_LOG
 
 On standard output it prints what it found, as JSON.
 """
@@ -95,18 +95,20 @@ def only_images() -> Any:
 def press() -> dict[str, object]:
     """Press with the robot and the teleoperator until the depth is seen; return how deep it was asked for and seen."""
     import draccus
+    import yaml
     from lerobot.robots.config import RobotConfig
     from lerobot.robots.utils import make_robot_from_config
     from lerobot.teleoperators.config import TeleoperatorConfig
     from lerobot.teleoperators.utils import make_teleoperator_from_config
 
     registered()
-    cameras = {"gel": {"type": "gellight", "max_age_ms": 20000}}
+    cameras = yaml.safe_load(sys.argv[2])
+    cameras["gel"]["max_age_ms"] = 20000  # where tests run there may be other work
     robot = make_robot_from_config(draccus.decode(RobotConfig, {"type": "gellight_press", "cameras": cameras}))
     hand = make_teleoperator_from_config(
         draccus.decode(TeleoperatorConfig, {"type": "gellight_press", "depth_mm": 0.5, "step_mm": 0.5})
     )
-    refused = raised(robot.connect) if len(sys.argv) > 2 else ""
+    refused = raised(robot.connect) if len(sys.argv) > 3 else ""
     if refused:
         return {"refused": refused}
     deepest_mm, seen_mm, until_s = 0.0, 0.0, time.monotonic() + 60

@@ -20,6 +20,9 @@ from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
 
 PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
 READER = CHECKOUT / "tests/helpers/lerobot_reader.py"
+README = (CHECKOUT / "README.md").read_text()
+(CAMERAS,) = re.findall(r"--robot\.cameras=\"(.*?)\"", README)
+"""as a user types it"""
 PAGE = (CHECKOUT / "docs/lerobot.md").read_text()
 
 
@@ -82,7 +85,7 @@ def test_the_camera_is_found_and_keeps_to_the_contract(
 
 def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str]) -> None:
     with gellight.connect("sim://?fps=10") as sensor, Publisher(sensor.daemon):
-        told = ask(environment, "press")
+        told = ask(environment, "press", CAMERAS)
     assert told["asked_mm"] == 0.5
     assert told["seen_mm"] == pytest.approx(0.5, abs=0.05)
     assert told["features"] == {"gel": [480, 640, 3], "gel_depth": [480, 640, 1]}
@@ -90,7 +93,7 @@ def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str]) -
 
 
 def test_the_robot_refuses_a_real_gel(environment: dict[str, str], finger: BumpReconstructor) -> None:
-    told = ask(environment, "press", "refused")
+    told = ask(environment, "press", CAMERAS, "refused")
     assert told["refused"].startswith("ConnectionError: objects can be pressed into a simulated gel only")
 
 
