@@ -283,11 +283,19 @@ async def _answer_error(client: Client, command: str | None, message: str) -> No
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
+def host_name(host: str) -> str | None:
+    """Return the name in a Host header, without the port; None where there is none."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:  # half of a bracket
+        return None
+
+
 @web.middleware
 async def only_this_machine(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Refuse other hosts' names and other sites' pages; tell the browser to load nothing from elsewhere."""
     host = request.headers.get("Host", "")
-    if urlsplit(f"//{host}").hostname not in LOOPBACK_NAMES:
+    if host_name(host) not in LOOPBACK_NAMES:
         raise web.HTTPForbidden(text=f"Host {host!r} is not this machine: open http://127.0.0.1 with the port shown")
     origin = request.headers.get("Origin")
     if origin is not None and origin != f"http://{host}":
