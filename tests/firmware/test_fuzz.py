@@ -45,7 +45,9 @@ CONTROL_FAULTS = [
     ("control_count = count < setup.count ? count : setup.count;", "control_count = count;"),
     ("    control_data1 = !control_data1;\n", ""),
     ("    control_abort();\n    control_data1", "    control_data1"),
-    ("    new_address = 0;\n}\n\nvoid control_setup", "}\n\nvoid control_setup"),
+    ("    new_address = NO_ADDRESS;\n}\n\nvoid control_setup", "}\n\nvoid control_setup"),
+    ("    if (new_address != NO_ADDRESS) {", "    if (new_address && new_address != NO_ADDRESS) {"),
+    (" && setup.value <= LAST_ADDRESS", ""),
 ]
 
 
@@ -63,6 +65,34 @@ def test_a_fault_of_endpoint_0_is_found(old: str, new: str, tmp_path: Path) -> N
     assert path.read_text().count(old) == 1
     path.write_text(path.read_text().replace(old, new))
     done = fuzz(compile_fuzzer(tmp_path / "control", tmp_path, what="control"), 40, 1, corpus=False)
+    assert done.returncode != 0
+
+
+FLASH_FAULTS = [
+    (
+        "config->saves && page % SECTOR_PAGES == 0 && page / SECTOR_PAGES == config->page / SECTOR_PAGES",
+        "false && config && page",
+    ),
+    ("    return erased(&record);", "    return true;"),
+    ("record->crc == crc32(0, record, sizeof *record - 4u)", "true"),
+    ("return sound && config_valid(&record->configuration, &value);", "return sound || !&value;"),
+    ("record.saves <= config->saves", "record.saves < config->saves"),
+    ("    return bytes_equal(&record, &written, sizeof record);", "    return true;"),
+]
+
+
+def test_no_flash_leads_to_a_wrong_configuration(tmp_path: Path) -> None:
+    done = fuzz(compile_fuzzer(tmp_path / "flash", what="flash"), SECONDS, 1, corpus=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
+@pytest.mark.parametrize(("old", "new"), FLASH_FAULTS)
+def test_a_fault_of_the_configuration_is_found(old: str, new: str, tmp_path: Path) -> None:
+    shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
+    path = tmp_path / "firmware/core/config.c"
+    assert path.read_text().count(old) == 1
+    path.write_text(path.read_text().replace(old, new))
+    done = fuzz(compile_fuzzer(tmp_path / "flash", tmp_path, what="flash"), 40, 1, corpus=False)
     assert done.returncode != 0
 
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from gellight.base.errors import BoardError, GellightError
 from gellight.base.settings import _file_layer, merge
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
-from gellight.dashboard.application import host_name
+from gellight.dashboard.access import host_name
 from gellight.dashboard.commands import COMMANDS
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image

@@ -9,6 +9,8 @@
 #define SET_BITS(address) REGISTER((address) + 0x2000u)
 #define CLEAR_BITS(address) REGISTER((address) + 0x3000u)
 
+#define SYSINFO_CHIP_ID 0x40000000u
+
 #define SSI_BASE 0x18000000u
 #define SSI_CTRLR0 (SSI_BASE + 0x00u)
 #define SSI_SSIENR (SSI_BASE + 0x08u)
@@ -43,6 +45,17 @@
 #define IO_BANK0_PROC0_INTE(pin) (0x40014100u + 4u * ((pin) / 8u))
 #define IO_QSPI_SS_CTRL 0x4001800cu
 #define PADS_BANK0(pin) (0x4001c004u + 4u * (pin))
+
+/* What a pin is: its pad, and the function it is given to (2.19.2). */
+#define PAD_OUTPUT 0x52u    /* 4 mA, Schmitt trigger, no pull */
+#define PAD_PULLED_UP 0x4au /* input, Schmitt trigger */
+#define PAD_BUS_KEEP (1u << 3 | 1u << 2) /* both pulls, in addition */
+#define FUNCTION_SIO 5u
+#define FUNCTION_PIO0 6u
+#define FUNCTION_USB 8u
+#define FUNCTION_NONE 31u /* and all bits of FUNCSEL */
+#define PIN_OUTPUT_OFF (2u << 12)
+#define PIN_INPUT_HIGH (3u << 16)
 
 #define XOSC_CTRL 0x40024000u
 #define XOSC_STATUS 0x40024004u
@@ -91,6 +104,8 @@
 #define USB_EP_STALL_ARM (USB_BASE + 0x68u)
 #define USB_MUXING (USB_BASE + 0x74u)
 #define USB_PWR (USB_BASE + 0x78u)
+#define USB_PHY_DIRECT (USB_BASE + 0x7cu)
+#define USB_PHY_OVERRIDE (USB_BASE + 0x80u)
 #define USB_INTE (USB_BASE + 0x90u)
 #define USB_INTS (USB_BASE + 0x98u)
 
@@ -118,6 +133,7 @@
 #define IRQ_TIMER_0 0u
 #define IRQ_TIMER_1 1u
 #define IRQ_TIMER_2 2u
+#define IRQ_TIMER_3 3u
 #define IRQ_USB 5u
 #define IRQ_IO_BANK0 13u
 

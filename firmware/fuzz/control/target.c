@@ -29,7 +29,7 @@ static const uint8_t known[][SETUP_BYTES] = {
     {0x80, 6, 0, 3, 0, 0, 255, 0},  {0x80, 6, 1, 3, 9, 4, 255, 0}, {0x80, 6, 3, 3, 9, 4, 64, 0},  {0, 5, 7, 0, 0, 0, 0, 0},
     {0, 9, 1, 0, 0, 0, 0, 0},       {0x80, 8, 0, 0, 0, 0, 1, 0},   {2, 1, 0, 0, 0x82, 0, 0, 0},   {2, 1, 0, 0, 2, 0, 0, 0},
     {0x81, 10, 0, 0, 1, 0, 1, 0},   {1, 11, 0, 0, 1, 0, 0, 0},     {0x80, 0, 0, 0, 0, 0, 2, 0},   {0x21, 0x20, 0, 0, 0, 0, 7, 0},
-    {0x21, 0x22, 3, 0, 0, 0, 0, 0}, {0xa1, 0x21, 0, 0, 0, 0, 7, 0}, {0x21, 0x23, 10, 0, 0, 0, 0, 0},
+    {0x21, 0x22, 3, 0, 0, 0, 0, 0}, {0xa1, 0x21, 0, 0, 0, 0, 7, 0}, {0x21, 0x23, 10, 0, 0, 0, 0, 0}, {0, 5, 0, 0, 0, 0, 0, 0},
 };
 
 static bool chosen, open;
@@ -91,7 +91,7 @@ static void send_setup(const uint8_t *setup)
     sent = 0;
     armed_toggle = DATA1;
     asked_address = address;
-    if (setup[0] == 0 && setup[1] == 5)
+    if (setup[0] == 0 && setup[1] == 5 && setup[2] < 128 && !setup[3])
         asked_address = setup[2];
     in_transfer = true;
     control_setup();

@@ -10,6 +10,7 @@ import tomli_w
 from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gellight.base.errors import BundleError
+from gellight.ring.wire import MOST_LEDS
 
 SCHEMA_VERSION = 1
 MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"
@@ -70,6 +71,9 @@ class Manifest(BaseModel):
     noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     """of one frame, as `image_noise` measures it: the standard deviation of one pixel, or for a camera that compresses
     that of white noise whose means spread as much; grey levels"""
+    rest_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    """how far means over cells of the gel at rest differ from the reference image beyond that noise: light that drifts
+    unevenly, gel that does not come back quite; root mean square, grey levels; 0 where nobody measured it"""
     follow_light: bool = False
     """take the median over the view off every difference image, because the light of this sensor drifts"""
     bulge: Length = BULGE
@@ -85,8 +89,8 @@ class Manifest(BaseModel):
         missing = {REFERENCE, METRICS, self.network} - set(self.files)
         if missing:
             raise ValueError(f"[files] does not list {', '.join(sorted(missing))}")
-        if self.led and len(self.led) != 12:
-            raise ValueError(f"led has {len(self.led)} entries, the ring has 12")
+        if self.led and not 3 <= len(self.led) <= MOST_LEDS:
+            raise ValueError(f"led has {len(self.led)} entries, a ring has 3 to {MOST_LEDS}")
         return self
 
     @property

@@ -13,10 +13,12 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.options import AsJson, Calibration
+from gellight.cli.options import AsJson
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
+from gellight.reconstruction.photometric.directions import LightDirections
+from gellight.reconstruction.photometric.recorded import frame_of_lights
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import encode_png, four_panels
 
@@ -35,8 +37,18 @@ class Row:
 
 def command(
     images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="Image files, folders or quoted patterns.")],
-    calibration: Calibration,
     out: Annotated[Path, typer.Option(help="Folder for NAME.npz and NAME.png of each image; created if need be.")],
+    calibration: Annotated[
+        str | None, typer.Option(help="Bundle: a folder, a .gelcal file, or 'synthetic'; or give --lights.")
+    ] = None,
+    lights: Annotated[
+        Path | None,
+        typer.Option(help="Lights that `calibrate directions` found: the images are one series, one for each light."),
+    ] = None,
+    white: Annotated[
+        float | None,
+        typer.Option(min=1, help="With --lights: level that is white.", show_default="255, or 65535 of 16 bit"),
+    ] = None,
     as_json: AsJson = False,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     dense: Annotated[bool, typer.Option("--dense", help="Run the network on untouched pixels too.")] = False,
@@ -45,11 +57,18 @@ def command(
     """Reconstruct depth, normals and contact from images of the gel.
 
     NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, and contact (H, W) bool.
-    Each file is written whole or not at all. At an image that cannot be used the work ends with its name; what was
-    written before stays.
+    With --lights NAME is that of the first image. Each file is written whole or not at all. At an image that cannot be
+    used the work ends with its name; what was written before stays.
     """
     paths = [path for text in images for path in image_files(text)]
+    if (calibration is None) == (lights is None):
+        raise InputError("depth comes from colours or from several lights: give either --calibration or --lights")
     _refuse_clashes(paths, out)
+    if lights is not None:
+        row = _written(frame_of_lights(LightDirections.read(lights), paths, white), paths[0], out, depth_scale_um)
+        typer.echo(json.dumps([asdict(row)], indent=2) if as_json else _table([row]))
+        return
+    assert calibration is not None
     bundle = load_bundle(calibration)
     reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
     rows = []

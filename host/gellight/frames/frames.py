@@ -168,7 +168,7 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExposureReport:
-    """What is known of a series of exposures under different lights that were put together to one tactile frame."""
+    """What is known of the exposures under different lights that were put together to one tactile frame."""
 
     exposures: int
     """light groups"""
@@ -184,11 +184,16 @@ class ExposureReport:
     """how badly the exposures fit one surface at worst; above 1 they do not"""
     lights: NDArray[np.uint8] = field(repr=False)
     """(H, W) LEDs that were neither shadowed nor clipped, and so were used"""
+    moving: NDArray[np.bool_] = field(repr=False)
+    """(H, W) where the picture under one light changed meanwhile, by means over 8 x 8 pixels"""
     least_lights: int
     """with fewer than this the slope of a pixel is a guess"""
 
     def as_json(self) -> dict[str, object]:
-        """Return the figures without the map: `guessed` is the share of pixels that saw too few lights."""
+        """Return the figures without the maps.
+
+        `guessed` is the share of pixels that saw too few lights, `moving` that of the pixels that are flagged.
+        """
         return {
             "exposures": self.exposures,
             "duration_s": round(self.duration_s, 3),
@@ -196,6 +201,7 @@ class ExposureReport:
             "repetition_grey": round(self.repetition_grey, 3),
             "repetition_limit_grey": round(self.repetition_limit_grey, 3),
             "misfit": round(self.misfit, 3),
+            "moving": round(float(self.moving.mean()), 5),
             "guessed": round(float((self.lights < self.least_lights).mean()), 5),
         }
 
@@ -240,6 +246,8 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
+    flags: tuple[str, ...] = ()
+    """what was done to the maps beyond the usual; `levelled`: a tilt of the whole surface was taken off"""
     provenance: Provenance | None = None
     """None where no daemon ran, as for the images of `gellight reconstruct`"""
 

@@ -97,6 +97,17 @@ def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     return kept
 
 
+def read_grey(path: Path, white: float | None = None) -> NDArray[np.float32]:
+    """Read a picture as (H, W) grey levels from 0 to 255 with their fraction, colours averaged.
+
+    white: level that becomes 255; None: 255 of 8 bit and 65535 of 16 bit. Raises InputError for what is no picture.
+    """
+    levels = read_levels(path)
+    largest = float(np.iinfo(levels.dtype).max) if white is None else white
+    grey = levels if levels.ndim == 2 else levels.mean(axis=2)
+    return np.asarray(grey * (255 / largest), np.float32)
+
+
 def image_files(text: str) -> list[Path]:
     """List the pictures that a folder, a pattern, a video or a file name stands for, in natural order."""
     path = Path(text)

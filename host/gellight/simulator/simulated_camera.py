@@ -27,10 +27,11 @@ from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.frames.timing import CameraTiming
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
-from gellight.ring.wire import LED_COUNT
+from gellight.ring.wire import MOST_LEDS
 from gellight.simulator.gel_models import GelKind, gel_model
 from gellight.simulator.read_noise import ReadNoise
 from gellight.simulator.scene import Array, Press, Scene
@@ -103,6 +104,17 @@ class SimulatedCamera(Camera):
         )
         self._shutter = replace(self._shutter, exposure_us=exposure_us)
         self._set_s = time.monotonic()
+
+    @property
+    def timing(self) -> CameraTiming:
+        """When the rows are exposed; stamps are as good as the board's process tells its time."""
+        shutter = self._shutter
+        return CameraTiming(
+            exposure_s=shutter.exposure_us * 1e-6,
+            readout_s=shutter.readout_us * 1e-6,
+            period_s=max(self._period_s, shutter.exposure_us * 1e-6),
+            pulse_period_s=shutter.pulse_period_us * 1e-6,
+        )
 
     def read(self) -> CameraFrame:
         """Wait until the next frame is due, expose it and return it with its truth.
@@ -227,19 +239,25 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
     model = gel_model(wanted.gel, wanted.resolution)
     scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
-    if wanted.board and len(scene.light) != LED_COUNT:
-        raise ConfigError(
-            f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "
-            "give as many led_colours, or use sim://?board=0 for steady light without a board"
-        )
+    if wanted.board:
+        check_drivable(len(scene.light))
     ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
 
 
+def check_drivable(leds: int) -> None:
+    """Raise ConfigError for more LEDs than the board of the light ring can drive."""
+    if leds > MOST_LEDS:
+        raise ConfigError(
+            f"the sensor has {leds} LEDs, the board of the light ring drives {MOST_LEDS} at most: give fewer "
+            "led_colours, or use sim://?board=0 for steady light without a board"
+        )
+
+
 def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
-    """Start a simulated board and light its LEDs with (12, 3) `colours`."""
+    """Start a simulated board with as many LEDs as (n, 3) `colours`, and light them."""
     # A busy computer may keep the emulator from the processor for a while; a real board always answers.
-    ring = LightRing(open_transport("sim://"), timeout_s=1.0)
+    ring = LightRing(open_transport(f"sim://?leds={len(colours)}"), timeout_s=1.0)
     try:
         ring.light(colours)
     except BaseException:

@@ -15,7 +15,7 @@ from gellight.training.baselines import Baseline, fit_lookup_table, fit_polynomi
 from gellight.training.child import Progress, silent
 from gellight.training.labelling.refinement import FirstFits, refine_others
 from gellight.training.labelling.refinement import refine as refinement_of
-from gellight.training.presses import Ball, Press, PressTable
+from gellight.training.presses import Ball, Press, PressTable, images_of
 from gellight.training.training import Reference, TrainingOptions, fit
 from gellight.training.validation import PressError, PressFigures, frames_by, press_error, press_errors, summarised
 
@@ -84,15 +84,17 @@ def cross_validate(
     and no network ever sees an image whose label it refines or judges. Raises InputError for too few presses, and as
     `fit`.
     """
-    if not 2 <= folds <= len(presses) // 2:
-        raise InputError(f"{folds} folds of {len(presses)} presses: give between 2 and {len(presses) // 2}")
-    order = np.random.default_rng(_FOLD_SEED).permutation(len(presses))
+    numbers = images_of(presses)
+    images = int(numbers.max(initial=-1)) + 1
+    if not 2 <= folds <= images // 2:
+        raise InputError(f"{folds} folds of {images} presses: give between 2 and {images // 2}")
+    order = np.random.default_rng(_FOLD_SEED).permutation(images)
     errors: Errors = defaultdict(list)
     seconds: list[float] = []
     first = FirstFits(reference.image, ball) if refine else None
     with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
         for fold in range(folds):
-            part = set(order[fold::folds].tolist())
+            part = set(np.flatnonzero(np.isin(numbers, order[fold::folds])).tolist())
             training, held_out = _divided(presses, part, reference.image, ball, first)
             place = Path(folder) / f"fold-{fold}"
             bundle = fit(training, reference, ball, place, sensor=f"fold {fold}", options=options)

@@ -6,7 +6,7 @@ shape of the ball (section 3.2.3 of the paper).
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -21,6 +21,10 @@ from gellight.frames.image_files import read_image
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
+RIM = 0.9
+"""of the contact radius: beyond it, within a circle that was drawn by hand, the gel has left the ball already"""
+QUALITY = "quality"
+"""optional column: how well the pattern of a ball fits, of a circle that `detect` found"""
 REFUSED = "refused"
 """optional column: why an image is not used; such a row has no circle"""
 Floats = NDArray[np.float32]
@@ -56,6 +60,8 @@ class Press:
     contact_radius_px: float
     dots: Dots | None = None
     """the marker dots of the gel, where it has some"""
+    found: bool = False
+    """whether `detect` found the circle; else a hand may have drawn it"""
 
     def picture(self) -> NDArray[np.uint8]:
         """Read its image, (H, W, 3) RGB with the dots filled; InputError where it cannot be read."""
@@ -73,6 +79,8 @@ class TableOptions:
 
     inset_px: float = 1.0
     """the outermost ring of the contact circle is left out: there a label that is a pixel off is wrong most"""
+    rim_share: float = 1.0
+    """of the pixels beyond `RIM` of a contact radius that a hand may have drawn, how many are learnt from"""
     flat_share: float = 0.3
     """untouched pixels, as a share of the contact pixels, with gradient 0"""
     flat_distance: float = 1.9
@@ -88,7 +96,7 @@ class PressTable:
     rows: Floats
     """(N, 7) dR, dG, dB in grey levels, x, y in px, d(depth)/dx, d(depth)/dy"""
     image: NDArray[np.int32]
-    """(N,) index of the press each row comes from"""
+    """(N,) number of the image each row comes from, see `images_of`"""
     image_size: tuple[int, int]
     """(W, H) px"""
 
@@ -113,7 +121,7 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
     """
     rows = _read_rows(path)
     presses: list[Press] = []
-    seen: dict[str, int] = {}
+    seen: dict[Press, int] = {}
     for line, row in enumerate(rows, start=2):
         if (row.get(REFUSED) or "").strip():
             continue
@@ -121,12 +129,13 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
         name = (row["image"] or "").strip()
         if not name:
             raise InputError(f"{where}: column image is empty: give the name of the image beside the csv")
-        if name in seen:
-            raise InputError(f"{where}: image {name} is already in line {seen[name]}: keep one circle for each image")
-        seen[name] = line
         x, y, radius = (_number(row, column, where) for column in COLUMNS[1:])
-        press = Press(image=path.parent / name, center_x_px=x, center_y_px=y, contact_radius_px=radius, dots=dots)
+        found = bool((row.get(QUALITY) or "").strip())
+        circle = {"center_x_px": x, "center_y_px": y, "contact_radius_px": radius}
+        press = Press(image=path.parent / name, **circle, found=found, dots=dots)
         _check_circle(press, ball, image_shape, where)
+        _check_apart(press, seen, where)
+        seen[press] = line
         _check_image(press, image_shape, where)
         presses.append(press)
     if not presses:
@@ -176,6 +185,27 @@ def _check_circle(press: Press, ball: Ball, image_shape: tuple[int, int], where:
             f"{where}: the circle's centre ({x:g}, {y:g}) px is outside the image of {width} x {height} px: "
             "correct the circle or remove the line"
         )
+
+
+def _check_apart(press: Press, seen: Mapping[Press, int], where: str) -> None:
+    """Refuse a circle that shares gel with another one of the same image: one of the two is wrong."""
+    for other, line in seen.items():
+        apart = math.hypot(press.center_x_px - other.center_x_px, press.center_y_px - other.center_y_px)
+        if press.image == other.image and apart < press.contact_radius_px + other.contact_radius_px:
+            raise InputError(
+                f"{where}: image {press.image.name} is already in line {line}, and the two circles overlap: keep one"
+            )
+
+
+def images_of(presses: Sequence[Press]) -> NDArray[np.int32]:
+    """Number the image of each press, (N,): what is learnt from and what is judged are divided by it.
+
+    Where all presses are in one image, as with a plate of balls, each press counts as an image.
+    """
+    numbers = {image: number for number, image in enumerate(dict.fromkeys(press.image for press in presses))}
+    if len(numbers) == 1:
+        return np.arange(len(presses), dtype=np.int32)
+    return np.array([numbers[press.image] for press in presses], np.int32)
 
 
 def _check_image(press: Press, image_shape: tuple[int, int], where: str) -> None:
@@ -232,11 +262,11 @@ def build_table(
     """
     shape = (reference.shape[0], reference.shape[1])
     random = np.random.default_rng(options.seed)
-    parts = [_press_rows(press, reference, ball, options, follow_light, random) for press in presses]
+    parts = [_press_rows(press, presses, reference, ball, options, follow_light, random) for press in presses]
     counts = [len(part) for part in parts]
     return PressTable(
         rows=np.concatenate(parts),
-        image=np.repeat(np.arange(len(parts), dtype=np.int32), counts),
+        image=np.repeat(images_of(presses), counts),
         image_size=(shape[1], shape[0]),
     )
 
@@ -247,9 +277,26 @@ def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(drifts))))
 
 
+def _flat(press: Press, presses: Sequence[Press], distance: Floats, options: TableOptions) -> NDArray[np.bool_]:
+    """Mark the (H, W) pixels that count as untouched, from the distances from one press and all presses."""
+    flat = distance > options.flat_distance * press.contact_radius_px
+    for other in presses:
+        if other.image == press.image and other is not press:
+            shape = (distance.shape[0], distance.shape[1])
+            flat &= distance_px(other, shape) > options.flat_distance * other.contact_radius_px
+    return np.asarray(flat)
+
+
 def _press_rows(
-    press: Press, reference: Floats, ball: Ball, options: TableOptions, follow_light: bool, random: np.random.Generator
+    press: Press,
+    presses: Sequence[Press],
+    reference: Floats,
+    ball: Ball,
+    options: TableOptions,
+    follow_light: bool,
+    random: np.random.Generator,
 ) -> Floats:
+    """Return the rows of one of the presses; flat are pixels that are far from every press in the same image."""
     shape = (reference.shape[0], reference.shape[1])
     difference = difference_of(press.picture(), reference, follow_light=follow_light)
     distance = distance_px(press, shape)
@@ -262,7 +309,10 @@ def _press_rows(
             f"{press.image}: no pixel is left of a contact circle of {press.contact_radius_px:g} px after an inset "
             f"of {options.inset_px:g} px: press deeper or remove the line"
         )
-    far = np.flatnonzero(distance > options.flat_distance * press.contact_radius_px)
+    if options.rim_share < 1 and not press.found:
+        rim = distance.ravel()[contact] > RIM * press.contact_radius_px
+        contact = contact[~rim | (random.random(len(contact)) < options.rim_share)]
+    far = np.flatnonzero(_flat(press, presses, distance, options))
     flat = random.choice(far, min(len(far), round(options.flat_share * len(contact))), replace=False)
     gradient = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]
     rows = np.zeros((len(contact) + len(flat), 7), np.float32)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import groupby
 from typing import Self
 
 import numpy as np
@@ -16,9 +17,11 @@ from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.smoothing import Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.training.baselines import Baseline
-from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle, distance_px, sphere_gradient
 
 Floats = NDArray[np.float32]
+_OWN = 2.0
+"""in contact radii: how far a contact patch that is compared with the circle may reach"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,7 +99,12 @@ def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[P
     # Without the mask: a pixel of the contact circle counts whether or not its colour changed. Over the picture, as the
     # circles are drawn: with a lens, labels and slopes are distorted alike.
     reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
-    return [press_error(press, ball, reconstructor.reconstruct(frame_of(press))) for press in presses]
+    found: list[PressError] = []
+    for _, one_image in groupby(presses, key=lambda press: press.image):
+        labelled = list(one_image)
+        frame = reconstructor.reconstruct(frame_of(labelled[0]))
+        found += [press_error(press, ball, frame) for press in labelled]
+    return found
 
 
 def frame_of(press: Press) -> CameraFrame:
@@ -130,7 +138,9 @@ def baseline_errors(
 def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
     """Compare normals, depth and contact patch with a label."""
     shape = (frame.depth_mm.shape[0], frame.depth_mm.shape[1])
-    inside, patch = contact_circle(press, shape), frame.contact.mask
+    inside = contact_circle(press, shape)
+    # Other balls in the same picture are not of this press.
+    patch = frame.contact.mask & (distance_px(press, shape) < _OWN * press.contact_radius_px)
     true_normals = normals(sphere_gradient(press, ball, shape))
     depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(

@@ -16,6 +16,7 @@ from gellight.simulator.scene import Press, Scene
 from gellight.training.presses import Ball, read_presses
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.places import REAL_CROPS
 
 PIXEL_MM = 0.1176
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", str(PIXEL_MM)]
@@ -109,3 +110,31 @@ def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) ->
         assert "cannot be written" in str(run(folder, folder / "a.png", "--overwrite", out=out).exception)
     refused = run(folder, folder / "a.png", "--overlay", tmp_path / "file", out=tmp_path / "presses.csv")
     assert "overlays cannot be written" in str(refused.exception)
+
+
+PLATE = ["--ball-radius-mm", "1.5875", "--pixel-size-mm", "0.0591"]
+
+
+def test_the_balls_of_a_real_plate_are_found_and_give_the_scale(tmp_path: Path) -> None:
+    """One picture of a plate, no picture of the untouched gel; `detect` said "several presses" and found none."""
+    plate = [REAL_CROPS / "ball_plate/plate.png", *PLATE, "--pitch-mm", "6.35"]
+    arguments = ["detect", *plate, "--several", "--json", "--out", tmp_path / "presses.csv"]
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert len(found["circles"]) == 20  # all whole ones
+    # The maker's own figures are 0.02922 and 0.02955 mm along the two axes of pictures twice as large.
+    assert found["scale"]["pixel_size_mm"] == pytest.approx(0.0588, rel=0.01)
+    assert found["scale"]["miss_px"] < 2
+    reference = tmp_path / "presses-untouched.png"
+    assert read_image(reference).shape == read_image(REAL_CROPS / "ball_plate/plate.png").shape
+    ball = Ball(radius_mm=1.5875, pixel_size_mm=0.0591)
+    assert len(read_presses(tmp_path / "presses.csv", ball=ball, image_shape=(510, 550))) == 20
+
+
+def test_without_an_untouched_picture_several_balls_are_needed(folder: Path, tmp_path: Path) -> None:
+    arguments = ["detect", folder / "a.png", *BALL, "--out", tmp_path / "presses.csv"]
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert isinstance(result.exception, InputError)
+    assert "give --reference, or --several" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []

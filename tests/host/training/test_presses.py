@@ -14,6 +14,7 @@ from gellight.training.presses import (
     build_table,
     cap_depth_mm,
     contact_circle,
+    images_of,
     read_presses,
     sphere_gradient,
 )
@@ -154,3 +155,36 @@ def test_a_circle_that_its_inset_swallows_is_refused(tmp_path: Path) -> None:
     tiny = Press(image=tmp_path / "a.png", center_x_px=80, center_y_px=50, contact_radius_px=3)
     with pytest.raises(InputError, match="no pixel is left of a contact circle of 3 px"):
         build_table([tiny], np.zeros((*SHAPE, 3), np.float32), BALL, TableOptions(inset_px=3))
+
+
+def test_several_presses_of_one_image_are_learnt_from_and_divided_by_image(tmp_path: Path) -> None:
+    image = np.full((120, 160, 3), 100, np.uint8)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(tmp_path / name), image)
+    one, other, third = (
+        Press(image=tmp_path / name, center_x_px=x, center_y_px=60.0, contact_radius_px=15.0)
+        for name, x in (("a.png", 40.0), ("a.png", 110.0), ("b.png", 60.0))
+    )
+    np.testing.assert_array_equal(images_of([one, other, third]), [0, 0, 1])
+    np.testing.assert_array_equal(images_of([one, other]), [0, 1])  # of one picture alone, each by itself
+    ball = Ball(radius_mm=4, pixel_size_mm=0.1)
+    table = build_table([one, other, third], image.astype(np.float32), ball, TableOptions(flat_share=1.0))
+    assert set(table.image.tolist()) == {0, 1}
+    flat = (table.rows[:, 5:] == 0).all(axis=1) & (table.image == 0)
+    assert flat.sum() > 500
+    for press in (one, other):  # what is flat for one press is not in the contact of the other
+        away = np.hypot(table.rows[flat, 3] - press.center_x_px, table.rows[flat, 4] - press.center_y_px)
+        assert np.sort(away)[2] > 1.9 * 15  # but for the middles of the balls, which are level
+
+
+def test_the_rim_of_a_circle_that_a_hand_drew_weighs_less(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    write_image(tmp_path / "b.png")
+    path = write_csv(tmp_path, "a.png,80,50,30,", "b.png,80,50,30,0.97", header=HEADER.strip() + ",quality\n")
+    drawn, found = read_presses(path, ball=BALL, image_shape=SHAPE)
+    options = TableOptions(flat_share=0.0, inset_px=0.0, rim_share=0.25)
+    table = build_table([drawn, found], np.zeros((*SHAPE, 3), np.float32), BALL, options)
+    distance = np.hypot(table.rows[:, 3] - 80, table.rows[:, 4] - 50)
+    rims, inner = ([((table.image == i) & part).sum() for i in (0, 1)] for part in (distance > 27, distance <= 27))
+    assert inner[0] == inner[1]
+    assert rims[0] == pytest.approx(0.25 * rims[1], rel=0.2)

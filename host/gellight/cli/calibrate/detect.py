@@ -1,48 +1,115 @@
 """`gellight calibrate detect`: the contact circles of ball presses, without a click."""
 
 import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
+import numpy as np
 import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, refuse_existing
-from gellight.frames.image_files import image_files
-from gellight.training.labelling import Detection, detect, write_overlays, write_presses
+from gellight.frames.image_files import image_files, read_image
+from gellight.report.pictures import write_png
+from gellight.training.labelling import Detection, detect, detect_several, write_overlays, write_presses
+from gellight.training.labelling.plate import PlateGrid, untouched_between
 from gellight.training.presses import Ball
 from gellight.training.training import read_reference
 
 
 def command(
     images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="presses: files, folders, quoted patterns")],
-    reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")],
     ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")],
     pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")],
     out: Annotated[Path, typer.Option(help="csv to write: a row an image, as `fit` reads it")],
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            help="image of the untouched gel, or a folder of them, which is averaged; with --several it can be taken "
+            "from between the balls of the first image"
+        ),
+    ] = None,
+    several: Annotated[bool, typer.Option("--several", help="look for several balls in each image")] = False,
+    pitch_mm: Annotated[
+        float | None, typer.Option(help="distance of neighbours on a plate of balls; measures the pixel size too")
+    ] = None,
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures with the circles drawn in")] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the contact circle of a ball press in each image.
+    """Find the contact circle of a ball press in each image, or of each of several balls.
 
+    With --several and without --reference the untouched gel is taken from between the balls, and written beside the
+    csv, so that `fit` can use it.
     An image without a usable press is listed with the reason and `fit` passes over it. The exit status is 0 if every
     image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then no file is written.
     """
     refuse_existing(out, overwrite)
     ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
+    paths = _images(images)
+    plate = several or pitch_mm is not None
+    if reference is None:
+        if not plate:
+            raise InputError("one ball in an image is found by what changed: give --reference, or --several")
+        reference = _written_untouched(paths, ball, out.with_name(f"{out.stem}-untouched.png"), overwrite)
     untouched = read_reference(reference)
-    found = detect(_images(images), untouched.image, ball, dots=untouched.dots)
+    grid: PlateGrid | None = None
+    if plate:
+        found, grid = detect_several(paths, untouched.image, ball, dots=untouched.dots, pitch_mm=pitch_mm)
+    else:
+        found = detect(paths, untouched.image, ball, dots=untouched.dots)
     refused = [detection for detection in found if detection.circle is None]
     if len(refused) < len(found):
         write_presses(out, found)
         if overlay is not None:
             write_overlays(overlay, found)
-    typer.echo(json.dumps([detection.record() for detection in found], indent=2) if as_json else _table(found, out))
+    scale = None if grid is None or pitch_mm is None else PlateScale.of(grid, pitch_mm)
+    typer.echo(_json(found, scale) if as_json else _table(found, out, scale))
     if len(refused) == len(found):
         raise InputError(f"no circle in any of {len(found)} images: nothing was written; see the reason of each")
     if refused:
         raise typer.Exit(1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlateScale:
+    """The size of a pixel by the pitch of a plate of balls."""
+
+    balls: int
+    pixel_size_mm: float
+    across_mm_per_px: float
+    down_mm_per_px: float
+    miss_px: float
+    """root mean square distance of the balls from their places in the grid"""
+
+    @classmethod
+    def of(cls, grid: PlateGrid, pitch_mm: float) -> Self:
+        """Take it from the grid."""
+        return cls(
+            balls=sum(grid.on_grid),
+            pixel_size_mm=round(pitch_mm / grid.pitch_px, 6),
+            across_mm_per_px=round(pitch_mm / grid.across_px, 6),
+            down_mm_per_px=round(pitch_mm / grid.down_px, 6),
+            miss_px=round(grid.miss_px, 2),
+        )
+
+
+def _written_untouched(paths: list[Path], ball: Ball, target: Path, overwrite: bool) -> str:
+    """Write the gel between the balls, the mean of all images, and return its name; InputError where it cannot be."""
+    refuse_existing(target, overwrite)
+    mean = np.mean([untouched_between(read_image(path), ball) for path in paths], axis=0)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_png(target, np.clip(np.rint(mean), 0, 255).astype(np.uint8))
+    except OSError as error:
+        raise InputError(f"{target} cannot be written ({error.strerror or error}): choose another place") from error
+    return str(target)
+
+
+def _json(found: list[Detection], scale: PlateScale | None) -> str:
+    records = [detection.record() for detection in found]
+    return json.dumps(records if scale is None else {"circles": records, "scale": asdict(scale)}, indent=2)
 
 
 def _images(texts: list[str]) -> list[Path]:
@@ -53,7 +120,7 @@ def _images(texts: list[str]) -> list[Path]:
     return paths
 
 
-def _table(found: list[Detection], out: Path) -> str:
+def _table(found: list[Detection], out: Path, scale: PlateScale | None) -> str:
     lines = [f"{'image':<24}{'x':>9}{'y':>9}{'radius':>9}{'quality':>9}  px"]
     for detection in found:
         circle = detection.circle
@@ -64,6 +131,11 @@ def _table(found: list[Detection], out: Path) -> str:
                 f"{detection.image.name:<24}{circle.center_x_px:>9.2f}{circle.center_y_px:>9.2f}"
                 f"{circle.contact_radius_px:>9.2f}{circle.quality:>9.3f}"
             )
+    if scale is not None:
+        lines.append(
+            f"{scale.balls} balls of the plate: {scale.pixel_size_mm:g} mm per pixel (across "
+            f"{scale.across_mm_per_px:g}, down {scale.down_mm_per_px:g}); they miss the grid by {scale.miss_px:g} px"
+        )
     circles = sum(detection.circle is not None for detection in found)
     if circles:
         lines.append(f"wrote {out}: {circles} circles, {len(found) - circles} images refused")

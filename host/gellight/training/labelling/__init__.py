@@ -1,6 +1,6 @@
 """Circles without clicks: where a ball touches the gel, found in the picture of a press alone."""
 
 from gellight.training.labelling.circle import PressCircle, find_circle
-from gellight.training.labelling.detection import Detection, detect, write_overlays, write_presses
+from gellight.training.labelling.detection import Detection, detect, detect_several, write_overlays, write_presses
 
-__all__ = ["Detection", "PressCircle", "detect", "find_circle", "write_overlays", "write_presses"]
+__all__ = ["Detection", "PressCircle", "detect", "detect_several", "find_circle", "write_overlays", "write_presses"]

@@ -1,5 +1,6 @@
 """The contact circle of a ball press, to a fraction of a pixel, or the reason why there is none."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,18 +19,22 @@ from gellight.training.labelling.pattern import (
     window,
     without,
 )
-from gellight.training.labelling.search import Candidate, best_candidate
+from gellight.training.labelling.search import Candidate, best_candidate, candidates
 from gellight.training.presses import Ball
 
 Array = NDArray[np.float64]
 _LEAST_GREY = 3.0
-_LEAST_QUALITY = 0.8
+LEAST_QUALITY = 0.8
+"""share that the pattern of a ball must explain for its circle to be believed"""
 _LEAST_SHARE = 0.2
 _LEAST_RADIUS_PX = 6.0
 _LEAST_VIEW = 0.95
 _MOST_CLIPPED = 0.2
 """of the values in the circle: one channel of three may lose half of its slopes, and the circle is still known"""
 _RIVAL = 0.3
+_PATIENCE = 16
+_FAINTEST = 0.05
+"""of the strongest place: what is left is dirt"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,20 +60,61 @@ def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball
     no ball of this size, or there are several.
     """
     difference = difference_image(image, reference)
+    _check_size(ball, image)
+    candidate = best_candidate(difference, ball.radius_px)
+    shape, circle = fit_circle(
+        difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
+    )
+    _check(circle, ball, image, reference)
+    _check_rivals(difference, candidate, shape, ball.radius_px)
+    return circle
+
+
+def find_circles(
+    image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball
+) -> Iterator[PressCircle | InputError]:
+    """Find the contact circles of several balls of one size in one image; otherwise as `find_circle`.
+
+    What looks like a ball and cannot be used is yielded as the error that says why. It ends after 16 such places in a
+    row, or where the pattern of a ball explains less than a twentieth of what it explained at the first place. Raises
+    InputError for an image or a ball that cannot be used at all.
+    """
+    difference = difference_image(image, reference)
+    _check_size(ball, image)
+    least_gain: float | None = None
+    found, in_vain = np.empty((0, 2)), 0
+    for candidate in candidates(difference, ball.radius_px):
+        least_gain = _FAINTEST * candidate.gain if least_gain is None else least_gain
+        if candidate.gain < least_gain or in_vain == _PATIENCE:
+            return
+        place = candidate.center_x, candidate.center_y
+        if (np.hypot(*(found - place).T) < 1.9 * ball.radius_px).any():
+            continue  # two balls are two radii apart
+        _, circle = fit_circle(difference, place, candidate.contact_radius, ball.radius_px)
+        try:
+            if np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) > 0.7 * ball.radius_px:
+                raise InputError("what is there is no ball by itself")
+            _check(circle, ball, image, reference)
+        except InputError as error:
+            in_vain += 1
+            yield InputError(f"near ({place[0]:.0f}, {place[1]:.0f}) px: {error}")
+        else:
+            found, in_vain = np.vstack([found, (circle.center_x_px, circle.center_y_px)]), 0
+            yield circle
+
+
+def _check(circle: PressCircle, ball: Ball, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
+    _check_press(circle, ball)
+    _check_view(circle, image.shape[:2])
+    _check_clipped(circle, image, reference)
+
+
+def _check_size(ball: Ball, image: NDArray[np.uint8]) -> None:
     if ball.radius_px < 2 * _LEAST_RADIUS_PX or ball.radius_px > max(image.shape[:2]):
         raise InputError(
             f"the ball is {ball.radius_px:.1f} px in radius in an image of {image.shape[1]} x {image.shape[0]} px: "
             "check the ball radius and the pixel size"
         )
-    candidate = best_candidate(difference, ball.radius_px)
-    shape, circle = fit_circle(
-        difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
-    )
-    _check_press(circle, ball)
-    _check_view(circle, image.shape[:2])
-    _check_clipped(circle, image, reference)
-    _check_rivals(difference, candidate, shape, ball.radius_px)
-    return circle
 
 
 def fit_circle(
@@ -102,10 +148,10 @@ def _check_press(circle: PressCircle, ball: Ball) -> None:
             f"no press: the strongest pattern of a ball changes the colours by {circle.contrast_grey:.1f} grey levels, "
             f"at least {_LEAST_GREY:g} are needed: press the ball into the gel"
         )
-    if circle.quality < _LEAST_QUALITY:
+    if circle.quality < LEAST_QUALITY:
         raise InputError(
             f"no single ball of {ball.radius_mm:g} mm: its pattern explains {100 * circle.quality:.0f} % of what "
-            f"changed, at least {100 * _LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
+            f"changed, at least {100 * LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
         )
     least = max(_LEAST_SHARE * ball.radius_px, _LEAST_RADIUS_PX)
     if radius < least:

@@ -5,6 +5,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ from gellight.base.writing import write_file
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.report.pictures import write_png
-from gellight.training.labelling.circle import PressCircle, find_circle
-from gellight.training.presses import COLUMNS, REFUSED, Ball
+from gellight.training.labelling.circle import PressCircle, find_circle, find_circles
+from gellight.training.labelling.plate import PlateGrid, plate_grid
+from gellight.training.presses import COLUMNS, QUALITY, REFUSED, Ball
 
 Array = NDArray[np.float64]
 _INK = (255, 255, 255)
@@ -70,6 +72,49 @@ def detect(
     return found
 
 
+def detect_several(
+    images: Sequence[Path],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    dots: Dots | None = None,
+    pitch_mm: float | None = None,
+) -> tuple[list[Detection], PlateGrid | None]:
+    """Look for all balls in each image; otherwise as `detect`.
+
+    pitch_mm: distance of neighbours on a plate of balls; what is not in its grid is left out, and the grid of the
+    picture with most balls is returned.
+    """
+    found: list[Detection] = []
+    best: PlateGrid | None = None
+    for path in images:
+        try:
+            circles, grid = _balls(path, reference, ball, dots, pitch_mm)
+        except InputError as error:
+            found.append(Detection(image=path, circle=None, refused=str(error)))
+            continue
+        found += [Detection(image=path, circle=circle) for circle in circles]
+        if grid is not None and (best is None or len(grid.on_grid) > len(best.on_grid)):
+            best = grid
+    return found, best
+
+
+def _balls(
+    path: Path, reference: NDArray[np.number], ball: Ball, dots: Dots | None, pitch_mm: float | None
+) -> tuple[list[PressCircle], PlateGrid | None]:
+    """Return the circles of one image, and their grid where the pitch is known; InputError where there is none."""
+    image = read_image(path)
+    image = dots.filled(image) if dots else image
+    seen = list(find_circles(image, reference, ball=ball))
+    circles = [one for one in seen if isinstance(one, PressCircle)]
+    if not circles:
+        raise next((one for one in seen if isinstance(one, InputError)), InputError("no press: nothing has changed"))
+    if pitch_mm is None:
+        return circles, None
+    grid = plate_grid(circles, pitch_mm / ball.pixel_size_mm)
+    return [circle for circle, inside in zip(circles, grid.on_grid, strict=True) if inside], grid
+
+
 def _found(path: Path, reference: NDArray[np.number], ball: Ball, dots: Dots | None) -> PressCircle:
     image = read_image(path)
     return find_circle(dots.filled(image) if dots else image, reference, ball=ball)
@@ -82,7 +127,7 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     to the folder of the csv, which is made. Raises InputError where it cannot be written.
     """
     text = io.StringIO()
-    writer = csv.DictWriter(text, [*COLUMNS, "quality", REFUSED], lineterminator="\n")
+    writer = csv.DictWriter(text, [*COLUMNS, QUALITY, REFUSED], lineterminator="\n")
     writer.writeheader()
     writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
     try:
@@ -94,19 +139,20 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
 
 def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
     """Write NAME.png of each image that was found, with its circle and centre drawn in; InputError where it cannot."""
-    stems = [detection.image.stem for detection in detections]
+    circles: dict[Path, list[PressCircle]] = {}
+    for detection in detections:
+        if detection.circle is not None:
+            circles.setdefault(detection.image, []).append(detection.circle)
+    stems = [image.stem for image in {detection.image for detection in detections}]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for detection in detections:
-            if detection.circle is None:
-                continue
-            image = detection.image
+        for image, seen in circles.items():
             # Images of one name from two folders must not replace each other.
             name = image.stem if stems.count(image.stem) == 1 else f"{image.parent.name}-{image.stem}"
             target = folder / f"{name}.png"
             if target.resolve() == image.resolve():
                 raise InputError(f"the overlay of {image} would replace it: give another folder to --overlay")
-            write_png(target, drawn(read_image(image), detection.circle))
+            write_png(target, reduce(drawn, seen, read_image(image)))
     except OSError as error:
         raise InputError(
             f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"

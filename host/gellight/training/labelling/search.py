@@ -1,5 +1,6 @@
 """The first guess: a matched filter for the pattern of a pressed ball, over all places and a few radii."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ _COARSE_BALL_PX = 10.0
 _SHARES = np.linspace(0.25, 0.95, 8)
 _SUPPORT = 1.8
 """in contact radii: how far the pattern is looked for"""
+_APART = 1.5
+"""in ball radii: two balls are at least 2 apart"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +40,37 @@ def best_candidate(difference: Array, ball_radius: float) -> Candidate:
     side = max(1, round(ball_radius / _COARSE_BALL_PX))
     image: Array = block_means(difference, side)
     gains = np.stack([_gain(image, share * ball_radius / side, ball_radius / side) for share in _SHARES])
-    number, row, column = np.unravel_index(int(gains.argmax()), gains.shape)
+    number, row, column = (int(n) for n in np.unravel_index(int(gains.argmax()), gains.shape))
+    return _candidate(gains, number, row, column, side, ball_radius)
+
+
+def candidates(difference: Array, ball_radius: float) -> Iterator[Candidate]:
+    """Yield places where there may be balls, the likeliest first, each at least 1.5 ball radii from those before.
+
+    Between two balls a pattern explains some of both. So what counts here is what it explains times the square of the
+    share that this is of all that changed there.
+    """
+    side = max(1, round(ball_radius / _COARSE_BALL_PX))
+    image: Array = block_means(difference, side)
+    gains = np.stack([_gain(image, share * ball_radius / side, ball_radius / side) for share in _SHARES])
+    changed = np.stack([_changed(image, share * ball_radius / side) for share in _SHARES])
+    score = gains * (gains / np.maximum(changed, 1e-9 + 1e-3 * changed.max())) ** 2
+    rows, columns = np.indices(score.shape[1:])
+    while (score > 0).any():
+        number, row, column = (int(n) for n in np.unravel_index(int(score.argmax()), score.shape))
+        yield _candidate(gains, number, row, column, side, ball_radius)
+        score[:, np.hypot(rows - row, columns - column) < _APART * ball_radius / side] = 0
+
+
+def _changed(image: Array, contact_radius: float) -> Array:
+    """(H, W) sum of squares of a (H, W, C) image around each pixel, as far as the pattern is looked for."""
+    reach = min(int(np.ceil(_SUPPORT * contact_radius)), min(image.shape[:2]) // 2)
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    disc = (np.hypot(x, y) < _SUPPORT * contact_radius).astype(np.float64)
+    return np.asarray(_correlated((image**2).sum(axis=2, keepdims=True), disc[None])[0])
+
+
+def _candidate(gains: Array, number: int, row: int, column: int, side: int, ball_radius: float) -> Candidate:
     return Candidate(
         center_x=(column + 0.5) * side - 0.5,
         center_y=(row + 0.5) * side - 0.5,

@@ -9,7 +9,9 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.training.labelling import find_circle
+from gellight.training.labelling.circle import PressCircle, find_circles
 from gellight.training.labelling.pattern import PressShape, profile, response
+from gellight.training.labelling.plate import plate_grid
 from gellight.training.presses import Ball
 from tests.helpers.places import REAL_IMAGES
 
@@ -68,6 +70,31 @@ REFUSED = {
 def test_what_is_no_usable_press_is_refused_with_the_reason(image: np.ndarray, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         find_circle(image, reference(), ball=BALL)
+
+
+def test_several_balls_in_one_picture_are_each_found() -> None:
+    places = [(60.0, 55.0, 24.0), (190.0, 60.0, 22.0), (70.0, 150.0, 20.0), (200.0, 145.0, 26.0)]
+    found = list(find_circles(photograph(*places), reference(), ball=BALL))
+    circles = [one for one in found if isinstance(one, PressCircle)]
+    assert len(circles) == 4
+    for x, y, radius in places:
+        nearest = min(circles, key=lambda one: np.hypot(one.center_x_px - x, one.center_y_px - y))
+        assert np.hypot(nearest.center_x_px - x, nearest.center_y_px - y) < 1.0
+        assert nearest.contact_radius_px == pytest.approx(radius, abs=1.5)
+
+
+def test_a_turned_grid_of_balls_is_told_from_what_is_not_in_it() -> None:
+    turn = np.radians(7)
+    axes = 50 * np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    points = [100 + np.array([i, j]) @ axes for i in range(4) for j in range(3)] + [np.array([117.0, 128.0])]
+    circles = [
+        PressCircle(center_x_px=x, center_y_px=y, contact_radius_px=9, quality=0.9, contrast_grey=20) for x, y in points
+    ]
+    grid = plate_grid(circles, 54)
+    assert grid.pitch_px == pytest.approx(50, abs=1e-6)
+    assert grid.on_grid == (True,) * 12 + (False,)
+    with pytest.raises(InputError, match="in no grid of about 90 px"):
+        plate_grid(circles, 90)
 
 
 def test_an_object_that_is_no_ball_is_refused() -> None:

@@ -1,0 +1,79 @@
+"""`gellight calibrate directions`: find the lights of any sensor from pictures of balls, one a light."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from gellight.base.errors import InputError
+from gellight.calibration.lights.ball_lights import LEAST_BALLS, check_lights, lights_from_balls
+from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
+from gellight.frames.image_files import image_files, read_grey
+from gellight.reconstruction.image_noise import noise_of_one
+from gellight.training.presses import Ball, read_presses
+
+_HELD_OUT = 4
+"""every fourth ball judges, and is not learnt from"""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """One picture a light, in the same order everywhere."""
+
+    balls: Annotated[str, typer.Option(help="folder or quoted pattern: balls, one picture a light")]
+    untouched: Annotated[str, typer.Option(help="folder or quoted pattern: the untouched gel, in the same order")]
+    presses: Annotated[Path, typer.Option(help="csv of the circles, as `detect` writes it; they hold in all pictures")]
+    ball_radius_mm: Annotated[float, typer.Option(help="radius of the balls, mm")]
+    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
+    white: Annotated[
+        float | None, typer.Option(min=1, help="level that is white", show_default="255, or 65535 of 16 bit")
+    ] = None
+
+
+@with_options
+def command(
+    pictures: Pictures,
+    out: Annotated[Path, typer.Option(help="file to write: .npz")],
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the direction of each light on balls of known radius.
+
+    Every fourth ball is held out and judges; then all balls are used. The pictures may have one channel and 16 bit. A
+    pattern is expanded in natural order. `gellight reconstruct --lights` uses the file.
+    """
+    refuse_existing(out, overwrite)
+    ball = Ball(radius_mm=pictures.ball_radius_mm, pixel_size_mm=pictures.pixel_size_mm)
+    levels, untouched = (
+        np.stack([read_grey(path, pictures.white) for path in same_size(image_files(text), pictures.white)])
+        for text in (pictures.balls, pictures.untouched)
+    )
+    presses = read_presses(pictures.presses, ball=ball, image_shape=(levels.shape[1], levels.shape[2]))
+    learnt = [press for number, press in enumerate(presses) if number % _HELD_OUT]
+    if len(learnt) < LEAST_BALLS:
+        raise InputError(f"{len(presses)} balls are too few: give at least 6, so that some can be held out")
+    noise = noise_of_one(untouched[0][..., None])
+    judged = check_lights(lights_from_balls(levels, untouched, learnt, ball, noise), levels, presses[::_HELD_OUT], ball)
+    lights = lights_from_balls(levels, untouched, presses, ball, noise)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        lights.write(out)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror or error}): choose another place") from error
+    middles = lights.vectors[:, :, 0]
+    elevation = np.degrees(np.arctan2(middles[:, 2], np.hypot(middles[:, 0], middles[:, 1])))
+    azimuth = np.degrees(np.arctan2(-middles[:, 1], middles[:, 0])) % 360
+    found = {"azimuth_deg": azimuth.round(1).tolist(), "elevation_deg": elevation.round(1).tolist()}
+    result = {"lights": str(out), **found, "held_out": judged.as_json()}
+    typer.echo(json.dumps(result, indent=2) if as_json else "\n".join(f"{k:14} {v}" for k, v in result.items()))
+
+
+def same_size(paths: list[Path], white: float | None) -> list[Path]:
+    """Return the paths; InputError where their pictures differ in size."""
+    shapes = {read_grey(path, white).shape for path in paths}
+    if len(shapes) > 1:
+        raise InputError(f"the pictures beside {paths[0]} have several sizes: give those of one camera setting")
+    return paths

@@ -1,0 +1,98 @@
+"""Photometric stereo under any lights: a vector for each, which may change over the view, found on balls.
+
+Where the untouched gel showed R_k under light k, a surface with the unit normal n shows
+
+    I_k = rho R_k (v_k . n)        v_k = (v_x, v_y, v_z), linear in the place (x, y)
+
+with a factor rho common to all lights. A distant light has the same v everywhere (its direction over its z); one that
+is near changes over the view. Nothing is assumed about where lights stand, how many there are, or their colours.
+"""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+from gellight.reconstruction.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+_BLOCK = 65536
+_SHADOW = 0.15
+"""of what the untouched gel shows: a darker pixel is taken for shadowed"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LightDirections:
+    """K lights of one sensor."""
+
+    vectors: Array
+    """(K, 3, 3) v_k = vectors[k] @ (1, x, y), x and y from -1 to 1 over the view"""
+    untouched: Floats
+    """(K, H, W) what the untouched gel shows under each light, grey levels"""
+    noise_grey: float
+    """of one pixel"""
+    pixel_size_mm: float
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(H, W)"""
+        return self.untouched.shape[1], self.untouched.shape[2]
+
+    def rows(self, pixels: NDArray[np.intp]) -> Floats:
+        """(K, 3, N) R_k v_k at pixels, which are counted row by row."""
+        places = view_places(self.image_shape, pixels)
+        vectors = np.einsum("kij,jn->kin", self.vectors, places)
+        return np.asarray(vectors * self.untouched.reshape(len(self.vectors), 1, -1)[:, :, pixels], np.float32)
+
+    def gradient_map(self, levels: Floats) -> tuple[Floats, NDArray[np.uint8]]:
+        """Solve (K, H, W) grey levels: (H, W, 2) slopes, and how many lights each pixel was solved with."""
+        if levels.shape != self.untouched.shape:
+            raise InputError(
+                f"the pictures are {levels.shape} (lights, rows, columns), the lights are of {self.untouched.shape}: "
+                "give a picture of this camera for each light, in the same order"
+            )
+        flat, signals = np.arange(levels[0].size), levels.reshape(len(levels), -1)
+        result, used = np.zeros((2, flat.size), np.float32), np.zeros(flat.size, np.uint8)
+        deviation = np.full(len(levels), self.noise_grey, np.float32)
+        dark = _SHADOW * self.untouched.reshape(len(levels), -1)
+        for start in range(0, flat.size, _BLOCK):
+            chosen = flat[start : start + _BLOCK]
+            lit = signals[:, chosen] > dark[:, chosen]
+            scaled, seen = solve_robustly(signals[:, chosen], self.rows(chosen), lit, deviation)
+            result[:, chosen], used[chosen] = slopes(scaled), seen.sum(axis=0)
+        shape = self.image_shape
+        return np.moveaxis(result.reshape(2, *shape), 0, 2), used.reshape(shape)
+
+    def write(self, path: Path) -> None:
+        """Write them as an .npz file; OSError where that cannot be."""
+        content = io.BytesIO()
+        np.savez_compressed(content, **vars(self))
+        write_file(path, content.getvalue())
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read them; InputError for what is no such file."""
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                given = {name: stored[name] for name in ("vectors", "untouched", "noise_grey", "pixel_size_mm")}
+        except (OSError, ValueError, KeyError) as error:
+            remedy = "make it with `gellight calibrate directions`"
+            raise InputError(f"{path} holds no lights ({error}): {remedy}") from error
+        vectors, untouched = given["vectors"], given["untouched"]
+        if vectors.shape != (len(untouched), 3, 3) or untouched.ndim != 3 or len(untouched) < LEAST_LIGHTS:
+            raise InputError(f"{path} holds no lights of one sensor: make it with `gellight calibrate directions`")
+        scalars = {name: float(given[name]) for name in ("noise_grey", "pixel_size_mm")}
+        return cls(vectors=vectors.astype(np.float64), untouched=untouched.astype(np.float32), **scalars)
+
+
+def view_places(image_shape: tuple[int, int], pixels: NDArray[np.intp]) -> Array:
+    """(3, N) 1, x, y of pixels that are counted row by row, x and y from -1 to 1 over the view."""
+    height, width = image_shape
+    x, y = 2 * (pixels % width) / (width - 1) - 1, 2 * (pixels // width) / (height - 1) - 1
+    return np.stack([np.ones(len(pixels)), x, y])

@@ -1,0 +1,44 @@
+"""A series of recorded pictures, one under each light, to a tactile frame."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.image_files import read_grey
+from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.photometric.directions import LightDirections
+from gellight.reconstruction.stages import Stages, tactile_frame
+
+_RGB_OF = 3
+
+
+def frame_of_lights(lights: LightDirections, paths: Sequence[Path], white: float | None = None) -> TactileFrame:
+    """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
+
+    white: see `read_grey`. The picture of the frame shows the lights, in three groups, as red, green and blue. Raises
+    InputError for another number or size of pictures.
+    """
+    if len(paths) != len(lights.untouched):
+        raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
+    pictures = [read_grey(path, white) for path in paths]
+    if len({picture.shape for picture in pictures}) > 1:
+        raise InputError(f"the images beside {paths[0]} have several sizes: give those of one camera setting")
+    stages = Stages()
+    gradient_map, _ = lights.gradient_map(np.stack(pictures))
+    stages.end("slopes")
+    size = (lights.pixel_size_mm, lights.pixel_size_mm)
+    depth_mm = np.asarray(integrate(gradient_map, size), np.float32)
+    stages.end("depth")
+    image, untouched = (as_rgb(levels) for levels in (np.stack(pictures), lights.untouched))
+    shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
+    return tactile_frame(frame, image - untouched, gradient_map, depth_mm, size, stages)
+
+
+def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(K, H, W) to (H, W, 3): means of three groups of neighbouring lights."""
+    return np.stack([group.mean(axis=0) for group in np.array_split(levels, _RGB_OF)], axis=2)

@@ -1,0 +1,82 @@
+"""What real pictures say of several balls, several lights and marker dots: `python -m tests.benchmarks.real_images`.
+
+The pictures lie in ../shared/data beside the checkout; docs/your-images.md has the figures.
+"""
+
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from gellight.base.errors import InputError
+from gellight.calibration.lights.ball_lights import check_lights, lights_from_balls
+from gellight.frames.dots import find_dots
+from gellight.frames.image_files import read_grey, read_image
+from gellight.frames.view import View
+from gellight.training.labelling import find_circle
+from gellight.training.labelling.circle import PressCircle, find_circles
+from gellight.training.labelling.plate import plate_grid, untouched_between
+from gellight.training.presses import Ball, Press
+from tests.helpers.places import REAL_IMAGES
+
+
+def six_lights() -> None:
+    """Half of 28 balls teach the lights, the others judge."""
+    folder = REAL_IMAGES / "oem_six_lights"
+    ball = Ball(radius_mm=0.2465, pixel_size_mm=0.0068069)
+    centres = np.loadtxt(folder / "balls.csv", delimiter=",", skiprows=1)
+    presses = [
+        Press(image=Path("balls"), center_x_px=x, center_y_px=y, contact_radius_px=0.99 * ball.radius_px)
+        for x, y in centres.tolist()
+    ]
+    balls, flat = (
+        np.stack([read_grey(folder / f"{kind}_light{number}.png", 1020) for number in range(1, 7)])
+        for kind in ("balls", "flat")
+    )
+    for chosen in ([0, 1, 2, 3, 4, 5], [0, 2, 4]):
+        lights = lights_from_balls(balls[chosen], flat[chosen], presses[::2], ball, 1.0)
+        print(f"{len(chosen)} lights: {check_lights(lights, balls[chosen], presses[1::2], ball)}")
+
+
+def plate() -> None:
+    """All balls of one picture, without a picture of the untouched gel."""
+    folder = REAL_IMAGES / "ball_plate"
+    image, ball = read_image(folder / "scan001.png"), Ball(radius_mm=1.5875, pixel_size_mm=0.02953)
+    begun_s = time.perf_counter()
+    found = [
+        one for one in find_circles(image, untouched_between(image, ball), ball=ball) if isinstance(one, PressCircle)
+    ]
+    grid = plate_grid(found, 6.35 / ball.pixel_size_mm)
+    labels = np.loadtxt(folder / "balls.csv", delimiter=",", skiprows=1)[:, 2:]
+    centres = np.array([(one.center_x_px, one.center_y_px) for one in found])
+    apart = np.sort(np.hypot(*(labels[:, None] - centres[None]).transpose(2, 0, 1)).min(axis=1))
+    print(f"plate: {len(found)} balls, {sum(grid.on_grid)} in the grid, {time.perf_counter() - begun_s:.0f} s")
+    print(f"  mm per pixel {6.35 / grid.across_px:.5f} across, {6.35 / grid.down_px:.5f} down")
+    print(f"  from the maker's centres, px: {apart.round(1).tolist()}")
+
+
+def dots() -> None:
+    """Twelve presses of a dotted gel, with and without its dots."""
+    folder = REAL_IMAGES / "dots"
+    view = View.of_corners([(33, 58), (208, 61), (185, 244), (56, 250)], (320, 240), (320, 240))
+    untouched = view.of(read_image(folder / "bg-0.jpg"), "bg-0.jpg")
+    marks = find_dots(untouched)
+    assert marks is not None
+    print(f"dots: {marks}")
+    ball = Ball(radius_mm=2.42, pixel_size_mm=0.1)
+    found = {True: 0, False: 0}
+    for number in range(12):
+        image = view.of(read_image(folder / f"ball-{number}.jpg"), "a press")
+        for filled in found:
+            pictures = [marks.filled(one) if filled else one for one in (image, untouched)]
+            with suppress(InputError):
+                find_circle(pictures[0], pictures[1].astype(np.float32), ball=ball)
+                found[filled] += 1
+    print(f"  presses found of 12: {found[True]} with the dots filled, {found[False]} as they are")
+
+
+if __name__ == "__main__":
+    six_lights()
+    plate()
+    dots()
