@@ -50,6 +50,8 @@ from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a 
 
 logger = logging.getLogger(__name__)
 
+UNZIPPING = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError)
+"""what zipfile raises for a damaged archive, or one of a kind that it does not know"""
 SYNTHETIC = "synthetic"
 """Name of the bundle of the simulated sensor that comes with GelLight."""
 SUFFIX = ".gelcal"
@@ -173,7 +175,7 @@ def _unpacked(packed: Path | io.BytesIO, source: str) -> Bundle:
         with zipfile.ZipFile(packed) as archive:
             _check_archive(archive, source)
             return _load(source, archive.read)
-    except (zipfile.BadZipFile, EOFError, OSError) as error:
+    except UNZIPPING as error:
         raise BundleError(f"{source} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
 
 
@@ -311,7 +313,7 @@ def _read(source: str, read: Callable[[str], bytes], name: str) -> bytes:
         return read(name)
     except (KeyError, FileNotFoundError) as error:
         raise BundleError(f"{source} has no {name}: it is not a whole calibration bundle; {AGAIN}") from error
-    except (OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except UNZIPPING as error:
         raise BundleError(f"{source}: {name} cannot be read ({error}): {AGAIN}") from error
 
 

@@ -27,13 +27,21 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def host_name(host: str) -> str | None:
+    """Return the name in a Host header, without the port; None where there is none."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:  # half of a bracket
+        return None
+
+
 def guard(token: str):  # type: ignore[no-untyped-def]  # what `web.middleware` returns has no name
     """Return the middleware that lets in who may; token: empty where nobody but this machine reaches the server."""
 
     @web.middleware
     async def guarded(request: web.Request, handler: Handler) -> web.StreamResponse:
         host = request.headers.get("Host", "")
-        if not token and urlsplit(f"//{host}").hostname not in LOOPBACK_NAMES:
+        if not token and host_name(host) not in LOOPBACK_NAMES:
             raise web.HTTPForbidden(
                 text=f"Host {host!r} is not this machine: open http://127.0.0.1 with the port shown"
             )

@@ -97,7 +97,10 @@ def _check_contract(session: onnxruntime.InferenceSession, source: str) -> None:
         ("input", session.get_inputs(), "pixels", 5),
         ("output", session.get_outputs(), "gradient", 2),
     ):
-        values = [(value.name, value.type, list(value.shape)) for value in found]
+        try:
+            values = [(value.name, value.type, list(value.shape)) for value in found]
+        except UnicodeDecodeError as error:
+            raise BundleError(f"{source}: an {kind} of the network has a name that is no text: {REMEDY}") from error
         right = len(values) == 1 and values[0][:2] == (wanted, "tensor(float)")
         shape = values[0][2] if right else []
         if not right or len(shape) != 2 or isinstance(shape[0], int) or shape[1] != columns:

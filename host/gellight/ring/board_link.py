@@ -127,6 +127,11 @@ class BoardLink:
                 answer = self._await_reply(code | protocol.REPLY, self._sequence)
                 if answer is not None:
                     status, value = answer.payload[0], int.from_bytes(answer.payload[1:5], "little")
+                    if status not in set(Status):
+                        raise BoardError(
+                            f"the board answers {name} with status {status}, which this host does not know: update "
+                            "GelLight, or flash the firmware that belongs to it with `gellight firmware flash`"
+                        )
                     if status != Status.OK:
                         raise RefusedError(name, Status(status), value)
                     return reply.unpack(answer.payload[5:])
@@ -171,7 +176,12 @@ class BoardLink:
             return
         for code, record in protocol.EVENTS.values():
             if code == packet.type:
-                self._take_event(record.unpack(packet.payload))
+                try:
+                    event = record.unpack(packet.payload)
+                except BoardError:
+                    self.damaged += 1
+                    return
+                self._take_event(event)
 
     def _take_event(self, event: Record) -> None:
         self.events.append(event)

@@ -151,7 +151,8 @@ class LightRing(BoardLink):
 
     def _take_event(self, event: Record) -> None:
         if isinstance(event, protocol.DarkEvent):
-            self._dark = Dark(event.dark)
+            # A newer firmware may have reasons that this host does not know.
+            self._dark = Dark(event.dark) if event.dark in set(Dark) else Dark.FAULT
             self.lit_s = inf if self.still is not None else self.lit_s
         if isinstance(event, protocol.DimmedEvent):
             self._note_dimmed(event)

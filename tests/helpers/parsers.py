@@ -1,0 +1,202 @@
+"""Every parser of bytes from outside, with a sound input, and the errors by which it may refuse others."""
+
+import random
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from pydantic import ValidationError
+
+from gellight.base.errors import BoardError, GellightError
+from gellight.base.settings import _file_layer, merge
+from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
+from gellight.dashboard.access import host_name
+from gellight.dashboard.commands import COMMANDS
+from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.network_session import NetworkSession, jacobian_session
+from gellight.recording.frame_record import FrameRecord
+from gellight.recording.recording_file import Recording, RecordingWriter
+from gellight.ring import protocol
+from gellight.ring.light_ring import LightRing
+from gellight.ring.wire import Packet, decode, encode
+from gellight.sensor.v4l2.decoding import decode as decode_picture
+from gellight.sensor.v4l2.errors import CorruptPictureError
+from gellight.sensor.v4l2.formats import Mode
+from gellight.stream import wire
+from gellight.stream.calls import read_call
+from tests.helpers.linear_sensor import linear_bundle, reference_image
+from tests.helpers.streamed import full_frame
+
+SHAPE = (24, 32)
+TOKENS = (b"\0", b"\xff" * 4, b"\x7f\xff\xff\xff", b"-1", b"1e999", b"null", b"[" * 200, b'"', b"{}", b"\xed\xa0\x80")
+
+
+@dataclass(frozen=True)
+class Parser:
+    """A parser of bytes."""
+
+    name: str
+    parse: Callable[[bytes], object]
+    sound: tuple[bytes, ...]
+    """what it takes"""
+    refusals: tuple[type[Exception], ...]
+    """the errors by which it may refuse"""
+
+
+class _Deaf:
+    """A transport for replies that were made up."""
+
+    url = "fuzz"
+
+    def __init__(self, content: bytes) -> None:
+        self.content = content
+
+    def write(self, data: bytes) -> None: ...
+
+    def read(self, timeout_s: float) -> bytes:
+        content, self.content = self.content, b""
+        return content
+
+    def close(self) -> None: ...
+
+
+def _answered(content: bytes) -> None:
+    """Say hello to a board that answers this, and take what it sends by itself; the checksums are made right."""
+    body, *others = content.split(b"|")
+    reply = encode(Packet(protocol.COMMANDS["HELLO"].code | protocol.REPLY, 1, body[:100]))
+    events = b"".join(encode(Packet(other[0], 0, other[1:100])) for other in others if other)
+    LightRing(_Deaf(events + reply), timeout_s=0.0, attempts=1, keep_alive_s=None)
+
+
+@contextmanager
+def parsers() -> Iterator[tuple[Parser, ...]]:
+    """Yield them all; files lie in a folder that is removed."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        yield tuple(_parsers(folder, linear_bundle(folder / "bundle", SHAPE)))
+
+
+def _parsers(folder: Path, bundle: Bundle) -> Iterator[Parser]:
+    def by_file(suffix: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+        path = folder / f"fuzzed{suffix}"
+
+        def parse(content: bytes) -> object:
+            path.write_bytes(content)
+            return read(path)
+
+        return parse
+
+    picture = np.clip(reference_image(SHAPE), 0, 255).astype(np.uint8)
+    blank = protocol.HelloReply.unpack(b"\0" * protocol.HelloReply.codec().size)
+    hello = replace(blank, protocol_major=protocol.VERSION[0], protocol_minor=protocol.VERSION[1])
+    reply = b"\0" * 5 + hello.pack()  # status, value, record
+    events = [bytes([code]) + b"\0" * record.codec().size for code, record in protocol.EVENTS.values()]
+    yield Parser("packet", decode, (encode(Packet(1, 2, b"abc")).strip(b"\0"),), (ValueError,))
+    yield Parser("board", _answered, (reply, b"|".join([reply, *events])), (BoardError,))
+    yield Parser("bundle", lambda content: unpack_bundle(content, "fuzz"), (packed_bundle(bundle),), (GellightError,))
+    yield Parser("network", _network, (bundle.network,), (GellightError,))
+    yield Parser("recording", by_file(".mcap", _play), (_recording(folder, bundle),), (GellightError,))
+    yield Parser(
+        "settings",
+        by_file(".toml", _settings),
+        (b"[sensor]\nurl = 'sim://'\n[dashboard]\nport = 1\n",),
+        (GellightError,),
+    )
+    yield Parser(
+        "frame", lambda content: wire.decode(content, _no_bundle), (wire.encode(full_frame()),), (GellightError,)
+    )
+    yield Parser(
+        "call",
+        read_call,
+        (b'{"type":"status"}', b'{"type":"press","object":"BALL","depth_mm":1,"x_mm":0,"y_mm":0}'),
+        (GellightError, ValueError),
+    )
+    commands = (b'{"type":"credit","count":1}', b'{"type":"press","object":"BALL","depth_mm":1,"x_mm":0,"y_mm":0}')
+    yield Parser("command", COMMANDS.validate_json, commands, (ValidationError,))
+    for suffix in (".png", ".jpg", ".bmp", ".tiff"):
+        coded = cv2.imencode(suffix, picture)[1].tobytes()
+        yield Parser(f"image{suffix}", by_file(suffix, read_image), (coded,), (GellightError,))
+    yield Parser("host", lambda content: host_name(content.decode("latin-1")), (b"127.0.0.1:8420", b"[::1]:80"), ())
+    mode = Mode(letters="MJPG", width=SHAPE[1], height=SHAPE[0], fps=30.0, line_bytes=0)
+    yield Parser(
+        "mjpg",
+        lambda data: decode_picture(data, mode),
+        (cv2.imencode(".jpg", picture)[1].tobytes(),),
+        (CorruptPictureError,),
+    )
+
+
+def _no_bundle(zero: str) -> Bundle:
+    raise AssertionError("nothing asks for it")
+
+
+def _network(content: bytes) -> None:
+    session = NetworkSession(content, threads=1, source="fuzz")
+    session.slopes(np.zeros((2, 5), np.float32))
+    jacobian_session(session)
+
+
+def _play(path: Path) -> None:
+    recording = Recording(path)
+    for record in recording.frames():
+        record.image("fuzz")
+    list(recording.depths())
+
+
+def _recording(folder: Path, bundle: Bundle) -> bytes:
+    path = folder / "sound.mcap"
+    with RecordingWriter(path, "fuzz") as writer:
+        for number in range(2):
+            frame = CameraFrame(image=np.full((*SHAPE, 3), number, np.uint8), time_s=number, sequence=number)
+            writer.add(FrameRecord.of(frame, unix_s=1e9 + number, zero=bundle.identity), bundle)
+    content = path.read_bytes()
+    path.unlink()
+    return content
+
+
+def _settings(path: Path) -> object:
+    return merge([_file_layer(path)])
+
+
+def mutated(sound: bytes, draw: random.Random) -> bytes:
+    """Return an input that is a little or very wrong."""
+    content = bytearray(sound)
+    for _ in range(draw.choice((1, 1, 2, 4, 16))):
+        place, kind = draw.randrange(len(content) + 1), draw.randrange(7)
+        if kind == 0 and content:
+            content[place % len(content)] ^= 1 << draw.randrange(8)
+        elif kind == 1 and content:
+            content[place % len(content)] = draw.randrange(256)
+        elif kind == 2:
+            del content[place : place + draw.choice((1, 4, 64, len(content)))]
+        elif kind == 3:
+            content[place:place] = draw.choice(TOKENS)
+        elif kind == 4:
+            content[place:place] = content[place : place + draw.randrange(1, 64)]
+        elif kind == 5:
+            token = draw.choice(TOKENS)
+            content[place : place + len(token)] = token
+        else:
+            content[place:place] = draw.randbytes(draw.randrange(1, 16))
+    return bytes(content)
+
+
+def run(parser: Parser, executions: int, seed: int, failed: Callable[[bytes, Exception], Any]) -> int:
+    """Feed a parser so many inputs; `failed` gets each input that it neither takes nor refuses. Return the failures."""
+    draw, failures = random.Random(seed), 0
+    for _ in range(executions):
+        content = mutated(draw.choice(parser.sound), draw)
+        try:
+            parser.parse(content)
+        except parser.refusals:
+            continue
+        except Exception as error:
+            failures += 1
+            failed(content, error)
+    return failures
