@@ -13,6 +13,7 @@ from gellight.base.errors import CameraError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
+from gellight.frames.picture import prepared
 
 NODES = ("/dev/video", "/dev/v4l/")
 """how the device nodes of cameras begin"""
@@ -27,9 +28,22 @@ def open_camera(
 
     `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made:
     give the one that its frames are reconstructed with. Without a bundle the LEDs of a real sensor stay dark until
-    `Camera.adopt` lights them, and a simulated one shows its ring full on. `close`, or the end of `with`, makes the
+    `Camera.adopt` lights them, and a simulated one shows its ring full on. Where the bundle takes a view or fills
+    marker dots, the frames are prepared so; those of a recording already are. `close`, or the end of `with`, makes the
     LEDs dark. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
+    camera = _opened(url, geometry, bundle)
+    if bundle is None or camera.url.startswith("replay://"):
+        return camera
+    try:
+        return prepared(camera, bundle)
+    except BaseException:
+        camera.close()
+        raise
+
+
+def _opened(url: str | Path, geometry: Mapping[str, float | int | str] | None, bundle: Bundle | None) -> Camera:
+    """Return the camera that a URL names, set and lit as when `bundle` was made."""
     text = f"v4l2://{url}" if str(url).startswith(NODES) else str(url)
     scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:

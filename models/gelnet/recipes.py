@@ -29,7 +29,7 @@ class Recipe:
 
 
 RECIPES = {
-    # Section 2.4 of the paper: L1, Adam 1e-6, batch 128, 150 epochs, dropout before the last layer.
+    # Section 3.2.4 of the paper: L1, Adam 1e-6, batch 128, 150 epochs, dropout before the last layer.
     "paper": Recipe(
         loss="gradient",
         learning_rate=1e-6,

@@ -158,7 +158,7 @@ class _Collector:
             return
         problem = (
             f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
-            f"{self.radius_mm:.1f} mm: measure the ball, and begin again with its radius"
+            f"{self.radius_mm:.3g} mm: measure the ball, and begin again with its radius"
         )
         if self.run.hand:
             raise BundleError(problem)

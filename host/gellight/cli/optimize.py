@@ -1,19 +1,16 @@
 """`gellight optimize`: the best illumination for a sensor, with the reasons, the pictures and the parts."""
 
 import json
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
-from gellight.base.errors import InputError
-from gellight.cli.options import AsJson, with_options
+from gellight.cli.options import AsJson, GeometryFile, with_options
+from gellight.cli.sweeping import Sweeping, Workers
 from gellight.design import designs, output, studies
 from gellight.design import report as reporting
 from gellight.design.all_studies import run_all_studies, time_sweep
@@ -23,27 +20,16 @@ from gellight.design.housing import housing_scad
 from gellight.design.studies import Setup, setup_of
 from gellight.design.sweep import (
     ResultStore,
-    SweepIncomplete,
     SweepOptions,
-    available_cores,
     default_folder,
-    parse_shard,
     run_study,
 )
-from sim_reference.deformation import NotConverged
 from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
-GeometryFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the paper"
-    ),
-]
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
-Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]
 
 
 @dataclass(frozen=True)
@@ -61,7 +47,7 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Study(Answering):
+class Study(Answering, Sweeping):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
@@ -69,11 +55,6 @@ class Study(Answering):
     relief: Annotated[float, typer.Option("--relief", help="Relief of the objects, mm.")] = 1.0
     noise: Annotated[float, typer.Option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")] = 1.0
     size: Size = 256
-    workers: Workers = 0
-    shard: Annotated[str, typer.Option("--shard", metavar="I/N", help="Compute only this part of the sweep.")] = "1/1"
-    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="URL", help="Dask scheduler, tcp://...")] = (
-        None
-    )
     store: Annotated[
         Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
     ] = None
@@ -84,34 +65,9 @@ class Study(Answering):
             output.check_writable(self.out)
         return setup_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
 
-    @contextmanager
-    def sweep(self, title: str) -> Iterator[SweepOptions]:
-        """Yield how to compute, with a progress bar on a terminal.
-
-        Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C. Ends the command, with
-        a line, where results of other shards are missing.
-        """
-        store, shard = ResultStore(self.store or default_folder()), parse_shard(self.shard)
-        workers = self.workers or available_cores()
-        with _progress(title) as show:
-            try:
-                yield SweepOptions(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
-            except SweepIncomplete:
-                self._answer_part()
-                raise typer.Exit from None
-            except (ValueError, NotConverged) as error:
-                raise InputError(f"this sensor cannot be simulated: {error}") from error
-            except KeyboardInterrupt:
-                print(
-                    f"stopped; what is done is kept in {store.folder}, the same command goes on there", file=sys.stderr
-                )
-                raise
-
-    def _answer_part(self) -> None:
-        """Print that only a part of the sweep is there."""
-        part = {"shard": self.shard, "complete": False, "store": str(self.store or default_folder())}
-        text = f"shard {self.shard} is done; the others are still missing in {part['store']}"
-        typer.echo(json.dumps(part) if self.as_json else text)
+    def sweep(self, title: str) -> AbstractContextManager[SweepOptions]:
+        """Return how to compute, in the store of the studies; see `Sweeping.sweep_in`."""
+        return self.sweep_in(ResultStore(self.store or default_folder()), title, as_json=self.as_json)
 
 
 @app.command()
@@ -230,15 +186,3 @@ def benchmark(
     """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
     for path in write_benchmark(out, relief, size):
         typer.echo(path)
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[Callable[[int, int, str], None]]:
-    """Yield what shows the progress of a sweep: a bar on a terminal, else nothing."""
-    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        line = bar.add_task(title, total=None)
-
-        def show(done: int, total: int, label: str) -> None:
-            bar.update(line, completed=done, total=total, description=f"{title}: {label}" if label else title)
-
-        yield show

@@ -16,6 +16,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson, Calibration
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
+from gellight.frames.picture import prepared
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import encode_png, four_panels
 
@@ -49,9 +50,10 @@ def command(
     """
     paths = [path for text in images for path in image_files(text)]
     _refuse_clashes(paths, out)
-    reconstructor = Reconstructor(load_bundle(calibration), threads=threads, masked=not dense)
+    bundle = load_bundle(calibration)
+    reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
     rows = []
-    with ImageCamera(paths) as camera:
+    with prepared(ImageCamera(paths), bundle) as camera:
         for path in paths:
             rows.append(_written(reconstructor.reconstruct(camera.read()), path, out, depth_scale_um))
     typer.echo(json.dumps([asdict(row) for row in rows], indent=2) if as_json else _table(rows))

@@ -44,7 +44,7 @@ def command(
     """
     settings = load_settings({"sensor.url": sensor, **running.flags()})
     with (
-        open_session(settings) as daemon,
+        open_session(settings, every=True) as daemon,
         served(daemon, settings, dashboard),
         published(daemon, settings),
     ):
@@ -67,7 +67,7 @@ def follow(daemon: Daemon, recorder: Recorder, frames: int, seconds: float) -> N
         if seconds and now_s - begun_s >= seconds:
             return
         try:
-            sequence = daemon.wait_frame(sequence, WAIT_S).camera_frame.sequence
+            sequence = daemon.next_frame(sequence, WAIT_S).camera_frame.sequence
         except EndOfStream:
             return
         except TimeoutError:

@@ -14,12 +14,14 @@ from rich.progress import Progress
 
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
-from gellight.cli.optimize import GeometryFile
-from gellight.cli.options import AsJson, Overwrite, refuse_existing
+from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
+from gellight.cli.sweeping import Sweeping
 from gellight.design.geometry import read_geometry
+from gellight.evaluation.dataset import DatasetRequest, LightKind, make_dataset, store_in
 from gellight.simulator.gel_models import GelKind
 from gellight.simulator.one_press import PressRequest, press_once
 from sim_reference.fem.newton import Step
+from sim_reference.objects import OBJECT_NAMES
 
 app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
 
@@ -58,6 +60,47 @@ def press(
         typer.echo(json.dumps(answer))
         return
     typer.echo("\n".join(f"{name:15} {value}" for name, value in answer.items() if value is not None))
+
+
+@app.command()
+@with_options
+def dataset(
+    sweeping: Sweeping,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the data set here, or go on with it.")],
+    presses: Annotated[int, typer.Option("--presses", min=1, max=1_000_000, help="How many presses in all.")] = 100,
+    objects: Annotated[
+        list[str] | None, typer.Option("--object", help="An object; may be repeated.", show_default="all")
+    ] = None,
+    shallowest: Annotated[float, typer.Option("--shallowest-mm", help="Least depth of a press.")] = 0.2,
+    deepest: Annotated[float, typer.Option("--deepest-mm", help="Largest depth of a press.")] = 1.0,
+    light: Annotated[LightKind, typer.Option("--light", help="One picture a press, or one a LED.")] = "ring",
+    gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "layer",
+    resolution: Annotated[float, typer.Option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
+    noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Other presses, other noise.")] = 0,
+    geometry: GeometryFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Press many objects: images, depth, normals, pressure and force, for training other networks.
+
+    The same command goes on where it was interrupted; with more --presses it adds to what is there.
+    """
+    request = DatasetRequest(
+        presses=presses,
+        objects=tuple(name.upper() for name in objects or OBJECT_NAMES),
+        shallowest_mm=shallowest,
+        deepest_mm=deepest,
+        light=light,
+        gel=gel,
+        resolution_mm=resolution,
+        noise_grey=noise,
+        seed=seed,
+        geometry=read_geometry(geometry),
+    )
+    with sweeping.sweep_in(store_in(out), "presses", as_json=as_json) as options:
+        report = make_dataset(request, out, options)
+    text = f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv"
+    typer.echo(json.dumps(asdict(report)) if as_json else text)
 
 
 @contextmanager

@@ -9,13 +9,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CameraError, GellightError, InputError
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
+from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
@@ -70,11 +71,12 @@ class Daemon:
         selfcheck: FrameJudge | None = None,
         rebuild: Callable[[Bundle], FramePath] = Reconstructor,
         watch: SensorWatch | None = None,
+        every: bool = False,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
 
         `rebuild` makes the reconstructor of a bundle that replaces the running one. `watch` looks at what comes and
-        says what has changed since the calibration.
+        says what has changed since the calibration. every: the pictures of files wait until `next_frame` asks for them.
         """
         self._camera = camera
         self._rebuild = rebuild
@@ -85,7 +87,7 @@ class Daemon:
         self._changing = threading.RLock()
         """held while bundle, zero or light are changed"""
         self._selfcheck_result: SelfCheckResult | None = None
-        self._threads = FrameThreads(camera, lambda frame: self._in_use.reconstruct(frame))
+        self._threads = FrameThreads(camera, lambda frame: self._in_use.reconstruct(frame), every=every)
         if selfcheck:
             self._threads.also(self.check, SELFCHECK_PERIOD_S)
         if watch:
@@ -147,6 +149,11 @@ class Daemon:
         the bundle says; then nothing has changed.
         """
         bundle.check_fits(self._camera.url, self._camera.image_shape)
+        if bundle.files.get(PICTURE_STEPS) != self._camera.picture_files.get(PICTURE_STEPS):
+            raise BundleError(
+                f"{bundle.source} takes another view of the gel, or fills other dots, than the running sensor: stop "
+                "it, and start it with this bundle"
+            )
         watch, judge = self._in_use.watch, self._in_use.selfcheck
         replacement = _InUse(
             bundle=bundle,
@@ -220,6 +227,8 @@ class Daemon:
                 raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
             if self._camera.ring is None:
                 raise InputError(f"{self._camera.url} has no light ring that can be driven")
+            if self.mode != "network":
+                raise InputError(f"the sensor runs in mode {self.mode}, which changes the light all the time")
             self._set(Setting(controls={}, colours=self.bundle.colours if colours is None else colours))
 
     def rezero(self, *, asked: bool = True) -> None:
@@ -252,7 +261,8 @@ class Daemon:
     def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
         """Wait for a tactile frame whose camera sequence number is greater than `after_sequence`.
 
-        Raises TimeoutError, or what ended the run (`EndOfStream` when the images are used up).
+        Raises TimeoutError, or what ended the run (`EndOfStream`
+        when the images are used up).
         """
         deadline = time.monotonic() + timeout_s
         number = 0
@@ -260,6 +270,15 @@ class Daemon:
             number, frame = self._threads.delivered.take(number, max(deadline - time.monotonic(), 0.0))
             if frame.camera_frame.sequence > after_sequence:
                 return frame
+
+    def next_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
+        """Do as `wait_frame` for the one reader of a daemon with `every`: pictures of files wait for this call."""
+        self.go_on_after(after_sequence)
+        return self.wait_frame(after_sequence, timeout_s)
+
+    def go_on_after(self, sequence: int) -> None:
+        """Say that the one reader of a daemon with `every` has the frames up to this sequence number."""
+        self._threads.note_asked(sequence)
 
     def check(self, frame: TactileFrame) -> SelfCheckResult | None:
         """Compare `frame` with the reference simulator now; None where the truth cannot be known."""

@@ -1,9 +1,11 @@
 """Frames in, depth out: a capture thread, a reconstruction thread, and between them a mailbox that keeps the latest.
 
-The camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
-as dropped, so what comes out is as fresh as the machine allows. What ends either thread (the last image of a folder, a
-camera that fails) is raised where frames are waited for. A sensor that was unplugged ends nothing: while it is away the
-status says so, and nobody gets a frame from before.
+A camera never waits for the reconstruction: a frame that is not taken in time is replaced by a newer one and counted
+as dropped, so what comes out is as fresh as the machine allows. Files do wait (`Camera.waits`): the next picture is
+read when the last one is being reconstructed, and with `every` it is delivered when the reader has asked for it.
+
+What ends either thread (the last image of a folder, a camera that fails) is raised where frames are waited for. A
+sensor that was unplugged ends nothing: while it is away the status says so, and nobody gets a frame from before.
 """
 
 import logging
@@ -29,8 +31,14 @@ TIMEOUT_S = 20.0
 class FrameThreads:
     """The threads of a running sensor, and what they hand on."""
 
-    def __init__(self, camera: Camera, reconstruct: Callable[[CameraFrame], TactileFrame]) -> None:
-        """Take the frames of `camera`, which the caller closes after `stop`."""
+    def __init__(
+        self, camera: Camera, reconstruct: Callable[[CameraFrame], TactileFrame], *, every: bool = False
+    ) -> None:
+        """Take the frames of `camera`, which the caller closes after `stop`.
+
+        every: where the camera waits, deliver a frame only when `note_asked` was called for it, so that none is missed.
+        """
+        self._every = every and camera.waits
         self._camera, self._reconstruct_frame = camera, reconstruct
         self.pause_s = 0.0
         """between two reconstructions"""
@@ -41,6 +49,10 @@ class FrameThreads:
         self._problems: dict[str, str] = {}
         """by the name of what has it"""
         self._away: str | None = None
+        self._taken = threading.Event()
+        """set when the frame that was captured last is being reconstructed"""
+        self._asked_after, self._asked = -1, threading.Event()
+        """the sequence number after which a frame was asked for last"""
         self._newest = self._void = -1
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
         self._handing_on = threading.Lock()
@@ -72,6 +84,12 @@ class FrameThreads:
     def problem(self) -> str | None:
         """What is wrong now, or what ended the frames; None while all is well."""
         return next(iter([*self._problems.values(), self._away]), None)
+
+    def note_asked(self, after_sequence: int) -> None:
+        """Let a camera that waits go on: a reader has everything up to this sequence number."""
+        if after_sequence > self._asked_after:
+            self._asked_after = after_sequence
+            self._asked.set()
 
     def also(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
         """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
@@ -107,7 +125,10 @@ class FrameThreads:
                     continue
                 self._away, self._newest = None, frame.sequence
                 self.statistics.note_captured(frame)
+                self._taken.clear()
                 self.captured.put(frame)
+                while self._camera.waits and not (self.ended or self._taken.wait(POLL_S)):
+                    pass
         except Exception as error:
             self._end(error, self.captured)
 
@@ -125,6 +146,7 @@ class FrameThreads:
                     number, frame = self.captured.take(number, POLL_S)
                 except TimeoutError:
                     continue
+                self._taken.set()
                 self._deliver(self._reconstruct_frame(frame))
         except Exception as error:
             self._end(error, self.captured, self.delivered)
@@ -135,6 +157,9 @@ class FrameThreads:
             if frame.camera_frame.sequence > self._void:
                 self.statistics.note_delivered(frame, time.monotonic())
                 self.delivered.put(frame)
+        while self._every and not self.ended and self._asked_after < frame.camera_frame.sequence:
+            self._asked.wait(POLL_S)
+            self._asked.clear()
 
     def _end(self, error: Exception, *mailboxes: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
         """Raise `error` where frames of `mailboxes` are waited for, and note it unless it is the proper end."""

@@ -16,8 +16,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.evaluation.analytic_surfaces import Surface, smooth_cap
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.gelnet import BLOCK_ROWS
+from gellight.reconstruction.jacobian import constants_of, read_model
 from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.onnx_messages import initializers, read_model
 from gellight.reconstruction.pipeline import Form, Reconstructor
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
@@ -223,7 +223,7 @@ def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Ti
 
 def network_flops(network: bytes) -> int:
     """Return the multiplications and additions of one row."""
-    return sum(2 * weights.size for weights in initializers(read_model(network)).values() if weights.ndim == 2)
+    return sum(2 * weights.size for weights in constants_of(read_model(network)).values() if weights.ndim == 2)
 
 
 def network_alone(bundle: Bundle, threads: int, block: int) -> Callable[[NDArray[np.float32]], object]:

@@ -5,4 +5,8 @@ camera.py          what every camera promises
 camera_wrapper.py  the base of cameras that stand in front of another
 timing.py          when a camera exposes its rows
 image_files.py     image files as a camera
+view.py            perspective and crop
+dots.py            marker dots, found and filled
+picture.py         what a bundle does to each picture, and the camera that does it
+video_files.py     the pictures of a video file
 """

@@ -77,6 +77,8 @@ class Camera(Protocol):
     """what it was opened with"""
     image_shape: tuple[int, int]
     """(H, W) of every frame"""
+    waits: bool = False
+    """whether its next frame waits until it is read, as in a file: a slow reader then gets every frame, only later"""
     stage: PressStage | None = None
     """the stage of a simulated sensor; None where objects are pressed by hand"""
     ring: LightRing | None = None
@@ -85,6 +87,11 @@ class Camera(Protocol):
     """the calibration bundle that came with the frames of a recording; None for sensors, whose board names theirs"""
     controls: CameraControls | None = None
     """exposure, gain and white balance; None where there is nothing to set"""
+
+    @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """What a bundle for its frames has to hold, by file name: how they are made from what the camera took."""
+        return {}
 
     @property
     def timing(self) -> CameraTiming | None:

@@ -1,4 +1,8 @@
-"""Image files as a camera: each once, in the given order."""
+"""Image files and videos as a camera: each picture once, in the given order.
+
+A video counts as a folder of pictures: `press.mp4/press-000017.png` is its 18th. What reads a picture by its path so
+reads pictures of videos too.
+"""
 
 import glob
 import re
@@ -13,16 +17,19 @@ from numpy.typing import NDArray
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.frames.video_files import VIDEO_SUFFIXES, frame_of_video, frames_of_video, is_frame_of_video
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 KINDS = (
-    "give an image file, a folder of images, a quoted pattern such as 'presses/*.png', sim://, auto, sensor://NAME or "
-    "v4l2:///dev/video0"
+    "give an image or video file, a folder of images, a quoted pattern such as 'presses/*.png', sim://, auto, "
+    "sensor://NAME or v4l2:///dev/video0"
 )
 
 
 class ImageCamera(Camera):
     """Deliver image files, each once and in the given order, as the frames of a camera."""
+
+    waits = True
 
     def __init__(self, paths: Sequence[Path], *, url: str | None = None) -> None:
         """Open the files; the first one is read to learn the size, the others when their turn comes."""
@@ -57,7 +64,21 @@ class ImageCamera(Camera):
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
-    """Read an image file of three 8-bit channels as (H, W, 3) RGB; anything else raises InputError."""
+    """Read a picture as (H, W, 3) uint8 RGB: an image file or a picture of a video.
+
+    16 bit become 8 (divided by 257 and rounded), one channel becomes three equal ones, alpha is left out. Raises
+    InputError for what is no picture.
+    """
+    levels = read_levels(path)
+    if levels.dtype == np.uint16:
+        levels = np.rint(levels / 257).astype(np.uint8)
+    return np.ascontiguousarray(levels if levels.ndim == 3 else np.repeat(levels[..., None], 3, axis=2))
+
+
+def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Read a picture with all of its bits: (H, W) or (H, W, 3) RGB, uint8 or uint16, without alpha; else InputError."""
+    if is_frame_of_video(path):
+        return frame_of_video(path)
     if not path.is_file():
         raise InputError(f"image {path} does not exist: check the name")
     if path.suffix.lower() not in IMAGE_SUFFIXES:
@@ -69,23 +90,23 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         raise InputError(f"{path} cannot be read ({error}): capture or copy it again") from error
     if image is None:
         raise InputError(f"{path} is not an image or is cut off: capture or copy it again")
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-        channels = 1 if image.ndim == 2 else image.shape[2]
-        raise InputError(
-            f"{path} has {channels} channels of {image.dtype.itemsize * 8} bit: "
-            "capture it as RGB with 8 bit per channel and without alpha"
-        )
-    return np.ascontiguousarray(image[..., ::-1])
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path} has values of type {image.dtype}: save it with 8 or 16 bit per channel")
+    found = image if image.ndim == 2 else image[..., 2::-1]  # BGR, or BGR and alpha
+    kept: NDArray[np.uint8] | NDArray[np.uint16] = np.ascontiguousarray(found)  # type: ignore[assignment]
+    return kept
 
 
 def image_files(text: str) -> list[Path]:
-    """List the files that a folder, a pattern or a file name stands for, in natural order."""
+    """List the pictures that a folder, a pattern, a video or a file name stands for, in natural order."""
     path = Path(text)
     if is_file(text) and path.is_dir():
         found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
         if not found:
             raise CameraError(f"folder {path} has no images ({' '.join(IMAGE_SUFFIXES)}): {KINDS}")
-    elif is_file(text):
+    elif path.suffix.lower() in VIDEO_SUFFIXES and path.is_file():
+        return frames_of_video(path)
+    elif is_file(text) or is_frame_of_video(path):
         found = [path]
     else:
         found = [Path(name) for name in glob.glob(text)]  # noqa: PTH207  (the pattern may be absolute)

@@ -7,7 +7,6 @@ gelnet.py        difference image to gradient map, pixel by pixel; which pixels 
 linearised.py    the same from the network and its Jacobian at the means of cells, which is faster
 network_session.py  the network in ONNX Runtime
 jacobian.py      the network that also answers its Jacobian, made from the file of the bundle
-onnx_messages.py    ONNX files, read and extended
 at_rest.py       where the gel is at rest
 tilt.py          the tilt of the whole surface, taken off where rest is seen on three sides
 pixel_grid.py    where pixels lie on the gel; means over blocks of them

@@ -13,16 +13,11 @@ for L = d(depth)/dx and L = d(depth)/dy. Any number of layers of any width, as l
 from typing import Any
 
 import numpy as np
+from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
-
-from gellight.reconstruction.onnx_messages import (
-    add_constant,
-    add_node,
-    add_output,
-    attributes,
-    initializers,
-    read_model,
-)
+from onnx import ModelProto, NodeProto, TensorProto
+from onnx.helper import get_attribute_value, make_node, make_tensor_value_info
+from onnx.numpy_helper import from_array, to_array
 
 _COLOURS = 3
 """The first inputs of a row are the difference in three channels."""
@@ -30,6 +25,25 @@ _COLOURS = 3
 
 class NotAChainError(ValueError):
     """The network holds something that the chain rule is not written for here."""
+
+
+def read_model(content: bytes) -> ModelProto:
+    """Return the graph of an ONNX file; ValueError where the bytes are none."""
+    model = ModelProto()
+    try:
+        model.ParseFromString(content)
+    except DecodeError as error:
+        raise ValueError(f"these {len(content)} bytes are no ONNX file ({error})") from error
+    return model
+
+
+def constants_of(model: ModelProto) -> dict[str, NDArray[np.float32]]:
+    """Return the float32 constants of a graph by name, without those that lie in other files."""
+    return {
+        tensor.name: to_array(tensor)
+        for tensor in model.graph.initializer
+        if tensor.data_type == TensorProto.FLOAT and tensor.data_location == TensorProto.DEFAULT
+    }
 
 
 def with_jacobian(network: bytes) -> bytes:
@@ -40,22 +54,21 @@ def with_jacobian(network: bytes) -> bytes:
     """
     try:
         model = read_model(network)
+        constants = constants_of(model)
     except ValueError as error:
         raise NotAChainError(str(error)) from error
-    constants = initializers(model)
     chain = _chain(model)
-    one = add_constant(model, "jacobian/one", np.ones((1, 1), np.float32))
-    parts = [_Backwards(model, constants, f"jacobian/{name}", one).run(chain, axis) for axis, name in enumerate("xy")]
-    add_node(model, "Concat", parts, "jacobian", axis=1)
-    add_output(model, "jacobian", 2 * _COLOURS)
+    parts = [_Backwards(model, constants, f"jacobian/{name}").run(chain, axis) for axis, name in enumerate("xy")]
+    model.graph.node.append(make_node("Concat", parts, ["jacobian"], axis=1))
+    model.graph.output.append(make_tensor_value_info("jacobian", TensorProto.FLOAT, ["N", 2 * _COLOURS]))
     return bytes(model.SerializeToString(deterministic=True))
 
 
-def _chain(model: Any) -> list[Any]:
+def _chain(model: ModelProto) -> list[NodeProto]:
     """Nodes from the output back to the input."""
     makes = {node.output[0]: node for node in model.graph.node}
     value = "gradient"
-    chain: list[Any] = []
+    chain: list[NodeProto] = []
     while value != "pixels":
         if value not in makes or len(chain) > len(makes):
             raise NotAChainError(f"nothing leads from the input to {value!r}")
@@ -65,7 +78,7 @@ def _chain(model: Any) -> list[Any]:
     return chain
 
 
-def _carried(node: Any, makes: dict[str, Any]) -> str:
+def _carried(node: NodeProto, makes: dict[str, NodeProto]) -> str:
     """The input of a node that is not a constant."""
     inputs = [str(name) for name in node.input if name in makes or name == "pixels"]
     if len(inputs) != 1:
@@ -76,13 +89,13 @@ def _carried(node: Any, makes: dict[str, Any]) -> str:
 class _Backwards:
     """One slope's derivative on its way from the output to the colours."""
 
-    def __init__(self, model: Any, constants: dict[str, NDArray[np.float32]], prefix: str, one: str) -> None:
+    def __init__(self, model: ModelProto, constants: dict[str, NDArray[np.float32]], prefix: str) -> None:
         """Begin with 1, the derivative of the slope in itself."""
-        self._model, self._constants, self._prefix, self._one = model, constants, prefix, one
-        self._value = one
+        self._model, self._constants, self._prefix = model, constants, prefix
         self._made = 0
+        self._value = self._one = self._constant(np.ones((1, 1), np.float32))
 
-    def run(self, chain: list[Any], column: int) -> str:
+    def run(self, chain: list[NodeProto], column: int) -> str:
         """Return the name of the (N, 3) derivative of one column of the output."""
         self._column: int | None = column
         for position, node in enumerate(chain):
@@ -98,8 +111,8 @@ class _Backwards:
             raise NotAChainError(f"the first node is {chain[-1].op_type}")
         return self._value
 
-    def _through_layer(self, node: Any, *, last: bool) -> None:
-        given = attributes(node)
+    def _through_layer(self, node: NodeProto, *, last: bool) -> None:
+        given = {attribute.name: get_attribute_value(attribute) for attribute in node.attribute}
         weights = self._constants.get(node.input[1])
         if given.get("transA", 0) or weights is None or {given.get("alpha", 1), given.get("beta", 1)} != {1}:
             raise NotAChainError(f"Gemm {node.output[0]!r} is not W x + b")
@@ -108,7 +121,7 @@ class _Backwards:
             weights, self._column = weights[self._column : self._column + 1], None
         self._add("MatMul", self._value, self._constant(weights[:, :_COLOURS] if last else weights))
 
-    def _through_function(self, node: Any) -> None:
+    def _through_function(self, node: NodeProto) -> None:
         answer = self._only_column(str(node.output[0]))
         square = self._node("Mul", answer, answer)
         self._multiply(self._node("Sub" if node.op_type == "Tanh" else "Add", self._one, square))
@@ -119,7 +132,7 @@ class _Backwards:
             return value
         return self._node("Gather", value, self._constant(np.array([self._column], np.int64)), axis=1)
 
-    def _scalar(self, node: Any) -> str:
+    def _scalar(self, node: NodeProto) -> str:
         name = next((str(name) for name in node.input if name in self._constants), "")
         if not name or self._constants[name].size != 1:
             raise NotAChainError(f"Mul {node.output[0]!r} is not by one number")
@@ -131,10 +144,14 @@ class _Backwards:
     def _add(self, operation: str, *inputs: str) -> None:
         self._value = self._node(operation, *inputs)
 
-    def _node(self, operation: str, *inputs: str, **integers: int) -> str:
-        self._made += 1
-        return add_node(self._model, operation, list(inputs), f"{self._prefix}/{self._made}", **integers)
+    def _node(self, operation: str, *inputs: str, **attributes: Any) -> str:
+        self._model.graph.node.append(make_node(operation, inputs, [name := self._name()], **attributes))
+        return name
 
     def _constant(self, value: NDArray[Any]) -> str:
+        self._model.graph.initializer.append(from_array(value, name := self._name()))
+        return name
+
+    def _name(self) -> str:
         self._made += 1
-        return add_constant(self._model, f"{self._prefix}/{self._made}", value)
+        return f"{self._prefix}/{self._made}"

@@ -135,8 +135,7 @@ class Discovery:
             raise CameraError(f"{len(self.sensors)} sensors are plugged in: choose {choice}")
         if self.empty:
             raise UnpluggedError(
-                f"{NOTHING}: check the cable, or name the simulated sensor, sim:// (--sensor sim://); `gellight demo` "
-                "shows it"
+                f"{NOTHING}: check the cable, or take the simulated sensor (--sensor sim://); `gellight demo` shows it"
             )
         cameras, rings = (", ".join(node.stable for node in nodes) or "none" for nodes in (self.cameras, self.rings))
         remedy = "plug both into one hub of their own"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
-from sim_reference.deformation import GelModel
+from sim_reference.deformation import Deformation, GelModel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import led_irradiance, ring_light
 from sim_reference.surface import Surface, press_object, sample, untouched
@@ -102,9 +102,12 @@ class Scene:
         """Whether a press can be shown at once."""
         return press in (None, self._lit[0]) or press in self._ready
 
+    def deformation(self, press: Press) -> Deformation:
+        """Return what the press does to the gel, on the grid of the object."""
+        return deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
+
     def _compute(self, press: Press) -> Lit:
-        deformation = deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
-        surface = sample(deformation, self.geometry, press.x_mm, press.y_mm).single_precision()
+        surface = sample(self.deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
         return press, surface, self._light_up(surface)
 
     def _light_up(self, surface: Surface) -> NDArray[np.float32]:

@@ -81,6 +81,6 @@ def hand_of(camera: Camera, *, seed: int = 0) -> VirtualHand:
     """Return a hand for a simulated sensor; InputError for a camera into which nothing can be pressed."""
     if camera.stage is None:
         raise InputError(
-            f"{camera.url} has no virtual hand: press by hand, or name the simulated sensor (--sensor sim://)"
+            f"{camera.url} has no virtual hand: press by hand, or take the simulated sensor (--sensor sim://)"
         )
     return VirtualHand(camera.stage, seed=seed)

@@ -30,7 +30,7 @@ def connect(
     not only the newest. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
     settings = load_settings({"sensor.url": url, "sensor.calibration": calibration, "reconstruction.mode": mode})
-    return Sensor(open_session(settings), every=every, patience_s=patience_s)
+    return Sensor(open_session(settings, every=every), every=every, patience_s=patience_s)
 
 
 class Sensor(FrameSource):
@@ -47,6 +47,7 @@ class Sensor(FrameSource):
 
     def _take(self, timeout_s: float) -> TactileFrame:
         self._number, frame = self._frames.take(self._number, timeout_s)
+        self.daemon.go_on_after(frame.camera_frame.sequence)
         return frame
 
     def _why_none(self) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gellight.frames.image_files import read_image
 from gellight.reconstruction.gelnet import AROUND_CELLS, CELL_PX
 from gellight.reconstruction.image_noise import RestChange
 from gellight.reconstruction.light_drift import difference_of
@@ -38,7 +37,7 @@ def rest_of_presses(presses: Sequence[Press], reference: Floats, *, noise_grey: 
 
 def _squares(press: Press, reference: Floats, follow_light: bool) -> Floats | None:
     """(2, 3) mean square of the change of both means where a press leaves the gel at rest; None where it does not."""
-    difference = difference_of(read_image(press.image), reference, follow_light=follow_light)
+    difference = difference_of(press.picture(), reference, follow_light=follow_light)
     distance = distance_px(press, (reference.shape[0], reference.shape[1]))
     nearest = max(float(np.quantile(distance, _FAR_SHARE)), _NEAREST * press.contact_radius_px)
     squares = []

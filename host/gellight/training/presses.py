@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
@@ -59,6 +60,17 @@ class Press:
     contact_radius_px: float
     found: bool = False
     """whether `detect` found the circle; else a hand may have drawn it"""
+    dots: Dots | None = None
+    """the marker dots of the gel, where it has some"""
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Read its image, (H, W, 3) RGB with the dots filled; InputError where it cannot be read."""
+        image = read_image(self.image)
+        return self.dots.filled(image) if self.dots else image
+
+    def hidden(self) -> NDArray[np.bool_] | None:
+        """Mark the (H, W) pixels that dots hide, None where there are none."""
+        return self.dots.mask(read_image(self.image)) if self.dots else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,9 +112,10 @@ class PressTable:
         return {"rows": self.rows, "image": self.image, "image_size": np.array(self.image_size, np.int32)}
 
 
-def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int]) -> list[Press]:
+def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: Dots | None = None) -> list[Press]:
     """Read and check a csv with the columns of `COLUMNS`; the images are beside it, image_shape is (H, W).
 
+    dots: the marker dots of the gel.
     Raises InputError naming file, row and value unless every row is a circle that this ball can make in this image,
     and every image is readable and of that size. A row with a text in the column `REFUSED` is passed over.
     """
@@ -121,7 +134,8 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int]) -> lis
         seen[name] = line
         x, y, radius = (_number(row, column, where) for column in COLUMNS[1:])
         found = bool((row.get(QUALITY) or "").strip())
-        press = Press(image=path.parent / name, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=found)
+        image = path.parent / name
+        press = Press(image=image, center_x_px=x, center_y_px=y, contact_radius_px=radius, dots=dots, found=found)
         _check_circle(press, ball, image_shape, where)
         _check_image(press, image_shape, where)
         presses.append(press)
@@ -239,7 +253,7 @@ def build_table(
 
 def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
     """Return how far the light of the presses is from the reference's: root mean square over images and channels."""
-    drifts = [light_drift(read_image(press.image).astype(np.float32) - reference) for press in presses]
+    drifts = [light_drift(press.picture().astype(np.float32) - reference) for press in presses]
     return float(np.sqrt(np.mean(np.square(drifts))))
 
 
@@ -247,8 +261,11 @@ def _press_rows(
     press: Press, reference: Floats, ball: Ball, options: TableOptions, follow_light: bool, random: np.random.Generator
 ) -> Floats:
     shape = (reference.shape[0], reference.shape[1])
-    difference = difference_of(read_image(press.image), reference, follow_light=follow_light)
+    difference = difference_of(press.picture(), reference, follow_light=follow_light)
     distance = distance_px(press, shape)
+    hidden = press.hidden()
+    if hidden is not None:
+        distance[hidden] = np.nan  # neither in contact nor flat: what is filled in was not seen
     contact = np.flatnonzero(distance < press.contact_radius_px - options.inset_px)
     if not len(contact):
         raise InputError(

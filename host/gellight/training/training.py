@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.camera import EndOfStream
+from gellight.frames.dots import Dots, find_dots
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
 from gellight.opening import open_camera
 from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 from gellight.training.child import Check, Progress, go_on, run_module, silent
@@ -49,6 +52,8 @@ class Reference:
     frames: int
     noise_grey: float
     """of one frame, as `image_noise` measures it, grey levels"""
+    dots: Dots | None = None
+    """the marker dots of the gel, which are filled in `image`; None where it has none"""
 
     @property
     def image_shape(self) -> tuple[int, int]:
@@ -60,6 +65,7 @@ def read_reference(source: str | Path) -> Reference:
     """Read the untouched gel from one image, or the mean of a folder or pattern of images.
 
     The noise is the spread between frames (`image_noise.measure_noise`), of a single frame `image_noise.noise_of_one`.
+    Marker dots are found and filled.
     """
     frames: list[NDArray[np.uint8]] = []
     with open_camera(source) as camera:
@@ -69,8 +75,10 @@ def read_reference(source: str | Path) -> Reference:
             except EndOfStream:
                 break
     mean = np.asarray(np.mean(frames, axis=0, dtype=np.float32))
-    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else noise_of_one(mean)
-    return Reference(image=mean, frames=len(frames), noise_grey=noise)
+    dots = find_dots(mean)
+    filled = dots.filled_grey(mean, dots.mask(mean)) if dots else mean
+    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else noise_of_one(filled)
+    return Reference(image=filled, frames=len(frames), noise_grey=noise, dots=dots)
 
 
 def train(
@@ -107,6 +115,8 @@ def fit(
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
     refine: bool = False,
+    view: View | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -116,11 +126,13 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). refine: refit the circles together with the light first
-    (`labelling.refinement`); the metrics then say by how much. The rim of circles whose radius no light decided weighs
-    less, unless `table_options` say otherwise. extra_metrics: more of them, ready for JSON.
+    (`gel_at_rest`). refine: refit the circles together with the light first (`labelling.refinement`); the metrics then
+    say by how much. The rim of circles whose radius no light decided weighs less, unless `table_options` say otherwise.
+    view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of the
+    metrics, ready for JSON.
     Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
+    steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
     if refine:
         refined = refinement_of(presses, reference.image, ball)
@@ -141,5 +153,6 @@ def fit(
         follow_light=follow,
         metrics={**metrics, "light_drift_grey": drift, "training": record},
         presses=table.arrays(),
+        extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
         overwrite=overwrite,
     )

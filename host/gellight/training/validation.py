@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.frames.image_files import read_image
 from gellight.reconstruction.integration import angle_deg, integrate, normals
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.pipeline import Reconstructor
@@ -102,7 +101,7 @@ def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[P
 
 def frame_of(press: Press) -> CameraFrame:
     """Return the image of a press as a camera frame."""
-    return CameraFrame(image=read_image(press.image), time_s=0.0, sequence=0, source=str(press.image))
+    return CameraFrame(image=press.picture(), time_s=0.0, sequence=0, source=str(press.image))
 
 
 def frames_by(

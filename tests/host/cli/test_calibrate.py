@@ -97,6 +97,12 @@ def test_a_ball_that_the_light_contradicts_is_warned_of(pressed: Path, named: fl
     assert not warned or float(warning.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
 
 
+def test_the_warning_names_a_small_ball_by_its_size() -> None:
+    (warning,) = ball_warning(0.2954, 0.2465)
+    assert "named as 0.2465 mm" in warning
+    assert "about 0.295 mm" in warning
+
+
 def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:
     result = run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv", "--json")
     assert result.exit_code == 0, result.output

@@ -81,4 +81,4 @@ def test_without_a_sensor_no_verb_takes_the_simulated_one(
     bundle = made(tmp_path / "mine", "simulated", "1")
     refused = gellight(*(str(bundle) if word == "BUNDLE" else word for word in verb)).exception
     assert isinstance(refused, CameraError)
-    assert "are plugged in: check the cable, or name the simulated sensor, sim:// (--sensor sim://)" in str(refused)
+    assert "are plugged in: check the cable, or take the simulated sensor (--sensor sim://)" in str(refused)

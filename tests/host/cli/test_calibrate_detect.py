@@ -67,10 +67,18 @@ def test_a_refused_image_has_its_reason_and_is_passed_over(folder: Path, tmp_pat
     assert [press.image.name for press in presses] == ["a.png"]
 
 
-def test_without_any_circle_nothing_is_written(folder: Path, tmp_path: Path) -> None:
-    result = run(folder, folder / "nothing.png", out=tmp_path / "presses.csv")
+def test_without_any_circle_every_reason_is_told_and_nothing_is_written(folder: Path, tmp_path: Path) -> None:
+    images = [folder / "nothing.png", folder / "broken.png"]
+    result = run(folder, *images, "--json", out=tmp_path / "presses.csv")
     assert isinstance(result.exception, InputError)
-    assert "no circle in any of 1 images" in str(result.exception)
+    assert "no circle in any of 2 images" in str(result.exception)
+    nothing, broken = json.loads(result.stdout)
+    assert "no press" in nothing["refused"]
+    assert "not an image" in broken["refused"]
+    table = run(folder, *images, out=tmp_path / "presses.csv").stdout
+    assert "no press" in table
+    assert "not an image" in table
+    assert "wrote" not in table
     assert list(tmp_path.iterdir()) == []
 
 

@@ -47,6 +47,21 @@ def test_frames_come_in_order_and_the_end_is_told_after_the_last() -> None:
     assert camera.closed
 
 
+def test_the_pictures_of_files_wait_for_their_reader() -> None:
+    camera = ScriptedCamera(30, EndOfStream("used up"))
+    camera.waits = True
+    parts: Any = camera, CountingReconstructor()
+    seen: list[int] = []
+    with Daemon(*parts, every=True) as daemon:
+        for _ in range(30):
+            daemon.wait_frame(-1, 10)  # somebody else, such as the page, looks at the newest
+            seen.append(daemon.next_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
+            time.sleep(0.002)
+        with pytest.raises(EndOfStream, match="used up"):
+            daemon.next_frame(30, 10)
+    assert seen == list(range(1, 31))
+
+
 def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
     camera = ScriptedCamera(50, EndOfStream("used up"))
     reconstructor = CountingReconstructor()

@@ -1,30 +1,16 @@
 """The live page in a real browser at the sizes of phones, tablets and desks: nothing cut, nothing over another."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page
 
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import PATIENCE_MS
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
+from tests.helpers.windows import SIZES, OpenAt, windows, wrong
 
 pytestmark = pytest.mark.browser
 
-MEASURES = (Path(__file__).parents[2] / "helpers" / "page_measures.js").read_text()
-SIZES = {
-    "phone": (390, 844, 1.0),
-    "tablet": (768, 1024, 1.0),
-    "tablet on its side": (1024, 768, 1.0),
-    "laptop": (1366, 625, 1.0),
-    "laptop at 125 %": (1366, 625, 1.25),
-    "laptop at 150 %": (1366, 625, 1.5),
-    "desk": (1920, 1080, 1.0),
-    "desk at 125 %": (1920, 1080, 1.25),
-    "desk at 150 %": (1920, 1080, 1.5),
-}
-"""width and height of the window, and the zoom, which makes the window smaller in CSS pixels"""
 COLUMNS = {
     "phone": 1, "tablet": 2, "tablet on its side": 2, "laptop": 3, "laptop at 125 %": 2, "laptop at 150 %": 2,
     "desk": 3, "desk at 125 %": 3, "desk at 150 %": 3,
@@ -47,30 +33,16 @@ def troubled(source: FormulaSource) -> FormulaSource:
 
 
 @pytest.fixture
-def window(browser: Browser, server: DashboardServer) -> Iterator[object]:
-    """Open the page in a window of a size, zoomed, in a colour scheme; wait until it has drawn the frame there is."""
-    contexts = []
-
-    def open_window(width: int, height: int, zoom: float = 1.0, scheme: str = "dark") -> Page:
-        size = {"width": round(width / zoom), "height": round(height / zoom)}
-        context = browser.new_context(viewport=size, device_scale_factor=zoom, color_scheme=scheme)  # type: ignore[arg-type]
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
-        page.goto(server.url)
-        page.wait_for_function("() => gellight.drawn > 0 && document.getElementById('contacts').rows.length === 2")
-        page.evaluate(MEASURES)
-        return page
-
-    yield open_window
-    for context in contexts:
-        context.close()
+def window(browser: Browser, server: DashboardServer) -> Iterator[OpenAt]:
+    drawn = "() => gellight.drawn > 0 && document.getElementById('contacts').rows.length === 2"
+    with windows(browser, server.url, drawn) as open_at:
+        yield open_at
 
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("state", ["well", "troubled"])
 def test_nothing_is_cut_and_nothing_overlaps(
-    request: pytest.FixtureRequest, source: FormulaSource, window, size: str, state: str
+    request: pytest.FixtureRequest, source: FormulaSource, window: OpenAt, size: str, state: str
 ) -> None:
     if state == "troubled":
         request.getfixturevalue("troubled")
@@ -79,9 +51,7 @@ def test_nothing_is_cut_and_nothing_overlaps(
     page.get_by_test_id("diagnostics").locator("summary").click()
     page.get_by_test_id("banner-error").wait_for(state="visible" if source.error else "detached")
     draw_a_line(page)
-    assert page.evaluate("measures.overlaps()") == []
-    assert page.evaluate("measures.cut()") == []
-    assert page.evaluate("measures.beyond()") == []
+    assert wrong(page, "overlaps", "cut", "beyond") == {}
     assert columns(page) == COLUMNS[size]
 
 
@@ -106,7 +76,7 @@ def columns(page: Page) -> int:
 
 
 @pytest.mark.parametrize("size", ["phone", "laptop", "desk"])
-def test_every_picture_keeps_its_proportions_and_is_no_stamp(source: FormulaSource, window, size: str) -> None:
+def test_every_picture_keeps_its_proportions_and_is_no_stamp(source: FormulaSource, window: OpenAt, size: str) -> None:
     source.put(two_bumps(truth_factor=1.02))
     page = window(*SIZES[size])
     for name in ("depth", "truth", "image", "difference", "normal"):
@@ -116,7 +86,9 @@ def test_every_picture_keeps_its_proportions_and_is_no_stamp(source: FormulaSour
         assert box["width"] >= 140
 
 
-def test_a_laptop_sees_the_surface_the_depth_and_the_contact_without_scrolling(source: FormulaSource, window) -> None:
+def test_a_laptop_sees_the_surface_the_depth_and_the_contact_without_scrolling(
+    source: FormulaSource, window: OpenAt
+) -> None:
     source.put(two_bumps(truth_factor=1.02))
     page = window(*SIZES["laptop"])
     for name in ("surface", "depth", "truth", "indentation", "contacts"):
@@ -125,7 +97,7 @@ def test_a_laptop_sees_the_surface_the_depth_and_the_contact_without_scrolling(s
         assert box["y"] + box["height"] <= 625
 
 
-def test_a_page_without_a_truth_gives_its_place_to_the_depth(source: FormulaSource, window) -> None:
+def test_a_page_without_a_truth_gives_its_place_to_the_depth(source: FormulaSource, window: OpenAt) -> None:
     source.put(two_bumps())
     page = window(*SIZES["desk"])
     assert not page.get_by_test_id("truth-panel").is_visible()
@@ -138,7 +110,12 @@ def test_a_page_without_a_truth_gives_its_place_to_the_depth(source: FormulaSour
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 @pytest.mark.parametrize("state", ["live", "stale", "lost", "paused", "troubled"])
 def test_text_can_be_read_and_controls_have_edges(
-    request: pytest.FixtureRequest, source: FormulaSource, server: DashboardServer, window, scheme: str, state: str
+    request: pytest.FixtureRequest,
+    source: FormulaSource,
+    server: DashboardServer,
+    window: OpenAt,
+    scheme: str,
+    state: str,
 ) -> None:
     """WCAG 2.2 AA: text 4.5 to 1 (1.4.3), edges of controls 3 to 1 (1.4.11); and no text under 12 px."""
     if state == "troubled":
@@ -154,8 +131,6 @@ def test_text_can_be_read_and_controls_have_edges(
         source.put(two_bumps(truth_factor=1.02))
     if state != "troubled":
         page.wait_for_function("state => gellight.state === state", arg=state)
-    assert page.evaluate("measures.weakText()") == []
-    assert page.evaluate("measures.weakEdges()") == []
-    assert page.evaluate("measures.smallText()") == []
+    assert wrong(page, "weakText", "weakEdges", "smallText") == {}
     ground = page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
     assert (sum(map(int, ground[4:-1].split(","))) < 200) == (scheme == "dark")

@@ -1,32 +1,19 @@
 """The wizard in a real browser at the sizes of phones, tablets and desks: nothing cut, nothing over another."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 
 from gellight.daemon.needs import Need
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import PATIENCE_MS
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.scripted_calibration import Scripted, pressing, snapshot, stored
+from tests.helpers.windows import SIZES, OpenAt, windows, wrong
 
 pytestmark = pytest.mark.browser
 
-MEASURES = (Path(__file__).parents[2] / "helpers" / "page_measures.js").read_text()
-SIZES = {
-    "phone": (390, 844, 1.0),
-    "tablet": (768, 1024, 1.0),
-    "tablet on its side": (1024, 768, 1.0),
-    "laptop": (1366, 625, 1.0),
-    "laptop at 125 %": (1366, 625, 1.25),
-    "laptop at 150 %": (1366, 625, 1.5),
-    "desk": (1920, 1080, 1.0),
-    "desk at 150 %": (1920, 1080, 1.5),
-}
-"""width and height of the window, and the zoom, which makes the window smaller in CSS pixels"""
 VERDICT = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. " + "6 fresh presses. " * 5}
 NEEDS = (
     Need(name="ball and cylinder", state="ready", text="the virtual hand has them"),
@@ -44,8 +31,6 @@ STATES: dict[str, dict[str, Any] | None] = {
     "learning": LEARNING,
     "finished": snapshot("finished", verdict=VERDICT, actions=[], pictures=["live", "verify"]),
 }
-
-OpenAt = Callable[..., Page]
 
 
 @pytest.fixture
@@ -65,23 +50,8 @@ def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardSe
 
 @pytest.fixture
 def window(browser: Browser, server: DashboardServer) -> Iterator[OpenAt]:
-    """Open the wizard in a window of a size, zoomed, in a colour scheme; wait until it has shown a picture."""
-    contexts = []
-
-    def open_window(width: int, height: int, zoom: float = 1.0, scheme: str = "dark") -> Page:
-        size = {"width": round(width / zoom), "height": round(height / zoom)}
-        context = browser.new_context(viewport=size, device_scale_factor=zoom, color_scheme=scheme)  # type: ignore[arg-type]
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
-        page.goto(server.url + "calibrate.html")
-        page.wait_for_function("() => wizard.shown > 1")
-        page.evaluate(MEASURES)
-        return page
-
-    yield open_window
-    for context in contexts:
-        context.close()
+    with windows(browser, server.url + "calibrate.html", "() => wizard.shown > 1") as open_at:
+        yield open_at
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -91,8 +61,7 @@ def test_nothing_is_cut_and_nothing_overlaps(calibration: Scripted, window: Open
         calibration.routine = routine
         page.wait_for_function("step => document.body.dataset.step === step", arg=routine["step"] if routine else "")
         page.wait_for_timeout(400)
-        wrong = {kind: page.evaluate(f"measures.{kind}()") for kind in ("overlaps", "cut", "beyond")}
-        assert wrong == {"overlaps": [], "cut": [], "beyond": []}, name
+        assert wrong(page, "overlaps", "cut", "beyond") == {}, name
         guide = page.get_by_test_id("instruction").bounding_box()
         assert guide is not None
         assert guide["y"] + guide["height"] <= SIZES[size][1] / SIZES[size][2], "what is to be done needs no scrolling"
@@ -106,8 +75,7 @@ def test_text_can_be_read_and_controls_have_edges(calibration: Scripted, window:
         calibration.routine = routine
         page.wait_for_function("step => document.body.dataset.step === step", arg=routine["step"] if routine else "")
         page.wait_for_timeout(400)
-        wrong = {kind: page.evaluate(f"measures.{kind}()") for kind in ("weakText", "weakEdges", "smallText")}
-        assert wrong == {"weakText": [], "weakEdges": [], "smallText": []}, name
+        assert wrong(page, "weakText", "weakEdges", "smallText") == {}, name
 
 
 def test_everything_is_reached_with_the_keyboard_and_seen_there(calibration: Scripted, window: OpenAt) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, EndOfStream
-from gellight.frames.image_files import ImageCamera, read_image
+from gellight.frames.image_files import ImageCamera, read_image, read_levels
 from gellight.opening import open_camera
 
 SHAPE = (6, 8)
@@ -69,7 +69,7 @@ def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_does_not_exist_is_refused_with_the_remedy(tmp_path: Path) -> None:
-    with pytest.raises(CameraError, match=r"is no file, no folder and no pattern .* give an image file"):
+    with pytest.raises(CameraError, match=r"is no file, no folder and no pattern .* give an image or video file"):
         open_camera(str(tmp_path / "none*.png"))
     with pytest.raises(InputError, match="does not exist: check the name"):
         read_image(tmp_path / "none.png")
@@ -77,20 +77,55 @@ def test_what_does_not_exist_is_refused_with_the_remedy(tmp_path: Path) -> None:
         open_camera("rtsp://host/stream")
 
 
-@pytest.mark.parametrize(
-    ("shape", "kind", "message"),
-    [
-        (SHAPE, np.uint8, "has 1 channels of 8 bit: capture it as RGB"),
-        ((*SHAPE, 4), np.uint8, "has 4 channels of 8 bit"),
-        ((*SHAPE, 3), np.uint16, "has 3 channels of 16 bit"),
-    ],
-)
-def test_other_than_three_channels_of_8_bit_is_refused(
-    tmp_path: Path, shape: tuple[int, ...], kind: type, message: str
-) -> None:
-    write_image(tmp_path / "x.png", 1, shape, kind)
-    with pytest.raises(InputError, match=rf"x\.png {message}"):
-        open_camera(tmp_path / "x.png")
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_images_are_taken_as_they_are(tmp_path: Path, channels: int, kind: type) -> None:
+    """One channel becomes three, 16 bit become 8, alpha is left out; nothing else changes."""
+    levels = np.random.default_rng(0).integers(0, 256, (*SHAPE, channels)).astype(kind)
+    stored = levels * np.uint16(257) - levels // 2 if kind is np.uint16 else levels
+    assert cv2.imwrite(str(tmp_path / "x.png"), stored)
+    image = open_camera(tmp_path / "x.png").read().image
+    assert (image.dtype, image.shape) == (np.uint8, (*SHAPE, 3))
+    np.testing.assert_array_equal(image, np.repeat(levels, 3, axis=2) if channels == 1 else levels[..., 2::-1])
+    deep = read_levels(tmp_path / "x.png")
+    np.testing.assert_array_equal(deep, stored[..., 0] if channels == 1 else stored[..., 2::-1])
+
+
+def test_values_of_another_type_are_refused(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "x.tiff"), np.zeros(SHAPE, np.float32))
+    with pytest.raises(InputError, match=r"x\.tiff has values of type float32: save it with 8 or 16 bit"):
+        open_camera(tmp_path / "x.tiff")
+
+
+def write_video(path: Path, count: int) -> Path:
+    """Write a video whose pictures get brighter one by one."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
+    for number in range(count):
+        writer.write(np.full((48, 64, 3), 10 * number, np.uint8))
+    writer.release()
+    return path
+
+
+def test_a_video_is_read_picture_by_picture_in_order(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "press.avi", 12)
+    with open_camera(video) as camera:
+        frames = [camera.read() for _ in range(12)]
+        with pytest.raises(EndOfStream, match="all of its 12 images"):
+            camera.read()
+    assert [round(float(frame.image.mean()) / 10) for frame in frames] == list(range(12))
+    assert Path(frames[3].source) == video / "press-000003.png"
+    # A picture by its name, as a csv of presses gives it, also backwards.
+    for number in (7, 2, 11):
+        image = read_image(video / f"press-{number:06}.png")
+        np.testing.assert_array_equal(image, frames[number].image)
+    with pytest.raises(InputError, match="ends after 12 pictures: number 40"):
+        read_image(video / "press-000040.png")
+
+
+def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.mp4").write_bytes(b"no video")
+    with pytest.raises(InputError, match=r"x\.mp4 is no video that can be decoded: convert it"):
+        open_camera(tmp_path / "x.mp4")
 
 
 def test_a_file_of_another_type_or_damaged_is_refused(tmp_path: Path) -> None:

@@ -13,9 +13,8 @@ from gellight.evaluation.analytic_surfaces import gaussian
 from gellight.frames.frames import TactileFrame
 from gellight.opening import open_camera
 from gellight.reconstruction.integration import angle_deg
-from gellight.reconstruction.jacobian import NotAChainError, with_jacobian
+from gellight.reconstruction.jacobian import NotAChainError, read_model, with_jacobian
 from gellight.reconstruction.network_session import NetworkSession
-from gellight.reconstruction.onnx_messages import read_model
 from gellight.reconstruction.pipeline import Form, Reconstructor
 from tests.helpers.linear_sensor import gemm_network, linear_bundle, linear_network, photograph, tanh_network
 

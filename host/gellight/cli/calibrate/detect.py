@@ -27,18 +27,20 @@ def command(
     """Find the contact circle of a ball press in each image.
 
     An image without a usable press is listed with the reason and `fit` passes over it. The exit status is 0 if every
-    image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then nothing is written.
+    image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then no file is written.
     """
     refuse_existing(out, overwrite)
     ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
-    found = detect(_images(images), read_reference(reference).image, ball)
+    untouched = read_reference(reference)
+    found = detect(_images(images), untouched.image, ball, dots=untouched.dots)
     refused = [detection for detection in found if detection.circle is None]
-    if len(refused) == len(found):
-        raise InputError(f"no circle in any of {len(found)} images; {refused[0].image}: {refused[0].refused}")
-    write_presses(out, found)
-    if overlay is not None:
-        write_overlays(overlay, found)
+    if len(refused) < len(found):
+        write_presses(out, found)
+        if overlay is not None:
+            write_overlays(overlay, found)
     typer.echo(json.dumps([detection.record() for detection in found], indent=2) if as_json else _table(found, out))
+    if len(refused) == len(found):
+        raise InputError(f"no circle in any of {len(found)} images: nothing was written; see the reason of each")
     if refused:
         raise typer.Exit(1)
 
@@ -63,4 +65,6 @@ def _table(found: list[Detection], out: Path) -> str:
                 f"{circle.contact_radius_px:>9.2f}{circle.quality:>9.3f}"
             )
     circles = sum(detection.circle is not None for detection in found)
-    return "\n".join([*lines, f"wrote {out}: {circles} circles, {len(found) - circles} images refused"])
+    if circles:
+        lines.append(f"wrote {out}: {circles} circles, {len(found) - circles} images refused")
+    return "\n".join(lines)

@@ -26,6 +26,9 @@ from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
 from gellight.daemon.installing import install, sensor_name
 from gellight.frames.camera import Camera
+from gellight.frames.dots import find_dots
+from gellight.frames.picture import PictureSteps, PreparedCamera
+from gellight.frames.view import read_view
 from gellight.opening import open_camera
 from gellight.simulator.virtual_hand import hand_of
 
@@ -41,6 +44,12 @@ class Target:
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted calibration.")] = False
     restart: Annotated[bool, typer.Option("--restart", help="Throw an interrupted calibration away.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
+    view: Annotated[
+        Path | None, typer.Option(help="Of the gel, as `calibrate view` wrote it: a view.json.", show_default="all")
+    ] = None
+    dots: Annotated[
+        bool, typer.Option("--dots", help="The gel has marker dots, which are filled; light it, and touch nothing.")
+    ] = False
     install: Annotated[
         bool,
         typer.Option("--install/--no-install", help="Put what passes into service: kept, and remembered by the board."),
@@ -50,6 +59,20 @@ class Target:
     def state(self) -> Path:
         """Folder of the state."""
         return self.folder or self.out.with_name(self.out.name + ".state")
+
+    def camera(self, camera: Camera) -> Camera:
+        """Return the camera with the view taken and the dots filled, as asked for; InputError where there are none."""
+        view = None if self.view is None else read_view(self.view)
+        steps = PictureSteps.with_view(view) if view else None
+        seen = PreparedCamera(camera, steps) if steps else camera
+        if not self.dots:
+            return seen
+        dots = find_dots(seen.read().image)
+        if dots is None:
+            raise InputError("no marker dots are seen: light the gel, take everything off it, or leave --dots out")
+        both = PictureSteps.of(seen.image_shape, view, dots)
+        assert both is not None
+        return PreparedCamera(camera, both)
 
     def begun(self) -> Identity | None:
         """Return what the interrupted calibration that is gone on with was begun with; None for a new one.
@@ -160,7 +183,8 @@ def command(
 def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> Routine:
     """Run the routine to its end and return it; hand_seed: of the virtual hand, None where a user presses."""
     settings = load_settings({"sensor.url": target.sensor})
-    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as opened:
+        camera = target.camera(opened)
         colours = settings.geometry.led_colours or options.led_colours
         options = replace(options, sensor=sensor_name(camera), name=target.name, led_colours=colours)
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)

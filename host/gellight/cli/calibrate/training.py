@@ -15,7 +15,8 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.evaluation.synthetic import make_synthetic
-from gellight.frames.image_files import read_image
+from gellight.frames.picture import steps_of
+from gellight.frames.view import read_view
 from gellight.training import training, validation
 from gellight.training.child import Progress, silent
 from gellight.training.cross_validation import Comparison, CrossValidation, cross_validate
@@ -78,7 +79,8 @@ class Recorded:
         """Return what a network is trained on; raises InputError for what cannot be used."""
         ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
         untouched = read_reference(self.reference)
-        return read_presses(self.presses, ball=ball, image_shape=untouched.image_shape), untouched, ball
+        presses = read_presses(self.presses, ball=ball, image_shape=untouched.image_shape, dots=untouched.dots)
+        return presses, untouched, ball
 
 
 @with_options
@@ -87,6 +89,7 @@ def fit(
     bundle: NewBundle,
     how: SizedTraining,
     sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
+    view: Annotated[Path | None, typer.Option(help="view.json that `calibrate view` wrote with these images")] = None,
     folds: Annotated[int, typer.Option(min=0, help="also measure the error by this many folds; 0: do not")] = 0,
     previous: Annotated[
         str | None,
@@ -107,6 +110,7 @@ def fit(
             sensor=sensor,
             options=options,
             refine=recorded.refine,
+            view=None if view is None else read_view(view),
             extra_metrics=extra,
             overwrite=bundle.overwrite,
             progress=report,
@@ -130,7 +134,8 @@ def evaluate(
     """
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
-    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape)
+    steps = steps_of(bundle)
+    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=steps.dots if steps else None)
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
     if as_json:
@@ -186,7 +191,7 @@ def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous
 
     Raises InputError where the earlier bundle feels another ball than the one that was named.
     """
-    images = [read_image(press.image) for press in labelled]
+    images = [press.picture() for press in labelled]
     found: dict[str, object] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
     if previous is not None:
         found["felt_ball_radius_mm"] = check_ball(load_bundle(previous), labelled, ball)
@@ -255,7 +260,7 @@ def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
         return []
     return [
         f"WARNING: the ball was named as {named_mm:g} mm in radius, but the light in its imprints fits one of about "
-        f"{likely_mm:.1f} mm: measure the ball, and train again with its radius"
+        f"{likely_mm:.3g} mm: measure the ball, and train again with its radius"
     ]
 
 

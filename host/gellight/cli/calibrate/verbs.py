@@ -8,6 +8,7 @@ from gellight.cli.lazy import lazy_group
 VERBS = lazy_group(
     {
         "detect": ("calibrate.detect:command", "Find the contact circle of a ball press in each image."),
+        "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
         "fit": ("calibrate.training:fit", "Train on ball presses and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),

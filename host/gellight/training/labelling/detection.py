@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.report.pictures import write_png
 from gellight.training.labelling.circle import PressCircle, find_circle
@@ -49,21 +50,29 @@ def detect(
     reference: NDArray[np.number],
     ball: Ball,
     *,
+    dots: Dots | None = None,
     progress: Callable[[int, int, float], None] = lambda done, total, quality: None,
 ) -> list[Detection]:
     """Look for the circle in each image; reference is (H, W, 3), grey levels. An image at fault is refused, not raised.
+
+    dots: the marker dots of the gel, which are filled in each image; the reference has none any more.
 
     progress is called with (images done, images, quality of the last, 0 where it was refused).
     """
     found = []
     for number, path in enumerate(images, start=1):
         try:
-            detection = Detection(image=path, circle=find_circle(read_image(path), reference, ball=ball))
+            detection = Detection(image=path, circle=_found(path, reference, ball, dots))
         except InputError as error:
             detection = Detection(image=path, circle=None, refused=str(error))
         found.append(detection)
         progress(number, len(images), detection.circle.quality if detection.circle else 0.0)
     return found
+
+
+def _found(path: Path, reference: NDArray[np.number], ball: Ball, dots: Dots | None) -> PressCircle:
+    image = read_image(path)
+    return find_circle(dots.filled(image) if dots else image, reference, ball=ball)
 
 
 def write_presses(path: Path, detections: Sequence[Detection]) -> None:

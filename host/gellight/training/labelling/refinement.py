@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.frames.image_files import read_image
 from gellight.training.labelling.circle import LEAST_QUALITY, fit_circle
 from gellight.training.labelling.pattern import (
     STEEPEST,
@@ -95,7 +94,7 @@ class FirstFits:
     def of(self, press: Press) -> _Fit:
         """Return the fit; InputError where the image is none of this sensor."""
         if press not in self._known:
-            difference, ball_radius = difference_image(read_image(press.image), self._reference), self._ball.radius_px
+            difference, ball_radius = difference_image(press.picture(), self._reference), self._ball.radius_px
             center, radius = (press.center_x_px, press.center_y_px), press.contact_radius_px
             shape, circle = fit_circle(difference, center, radius, ball_radius)
             pixels = window(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball_radius)

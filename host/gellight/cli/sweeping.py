@@ -1,0 +1,69 @@
+"""What verbs share that compute many independent things: processes, parts of the whole, a cluster, a progress bar."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from gellight.base.errors import InputError
+from gellight.design.sweep import ResultStore, SweepIncomplete, SweepOptions, available_cores, parse_shard
+from sim_reference.deformation import NotConverged
+
+Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]
+
+
+@dataclass(frozen=True)
+class Sweeping:
+    """How a sweep is computed."""
+
+    workers: Workers = 0
+    shard: Annotated[str, typer.Option("--shard", metavar="I/N", help="Compute only this part of the sweep.")] = "1/1"
+    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="URL", help="Dask scheduler, tcp://...")] = (
+        None
+    )
+
+    @contextmanager
+    def sweep_in(self, store: ResultStore, title: str, *, as_json: bool) -> Iterator[SweepOptions]:
+        """Yield how to compute, with a progress bar on a terminal.
+
+        Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C. Ends the command, with
+        a line, where results of other shards are missing.
+        """
+        shard, workers = parse_shard(self.shard), self.workers or available_cores()
+        with _progress(title) as show:
+            try:
+                yield SweepOptions(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
+            except SweepIncomplete:
+                self._answer_part(store, as_json=as_json)
+                raise typer.Exit from None
+            except (ValueError, NotConverged) as error:
+                raise InputError(f"this sensor cannot be simulated: {error}") from error
+            except KeyboardInterrupt:
+                print(
+                    f"stopped; what is done is kept in {store.folder}, the same command goes on there", file=sys.stderr
+                )
+                raise
+
+    def _answer_part(self, store: ResultStore, *, as_json: bool) -> None:
+        """Print that only a part of the sweep is there."""
+        part = {"shard": self.shard, "complete": False, "store": str(store.folder)}
+        text = f"shard {self.shard} is done; the others are still missing in {store.folder}"
+        typer.echo(json.dumps(part) if as_json else text)
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Callable[[int, int, str], None]]:
+    """Yield what shows the progress of a sweep: a bar on a terminal, else nothing."""
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        line = bar.add_task(title, total=None)
+
+        def show(done: int, total: int, label: str) -> None:
+            bar.update(line, completed=done, total=total, description=f"{title}: {label}" if label else title)
+
+        yield show

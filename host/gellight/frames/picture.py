@@ -1,0 +1,111 @@
+"""`picture.json` of a calibration bundle: what is done to each picture of the camera before it is compared.
+
+Without such a file pictures are taken as they are. With it a view is taken (`view.py`), then marker dots are filled
+(`dots.py`); `PreparedCamera` does that, and everything behind it sees pictures of the gel alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.dots import Dots
+from gellight.frames.frames import CameraFrame, FrameJudge
+from gellight.frames.view import View
+
+FILE_NAME = "picture.json"
+_REMEDY = "make it with `gellight calibrate view` and `gellight calibrate fit`"
+
+
+class PictureSteps(BundleFile):
+    """The content of the file."""
+
+    view: View | None = None
+    dots: Dots | None = None
+
+    @classmethod
+    def of(cls, image_shape: tuple[int, int], view: View | None, dots: Dots | None) -> "PictureSteps | None":
+        """Return the steps to pictures of this size (H, W); None where there is none."""
+        if view is None and dots is None:
+            return None
+        return cls(image_width_px=image_shape[1], image_height_px=image_shape[0], view=view, dots=dots)
+
+    @classmethod
+    def with_view(cls, view: View) -> "PictureSteps":
+        """Return the steps that take a view and nothing else."""
+        return cls(image_width_px=view.width_px, image_height_px=view.height_px, view=view)
+
+    def files(self) -> Mapping[str, bytes]:
+        """Return them as a file of a bundle."""
+        return {FILE_NAME: (self.model_dump_json(indent=1) + "\n").encode()}
+
+    @property
+    def taken_shape(self) -> tuple[int, int]:
+        """(H, W) of the pictures as taken."""
+        return self.view.taken_shape if self.view else (self.image_height_px, self.image_width_px)
+
+    def apply(self, image: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+        """Return a (H, W, 3) picture as it is compared; InputError, with its `name`, for one of another size."""
+        seen = self.view.of(image, name) if self.view else image
+        return self.dots.filled(seen) if self.dots else seen
+
+
+def steps_of(bundle: Bundle) -> PictureSteps | None:
+    """Return what a bundle says of its pictures, None where they are taken as they are; BundleError for a bad file."""
+    if FILE_NAME not in bundle.files:
+        return None
+    steps = read_bundle_file(bundle, FILE_NAME, PictureSteps, _REMEDY)
+    if steps.view and steps.view.image_shape != bundle.image_shape:
+        raise BundleError(f"{bundle.source}: {FILE_NAME} has a view of another size than its pictures; {_REMEDY}")
+    return steps
+
+
+def prepared(camera: Camera, bundle: Bundle) -> Camera:
+    """Return the camera with its pictures prepared as the bundle says; BundleError where that cannot be."""
+    steps = steps_of(bundle)
+    return PreparedCamera(camera, steps) if steps else camera
+
+
+class PreparedCamera(CameraWrapper):
+    """A camera whose pictures are prepared for a bundle: the view taken, the dots filled.
+
+    Its frames do not keep the camera's own bytes, so a recording holds the prepared pictures.
+    """
+
+    def __init__(self, camera: Camera, steps: PictureSteps) -> None:
+        """Wrap `camera`; BundleError unless its pictures have the size that the steps begin with."""
+        super().__init__(camera)
+        self.picture_steps = steps
+        if camera.image_shape != steps.taken_shape:
+            height, width = steps.taken_shape
+            raise BundleError(
+                f"{camera.url} delivers {camera.image_shape[1]}x{camera.image_shape[0]} pixels, the calibration takes "
+                f"its view from {width}x{height}: set the camera to that size or use the calibration of this sensor"
+            )
+
+    @property
+    def image_shape(self) -> tuple[int, int]:  # type: ignore[override]
+        """(H, W) of the prepared pictures."""
+        return self.picture_steps.image_height_px, self.picture_steps.image_width_px
+
+    @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """The file with its steps."""
+        return self.picture_steps.files()
+
+    def read(self) -> CameraFrame:
+        """Read a frame, and prepare its picture."""
+        frame = self._camera.read()
+        image = self.picture_steps.apply(frame.image, frame.source)
+        truth = None if self.picture_steps.view else frame.truth
+        return replace(frame, image=image, encoded=None, truth=truth)
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
+        """Return the judge of the camera inside; None where a view moves its pixels."""
+        return None if self.picture_steps.view else self._camera.selfcheck(pixel_size_mm)

@@ -1,0 +1,128 @@
+"""How the picture of a camera becomes the one that the gel is measured in: perspective taken out, and cropped.
+
+A place (x, y) of the picture as taken lies at (u, v) / w of the view, with (u, v, w) = H (x, y, 1), H a 3 x 3 matrix:
+what a camera that looks at a plane from the side does to it.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gellight.base.errors import InputError
+
+Array = NDArray[np.float64]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Pixels = Annotated[int, Field(ge=2, le=16384)]
+Row = tuple[Number, Number, Number]
+
+
+class View(BaseModel):
+    """A view of the gel, and the picture that it is taken from."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    taken_width_px: Pixels
+    taken_height_px: Pixels
+    width_px: Pixels
+    height_px: Pixels
+    homography: tuple[Row, Row, Row]
+    """H: from pixels as taken to pixels of the view"""
+
+    @classmethod
+    def of_points(cls, taken: Array, wanted: Array, taken_shape: tuple[int, int], shape: tuple[int, int]) -> Self:
+        """Return the view (H, W) in which points (N, 2) x, y as taken lie at `wanted`, by least squares.
+
+        Raises InputError where no camera sees the points so.
+        """
+        matrix, _ = cv2.findHomography(taken, wanted)
+        if matrix is None or abs(np.linalg.det(matrix)) < 1e-9:
+            raise InputError("the points do not make a view: give four corners of which no three lie on a line")
+        rows = tuple(tuple(float(value) for value in row) for row in matrix)
+        values = {"taken_width_px": taken_shape[1], "taken_height_px": taken_shape[0], "homography": rows}
+        return cls.model_validate({**values, "width_px": shape[1], "height_px": shape[0]})
+
+    @classmethod
+    def of_corners(
+        cls, corners: Sequence[tuple[float, float]], taken_shape: tuple[int, int], shape: tuple[int, int]
+    ) -> Self:
+        """Return the view whose corners lie at four points as taken: top left, top right, bottom right, bottom left.
+
+        Raises InputError for corners in another order, or that are none.
+        """
+        points = np.array(corners, np.float64)
+        if points.shape != (4, 2) or not np.isfinite(points).all():
+            raise InputError(f"corners {corners}: give four points x,y in px")
+        sides = np.roll(points, -1, axis=0) - points
+        after = np.roll(sides, -1, axis=0)
+        turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+        if not (turns > 0).all():
+            raise InputError(
+                f"corners {corners} do not go round the view clockwise: give top left, top right, bottom right, "
+                "bottom left"
+            )
+        height, width = shape
+        ends = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
+        return cls.of_points(points, ends, taken_shape, shape)
+
+    @classmethod
+    def of_box(cls, box: tuple[int, int, int, int], taken_shape: tuple[int, int]) -> Self:
+        """Return the part of the picture with the top left pixel (x, y) and so many pixels in width and height.
+
+        Raises InputError where it leaves the picture.
+        """
+        x, y, width, height = box
+        if min(x, y) < 0 or min(width, height) < 2 or x + width > taken_shape[1] or y + height > taken_shape[0]:
+            raise InputError(
+                f"the crop {box} leaves the picture of {taken_shape[1]} x {taken_shape[0]} px: give x,y,width,height "
+                "in it"
+            )
+        ends = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+        return cls.of_corners([(across - 0.5, down - 0.5) for across, down in ends], taken_shape, (height, width))
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(H, W) of the view."""
+        return self.height_px, self.width_px
+
+    @property
+    def taken_shape(self) -> tuple[int, int]:
+        """(H, W) of the picture as taken."""
+        return self.taken_height_px, self.taken_width_px
+
+    def places(self, taken: Array) -> Array:
+        """Return where points (N, 2) x, y of the picture as taken lie in the view."""
+        places = cv2.perspectiveTransform(taken.reshape(-1, 1, 2), np.array(self.homography))
+        return np.asarray(places, np.float64).reshape(-1, 2)
+
+    def of(self, image: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+        """Return the view (h, w, 3) of a picture (H, W, 3) as taken; InputError, with its `name`, for another size."""
+        if image.shape[:2] != self.taken_shape:
+            raise InputError(
+                f"{name} is {image.shape[1]} x {image.shape[0]} px, the view is of pictures of {self.taken_width_px} x "
+                f"{self.taken_height_px} px: use the camera mode that the view was made with"
+            )
+        matrix = np.array(self.homography)
+        # Where the view is coarser than the picture, noise and texture between its pixels would show as patterns.
+        coarser = float(np.sqrt(1 / max(abs(np.linalg.det(matrix[:2, :2])), 1e-12)))
+        if coarser > 1.5:
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), 0.35 * coarser), np.uint8)
+        warped = cv2.warpPerspective(
+            image, matrix, (self.width_px, self.height_px), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(warped, np.uint8)
+
+
+def read_view(path: Path) -> View:
+    """Read a `view.json`; InputError for what is none."""
+    try:
+        return View.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"view {path} cannot be opened ({error.strerror}): check the name") from error
+    except ValidationError as error:
+        wrong = error.errors()[0]["msg"]
+        raise InputError(f"{path} is no view ({wrong}): make it with `gellight calibrate view`") from error

@@ -1,0 +1,25 @@
+"""Pictures of a gel with printed marker dots, seen from the side."""
+
+import cv2
+import numpy as np
+
+CORNERS = ((40.0, 30.0), (180.0, 22.0), (200.0, 150.0), (16.0, 142.0))
+"""where the corners of the gel lie in a picture as taken: top left, top right, bottom right, bottom left"""
+TAKEN = (180, 220)
+DOT_PX = 4.0
+
+
+def with_dots(image: np.ndarray, shift: tuple[float, float] = (0.0, 0.0), pitch: float = 16.0) -> np.ndarray:
+    """Print a grid of dark dots on a (H, W, 3) picture, moved by `shift` px."""
+    rows, columns = np.indices(image.shape[:2])
+    x, y = (columns - shift[0]) % pitch - pitch / 2, (rows - shift[1]) % pitch - pitch / 2
+    share = np.clip(DOT_PX / 2 + 0.5 - np.hypot(x, y), 0, 1)[..., None]
+    return np.asarray(np.rint(image * (1 - share) + 0.2 * image * share), np.uint8)
+
+
+def from_the_side(image: np.ndarray) -> np.ndarray:
+    """See a (H, W, 3) picture from the side, on black."""
+    height, width = image.shape[:2]
+    ends = np.array([(0, 0), (width, 0), (width, height), (0, height)], np.float32) - 0.5
+    matrix = cv2.getPerspectiveTransform(ends, np.array(CORNERS, np.float32))
+    return np.asarray(cv2.warpPerspective(image, matrix, (TAKEN[1], TAKEN[0])), np.uint8)

@@ -1,0 +1,101 @@
+"""The view of the gel: perspective and surroundings taken out, the same for files, cameras and bundles."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import extend_bundle, load_bundle
+from gellight.calibration.lens.grid_view import view_of_grid
+from gellight.frames.dots import find_dots
+from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
+from gellight.frames.view import View, read_view
+from gellight.opening import open_camera
+from tests.helpers.dotted import CORNERS, TAKEN, from_the_side, with_dots
+from tests.helpers.linear_sensor import BUNDLE_SHAPE, linear_bundle
+
+SHAPE = (120, 160)
+VIEW = View.of_corners(CORNERS, TAKEN, SHAPE)
+
+
+def waves() -> np.ndarray:
+    """A picture in which every place looks different."""
+    rows, columns = np.indices(SHAPE)
+    waves = [np.sin(columns / 9), np.cos(rows / 7), np.sin((rows + columns) / 11)]
+    return np.asarray(np.rint(128 + 90 * np.stack(waves, axis=2)), np.uint8)
+
+
+def test_what_was_seen_from_the_side_is_seen_straight_again() -> None:
+    back = VIEW.of(from_the_side(waves()), "it")
+    assert back.shape == (*SHAPE, 3)
+    inner = (slice(4, -4), slice(4, -4))
+    assert np.abs(back.astype(float) - waves())[inner].mean() < 2
+    assert np.abs(back.astype(float) - np.roll(waves(), 2, axis=1))[inner].mean() > 6  # two pixels off would show
+
+
+def test_a_crop_is_these_pixels_and_no_others() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
+    view = View.of_box((7, 4, 20, 10), (30, 40))
+    np.testing.assert_array_equal(view.of(image, "it"), image[4:14, 7:27])
+    with pytest.raises(InputError, match="leaves the picture of 40 x 30 px"):
+        View.of_box((25, 4, 20, 10), (30, 40))
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ((0, 0), (0, 10), (10, 10), (10, 0)),  # anticlockwise
+        ((0, 0), (10, 10), (10, 0), (0, 10)),  # crossed
+        ((0, 0), (5, 0), (10, 0), (0, 10)),  # three on a line
+        ((0, 0), (10, 0), (10, float("nan")), (0, 10)),
+    ],
+)
+def test_corners_that_make_no_view_are_refused(corners: tuple[tuple[float, float], ...]) -> None:
+    with pytest.raises(InputError, match="give"):
+        View.of_corners(corners, (20, 20), (10, 10))
+
+
+def test_a_grid_of_dots_gives_the_view_and_its_scale() -> None:
+    """Dots 16 px apart are 2 mm apart: at 0.1 mm a pixel they are to lie 20 px apart, in straight rows."""
+    taken = from_the_side(with_dots(np.full((*SHAPE, 3), 150, np.uint8)))
+    view = view_of_grid(taken, 15, pitch_mm=2.0, pixel_size_mm=0.1)
+    straight = view.of(taken, "the grid")
+    dots = find_dots(straight)
+    assert dots is not None
+    spots = cv2.connectedComponentsWithStats(dots.mask(straight).astype(np.uint8))[3][1:]
+    assert len(spots) >= 40
+    off = (spots - 9.5 + 10) % 20 - 10
+    assert np.abs(off).max() < 1.5
+    with pytest.raises(InputError, match="no grid of at least 3 x 3"):
+        view_of_grid(np.full((*TAKEN, 3), 150, np.uint8), 15, 2.0, 0.1)
+
+
+def test_a_camera_opened_with_a_bundle_shows_the_view_and_no_dots(tmp_path: Path) -> None:
+    shape = BUNDLE_SHAPE
+    view = View.of_corners(CORNERS, TAKEN, shape)
+    steps = PictureSteps.with_view(view)
+    linear_bundle(tmp_path / "plain", shape)
+    bundle = extend_bundle(load_bundle(tmp_path / "plain"), tmp_path / "bundle", steps.files())
+    assert steps_of(bundle) == steps
+    assert steps_of(load_bundle(tmp_path / "plain")) is None
+    taken = from_the_side(waves())
+    cv2.imwrite(str(tmp_path / "taken.png"), taken[..., ::-1])
+    with open_camera(tmp_path / "taken.png", bundle=bundle) as camera:
+        assert camera.image_shape == shape
+        assert camera.picture_files[FILE_NAME] == bundle.files[FILE_NAME]
+        np.testing.assert_array_equal(camera.read().image, view.of(taken, "it"))
+    cv2.imwrite(str(tmp_path / "small.png"), taken[:50])
+    with pytest.raises(BundleError, match=r"delivers 220x50 pixels, the calibration takes its view from 220x180"):
+        open_camera(tmp_path / "small.png", bundle=bundle)
+
+
+def test_a_view_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "view.json").write_text(VIEW.model_dump_json())
+    assert read_view(tmp_path / "view.json") == VIEW
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(InputError, match=r"other\.json is no view"):
+        read_view(tmp_path / "other.json")
+    with pytest.raises(InputError, match="cannot be opened"):
+        read_view(tmp_path / "none.json")
