@@ -19,7 +19,7 @@ PACKAGES = {
 }
 ROOMS = (
     "base", "ring", "bundle", "frames", "reconstruction", "report", "simulator", "sensor", "recording", "opening",
-    "training", "watch", "design", "calibration", "daemon", "evaluation", "stream", "dashboard", "cli",
+    "training", "watch", "design", "calibration", "daemon", "evaluation", "stream", "dashboard", "soak", "cli",
 )  # fmt: skip
 """of the host, lowest first: a room imports from itself and from rooms before it"""
 EXCEPTIONS: dict[tuple[str, str], str] = {}
@@ -38,7 +38,8 @@ DOORS = {
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/image_files.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
-        "reconstruction/linearised.py", "reconstruction/smoothing.py", "report/pictures.py", "report/video.py",
+        "reconstruction/linearised.py", "reconstruction/smoothing.py",
+        "reconstruction/photometric/reconstructor.py", "report/pictures.py", "report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
         "training/labelling/plate.py",
     ),
@@ -49,6 +50,7 @@ DOORS = {
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),
     "zenoh": ("stream/",),
+    "foxglove": ("stream/foxglove.py",),
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),

@@ -86,6 +86,7 @@ void controller_status(const struct controller *controller, struct status_reply 
         .policy = controller->limits.policy,
         .mode = controller->sequencer.mode,
         .step = controller->shown.step,
+        .dimmed = controller->heat.dimmed,
     };
 }
 

@@ -52,6 +52,8 @@ void config_factory(struct config *config)
         .status_pin = 25,
         .output_pin = NO_PIN,
         .output_at = OUTPUT_AT_START,
+        .switch_pin = NO_PIN,
+        .hottest_c = HOTTEST_C,
     };
 }
 
@@ -68,11 +70,17 @@ static bool pin_valid(uint8_t pin, uint32_t *value)
     return pin == NO_PIN || within(pin, 0, LAST_PIN, value);
 }
 
+/* The number of a pin that may be active low. */
+static uint8_t gpio(uint8_t pin)
+{
+    return pin == NO_PIN ? NO_PIN : (uint8_t)(pin & ~ACTIVE_LOW);
+}
+
 /* All pins are there, and none has two uses. */
 static bool pins_valid(const struct configuration *candidate, uint32_t *value)
 {
-    uint8_t status = candidate->status_pin == NO_PIN ? NO_PIN : (uint8_t)(candidate->status_pin & ~ACTIVE_LOW);
-    const uint8_t pins[] = {candidate->data_pin, candidate->trigger_pin, status, candidate->output_pin};
+    const uint8_t pins[] = {candidate->data_pin, candidate->trigger_pin, gpio(candidate->status_pin),
+                            candidate->output_pin, gpio(candidate->switch_pin)};
     uint32_t used = 0;
     for (uint32_t i = 0; i < sizeof pins; i++) {
         *value = pins[i];
@@ -93,13 +101,16 @@ bool config_valid(const struct configuration *candidate, uint32_t *value)
            within(candidate->latch_us, 50, 500, value) && within(candidate->policy, 0, POLICY_SCALE, value) &&
            within(candidate->led_count, 1, MOST_LEDS, value) &&
            within(candidate->colour_order, 0, COLOUR_ORDER_RGBW, value) &&
-           within(candidate->output_at, 0, OUTPUT_AT_MIDDLE, value) && pins_valid(candidate, value);
+           within(candidate->output_at, 0, OUTPUT_AT_MIDDLE, value) &&
+           within(candidate->hottest_c, 40, 85, value) && pins_valid(candidate, value);
 }
 
 /* A record of firmware that did not know these fields has 0xff there. */
 static void complete(struct configuration *configuration)
 {
     struct config factory;
+    if (configuration->hottest_c == 0xff)
+        configuration->hottest_c = HOTTEST_C;
     if (configuration->led_count != 0xff)
         return;
     config_factory(&factory);

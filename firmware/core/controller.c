@@ -3,9 +3,6 @@
 #include "bytes.h"
 #include "events.h"
 
-#define OVERDUE_US 20000u       /* a light that was due so long ago will never come: its transfer broke off */
-#define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
-
 uint64_t controller_now_us(const struct controller *controller)
 {
     return controller->port->micros(controller->port->context);
@@ -18,6 +15,10 @@ static void hand_over(struct controller *controller)
     const struct port *port = controller->port;
     struct controller_slot *slot = &controller->slot;
     uint64_t now_us = controller_now_us(controller);
+    if (slot->shines)
+        supply_close(&controller->supply, port);
+    if (slot->start_us < controller->supply.settled_us)
+        slot->start_us = controller->supply.settled_us;
     if (slot->start_us < now_us) /* late: it goes out now, and is overdue from now on, not from when it should have */
         slot->start_us = now_us;
     port->pulse(port->context, slot->pulse_us);
@@ -33,6 +34,9 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     bytes_copy(limited, colours, COLOUR_BYTES);
     if (!ring_limit(&controller->limits, limited, &scale))
         return false;
+    bytes_copy(slot->colours, limited, COLOUR_BYTES);
+    slot->dimmed = controller->heat.dimmed;
+    ring_dim(slot->dimmed, limited);
     ring_wire_order(controller->colour_order, limited, slot->wire);
     uint32_t current_ua = ring_current_ua(&controller->limits, limited);
     slot->current_ma = ring_ma(current_ua);
@@ -42,7 +46,7 @@ static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYT
     return true;
 }
 
-static void withdraw(struct controller *controller)
+void controller_withdraw(struct controller *controller)
 {
     const struct port *port = controller->port;
     controller->trigger.armed = false;
@@ -54,7 +58,7 @@ void controller_end_sequence(struct controller *controller)
 {
     sequencer_stop(&controller->sequencer);
     controller->port->trigger(controller->port->context, false, false);
-    withdraw(controller);
+    controller_withdraw(controller);
     controller->slot.role = SEQUENCER_WAIT; /* a transfer that goes on is no part of the next sequence */
 }
 
@@ -73,7 +77,7 @@ void controller_go_dark(struct controller *controller, enum dark reason)
     controller->dark = (uint8_t)reason;
 }
 
-static void darken(struct controller *controller, enum dark reason)
+void controller_darken(struct controller *controller, enum dark reason)
 {
     controller_go_dark(controller, reason);
     controller->counters.dark_faults++;
@@ -116,6 +120,8 @@ static bool finish_light(struct controller *controller, struct latched *latched)
     controller->shown = slot->at;
     controller->shown_id = slot->light_id;
     controller->shown_ma = slot->current_ma;
+    bytes_copy(controller->shown_colours, slot->colours, COLOUR_BYTES);
+    controller->shown_dimmed = slot->dimmed;
     controller->shown_shines = slot->shines;
     if (slot->shines)
         controller->dark = DARK_NOT_DARK;
@@ -128,7 +134,7 @@ static void plan_still(struct controller *controller)
     struct controller_slot *slot = &controller->slot;
     controller->still_wanted = false;
     if (!load(controller, controller->still)) {
-        darken(controller, DARK_FAULT);
+        controller_darken(controller, DARK_FAULT);
         return;
     }
     slot->at = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
@@ -144,12 +150,14 @@ static void plan_sequence(struct controller *controller)
     struct sequencer *sequencer = &controller->sequencer;
     struct controller_slot *slot = &controller->slot;
     struct sequencer_plan plan;
+    if (sequencer->mode == SYNC_MODE_EXT && controller_now_us(controller) < controller->supply.settled_us)
+        return; /* the LEDs have no power yet: an edge is missed, as with any step that is not ready */
     bool asked = sequencer->stepped;
     enum sequencer_next next = sequencer_next(sequencer, &plan);
     if (next == SEQUENCER_WAIT)
         return;
     if (!load(controller, next == SEQUENCER_LIT ? sequencer->active.groups[plan.at.group] : black)) {
-        darken(controller, DARK_FAULT);
+        controller_darken(controller, DARK_FAULT);
         return;
     }
     slot->at = plan.at;
@@ -163,60 +171,6 @@ static void plan_sequence(struct controller *controller)
     hand_over(controller);
     if (plan.start_us == PORT_ON_TRIGGER)
         trigger_arm(&controller->trigger);
-}
-
-/* ---- what is watched ---- */
-
-/* Whether the LEDs will be lit when all that is under way has been latched. */
-static bool will_shine(const struct controller *controller)
-{
-    static const uint8_t black[COLOUR_BYTES];
-    if (controller->sequencer.running)
-        return true;
-    if (controller->still_wanted)
-        return !bytes_equal(controller->still, black, COLOUR_BYTES);
-    return controller->slot.busy ? controller->slot.shines : controller->shown_shines;
-}
-
-static void watch_host(struct controller *controller)
-{
-    uint64_t silent_us = controller_now_us(controller) - controller->packet_us;
-    if (!will_shine(controller) || controller->silent || silent_us <= controller->config.current.host_timeout_ms * 1000u)
-        return;
-    controller->silent = true;
-    darken(controller, DARK_HOST_SILENT);
-}
-
-/* Without a trigger the ring is dark, but the sequence goes on: the next edge lights its step. */
-static void watch_trigger(struct controller *controller)
-{
-    static const uint8_t black[COLOUR_BYTES];
-    struct trigger *trigger = &controller->trigger;
-    if (!controller->sync.timeout_us || !trigger->armed || !controller->shown_shines)
-        return;
-    uint32_t last_us = trigger->last_us; /* before the clock: an edge between the two would be later than now */
-    if ((uint32_t)controller_now_us(controller) - last_us <= controller->sync.timeout_us || !trigger_disarm(trigger))
-        return;
-    withdraw(controller);
-    controller->counters.trigger_timeouts++;
-    controller_show(controller, black);
-    controller->dark = DARK_TRIGGER_MISSED;
-    event_dark(controller);
-}
-
-static void watch_restart(struct controller *controller)
-{
-    const struct port *port = controller->port;
-    if (controller->restart_us && controller_now_us(controller) - controller->restart_us > RESTART_DELAY_US)
-        port->restart(port->context, controller->restart_bootloader);
-}
-
-bool controller_healthy(const struct controller *controller)
-{
-    const struct controller_slot *slot = &controller->slot;
-    if (!slot->busy)
-        return true;
-    return slot->start_us == PORT_ON_TRIGGER || controller_now_us(controller) < slot->start_us + OVERDUE_US;
 }
 
 /* ---- what the board calls ---- */
@@ -240,6 +194,7 @@ void controller_start(struct controller *controller, const struct port *port)
     config_load(&controller->config, port);
     controller->limits.led_count = controller->config.current.led_count;
     controller->colour_order = controller->config.current.colour_order;
+    controller->supply.fitted = controller->config.current.switch_pin != NO_PIN;
     controller->pulse_middle = controller->config.current.output_at == OUTPUT_AT_MIDDLE;
     port->setup(port->context, &controller->config.current);
     controller_apply_config(controller);
@@ -252,8 +207,7 @@ void controller_poll(struct controller *controller)
 {
     struct latched latched;
     bool finished = finish_light(controller, &latched);
-    watch_host(controller);
-    watch_trigger(controller);
+    controller_watch(controller);
     if (!controller->slot.busy && controller->still_wanted)
         plan_still(controller);
     else if (!controller->slot.busy && controller->sequencer.running)
@@ -261,7 +215,8 @@ void controller_poll(struct controller *controller)
     if (finished)
         event_light(controller, &latched);
     event_telemetry(controller);
-    watch_restart(controller);
+    if (!controller->slot.busy && !controller_will_shine(controller))
+        supply_open(&controller->supply, controller->port);
 }
 
 void controller_link(struct controller *controller, bool open, enum dark reason)
@@ -272,7 +227,7 @@ void controller_link(struct controller *controller, bool open, enum dark reason)
     controller->open = open;
     controller->packet_us = controller_now_us(controller);
     if (!open) {
-        if (will_shine(controller))
+        if (controller_will_shine(controller))
             controller->counters.dark_faults++;
         controller_go_dark(controller, reason);
     }

@@ -10,20 +10,24 @@
 #include <stdint.h>
 
 #include "config.h"
+#include "heat.h"
 #include "packet.h"
 #include "port.h"
 #include "protocol.h"
 #include "ring.h"
 #include "sequencer.h"
+#include "supply.h"
 #include "trigger.h"
 
 /* The one light that has been handed to the board and is not latched yet. */
 struct controller_slot {
     uint8_t wire[COLOUR_BYTES];
+    uint8_t colours[COLOUR_BYTES]; /* before they are dimmed */
     struct sequencer_position at;
     uint64_t start_us;
     uint32_t light_id;
     uint16_t current_ma;
+    uint8_t dimmed; /* how often its colours are halved */
     bool busy;
     bool shines;       /* any LED is lit */
     uint32_t pulse_us; /* of the trigger output, from the first bit on */
@@ -46,6 +50,9 @@ struct controller {
     uint8_t colour_order; /* as it was at the start, like the pins and the number of LEDs */
     bool pulse_middle;
 
+    struct heat heat;
+    struct supply supply;
+
     struct controller_slot slot;
     uint8_t still[COLOUR_BYTES]; /* what SET_LEDS or a safety rule wants next */
     uint32_t still_id;
@@ -57,6 +64,8 @@ struct controller {
     uint32_t shown_id;
     uint16_t shown_ma;
     bool shown_shines;
+    uint8_t shown_dimmed;
+    uint8_t shown_colours[COLOUR_BYTES]; /* before they were dimmed */
     uint8_t dark; /* enum dark */
 
     uint64_t packet_us;   /* when the last valid packet came */
@@ -80,10 +89,14 @@ void controller_poll(struct controller *controller);
 /* False when a light is overdue or does not get through: then the board must not feed its watchdog. */
 bool controller_healthy(const struct controller *controller);
 
-/* For the commands and the events. */
+/* For the commands, the events and the watches. */
 uint64_t controller_now_us(const struct controller *controller);
 void controller_end_sequence(struct controller *controller);
 void controller_go_dark(struct controller *controller, enum dark reason);
+void controller_darken(struct controller *controller, enum dark reason); /* by a fault: counted and told */
+void controller_withdraw(struct controller *controller);                 /* the light that waits, unless it has begun */
+bool controller_will_shine(const struct controller *controller);
+void controller_watch(struct controller *controller);
 bool controller_above_limit(const struct controller *controller);
 void controller_show(struct controller *controller, const uint8_t colours[COLOUR_BYTES]);
 void controller_apply_config(struct controller *controller);

@@ -39,6 +39,17 @@ void event_dark(struct controller *controller)
     send_event(controller, EVENT_DARK, &event, sizeof event);
 }
 
+void event_dimmed(struct controller *controller)
+{
+    struct dimmed_event event = {
+        .time_us = controller_now_us(controller),
+        .temperature = heat_temperature(&controller->heat),
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .dimmed = controller->heat.dimmed,
+    };
+    send_event(controller, EVENT_DIMMED, &event, sizeof event);
+}
+
 void event_telemetry(struct controller *controller)
 {
     struct status_reply status;

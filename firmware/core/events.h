@@ -11,6 +11,7 @@ struct latched {
 
 void event_light(struct controller *controller, const struct latched *latched);
 void event_dark(struct controller *controller);
+void event_dimmed(struct controller *controller);
 void event_telemetry(struct controller *controller); /* where its period is over */
 
 #endif

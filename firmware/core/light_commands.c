@@ -3,12 +3,17 @@
 
 #include "bytes.h"
 
+/* Bring the colours under the limit; current and scale are those of the light as it is dimmed now. */
 static enum status limit(struct call *call, uint8_t colours[COLOUR_BYTES], uint16_t *current_ma, uint16_t *scale)
 {
     const struct ring_limits *limits = &call->controller->limits;
+    uint8_t halvings = call->controller->heat.dimmed, dimmed[COLOUR_BYTES];
     if (!ring_limit(limits, colours, scale))
         return refuse(call, STATUS_OVER_CURRENT, ring_current_ma(limits, colours));
-    *current_ma = ring_current_ma(limits, colours);
+    bytes_copy(dimmed, colours, COLOUR_BYTES);
+    ring_dim(halvings, dimmed);
+    *current_ma = ring_current_ma(limits, dimmed);
+    *scale = (uint16_t)(*scale >> halvings);
     return STATUS_OK;
 }
 
@@ -153,7 +158,9 @@ enum status handle_start(struct call *call)
     if (status != STATUS_OK)
         return status;
     uint64_t now_us = port->micros(port->context);
-    sequencer_start(sequencer, now_us + DWELL_MIN_US);
+    supply_close(&controller->supply, port);
+    uint64_t ready_us = controller->supply.settled_us > now_us ? controller->supply.settled_us : now_us;
+    sequencer_start(sequencer, ready_us + DWELL_MIN_US);
     trigger_restart(&controller->trigger, now_us);
     port->trigger(port->context, sequencer->mode == SYNC_MODE_EXT, controller->sync.edge == EDGE_FALLING);
     return STATUS_OK;

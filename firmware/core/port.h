@@ -55,11 +55,14 @@ struct port {
     bool (*light_cancel)(void *context);
     enum port_light (*light_result)(void *context, uint64_t *first_bit_us, uint64_t *latched_us);
 
+    /* Close or open the load switch of the LEDs, where there is one; open at the start. */
+    void (*power)(void *context, bool closed);
+
     /* Which edge of the trigger pin the board passes to trigger_edge(); listen only if enabled. */
     void (*trigger)(void *context, bool enabled, bool falling);
 
-    /* Raw 12-bit reading of the temperature sensor, 0xffff without one. */
-    uint16_t (*temperature)(void *context);
+    /* Of the chip, in 0.1 degrees Celsius; NO_TEMPERATURE without a sensor. */
+    int16_t (*temperature)(void *context);
 
     void (*flash_read)(void *context, uint32_t offset, void *to, size_t count);
     bool (*flash_erase)(void *context, uint32_t sector);

@@ -7,7 +7,7 @@
 
 #define PROTOCOL_MAJOR 2u
 #define PROTOCOL_MINOR 0u
-#define SCHEMA_CRC 0x784f457fu
+#define SCHEMA_CRC 0x88054684u
 #define LED_COUNT 12u
 #define MOST_LEDS 24u
 #define COLOUR_BYTES 72u
@@ -28,6 +28,12 @@
 #define NO_PIN 255u
 #define ACTIVE_LOW 128u
 #define FULL_SCALE 65535u
+#define NO_TEMPERATURE 32767u
+#define HOTTEST_C 60u
+#define COOLER_C 5u
+#define DIMMINGS 3u
+#define DIMMING_US 10000000u
+#define SUPPLY_US 20000u
 
 /* How a request ended; `value` of the reply is what was refused. */
 enum status {
@@ -155,6 +161,7 @@ enum event {
     EVENT_LIGHT = 0x40,
     EVENT_DARK = 0x41,
     EVENT_TELEMETRY = 0x42,
+    EVENT_DIMMED = 0x43,
 };
 
 /* Records lie in packets as they are: little endian, without gaps, at any address. */
@@ -205,7 +212,7 @@ _Static_assert(sizeof(struct set_leds) == 72, "set_leds");
 struct RECORD light_reply {
     uint32_t light_id; /* the LIGHT event of this light carries it */
     uint16_t current_ma; /* by the current model, after scaling */
-    uint16_t scale; /* 0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF */
+    uint16_t scale; /* 0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF, by limit and heat */
 };
 _Static_assert(sizeof(struct light_reply) == 8, "light_reply");
 
@@ -272,7 +279,7 @@ struct RECORD status_reply {
     uint32_t config_saves; /* how often the configuration was written in its life */
     uint16_t current_ma; /* of the light that is on */
     uint16_t limit_ma;
-    uint16_t temperature; /* raw 12-bit reading of the chip's sensor, 0xFFFF: none */
+    int16_t temperature; /* of the chip, in 0.1 degrees Celsius; NO_TEMPERATURE: it has no sensor */
     uint16_t repetition;
     uint16_t loop;
     uint16_t events_dropped;
@@ -281,8 +288,9 @@ struct RECORD status_reply {
     uint8_t policy; /* enum policy */
     uint8_t mode; /* enum sync_mode */
     uint8_t step; /* 0xFF: no sequence */
+    uint8_t dimmed; /* how often every colour is halved because the chip is hot, 0 to DIMMINGS */
 };
-_Static_assert(sizeof(struct status_reply) == 33, "status_reply");
+_Static_assert(sizeof(struct status_reply) == 34, "status_reply");
 
 /* What went wrong since the start, and how often. */
 struct RECORD counters_reply {
@@ -330,8 +338,10 @@ struct RECORD configuration {
     uint8_t status_pin; /* GPIO of a status LED, plus ACTIVE_LOW where it lights when low; NO_PIN: none */
     uint8_t output_pin; /* GPIO that pulses high for 100 us in each light, for a camera; NO_PIN: none */
     uint8_t output_at; /* enum output_at */
+    uint8_t switch_pin; /* GPIO of a load switch, closed while LEDs are lit, plus ACTIVE_LOW; NO_PIN: none */
+    uint8_t hottest_c; /* degrees Celsius of the chip above which the LEDs are dimmed, 40 to 85 */
 };
-_Static_assert(sizeof(struct configuration) == 43, "configuration");
+_Static_assert(sizeof(struct configuration) == 45, "configuration");
 
 /* A number that says that this is meant. */
 struct RECORD magic {
@@ -368,6 +378,15 @@ struct RECORD dark_event {
     uint8_t dark; /* enum dark */
 };
 _Static_assert(sizeof(struct dark_event) == 11, "dark_event");
+
+/* The board dims its LEDs by another amount than before, because its chip has become hot or cool. */
+struct RECORD dimmed_event {
+    uint64_t time_us;
+    int16_t temperature; /* as in StatusReply */
+    uint16_t events_dropped;
+    uint8_t dimmed; /* as in StatusReply; 0: not any more */
+};
+_Static_assert(sizeof(struct dimmed_event) == 13, "dimmed_event");
 
 /* X(NAME, name, bytes of the request record, bytes of the reply record) for each command */
 #define COMMANDS(X) \

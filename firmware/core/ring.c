@@ -66,6 +66,12 @@ bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES],
     return true;
 }
 
+void ring_dim(uint8_t halvings, uint8_t colours[COLOUR_BYTES])
+{
+    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+        colours[i] = (uint8_t)((colours[i] + (1u << halvings) - 1u) >> halvings);
+}
+
 void ring_wire_order(uint8_t order, const uint8_t colours[COLOUR_BYTES], uint8_t wire[COLOUR_BYTES])
 {
     uint32_t red = order == COLOUR_ORDER_RGB ? 0 : 1;

@@ -48,7 +48,9 @@ def test_the_bundle_of_the_sensor_is_remembered_without_power(core: VirtualBoard
     again.close()
 
 
-@pytest.mark.parametrize(("unknown_bytes", "bundle"), [(15, b"\xff" * 8), (7, bytes(8))], ids=["bundle", "wiring"])
+@pytest.mark.parametrize(
+    ("unknown_bytes", "bundle"), [(17, b"\xff" * 8), (9, bytes(8)), (2, bytes(8))], ids=["bundle", "wiring", "heat"]
+)
 def test_a_record_of_firmware_that_knew_less_still_counts(
     core: VirtualBoard, unknown_bytes: int, bundle: bytes
 ) -> None:
@@ -161,7 +163,17 @@ def test_another_number_of_leds_counts_from_the_next_start_on(core: VirtualBoard
 
 
 @pytest.mark.parametrize(
-    "pins", [{"data_pin": 3}, {"output_pin": 2}, {"status_pin": p.ACTIVE_LOW + 2}, {"data_pin": 30}]
+    "pins",
+    [
+        {"data_pin": 3},
+        {"output_pin": 2},
+        {"status_pin": p.ACTIVE_LOW + 2},
+        {"data_pin": 30},
+        {"switch_pin": 3},
+        {"switch_pin": p.ACTIVE_LOW + 25},
+        {"hottest_c": 39},
+        {"hottest_c": 86},
+    ],
 )
 def test_a_pin_has_one_use(core: VirtualBoard, pins: dict[str, int]) -> None:
     assert core.ask("SET_CONFIG", dataclasses.replace(named("mixed up"), **pins))[0] == Status.OUT_OF_RANGE

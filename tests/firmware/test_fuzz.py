@@ -45,7 +45,9 @@ CONTROL_FAULTS = [
     ("control_count = count < setup.count ? count : setup.count;", "control_count = count;"),
     ("    control_data1 = !control_data1;\n", ""),
     ("    control_abort();\n    control_data1", "    control_data1"),
-    ("    new_address = 0;\n}\n\nvoid control_setup", "}\n\nvoid control_setup"),
+    ("    new_address = NO_ADDRESS;\n}\n\nvoid control_setup", "}\n\nvoid control_setup"),
+    ("    if (new_address != NO_ADDRESS) {", "    if (new_address && new_address != NO_ADDRESS) {"),
+    (" && setup.value <= LAST_ADDRESS", ""),
 ]
 
 

@@ -60,3 +60,13 @@ def test_a_start_after_flashing_does_not_pass_for_a_bite_of_the_watchdog(board: 
     board.leave_bootloader()
     with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
         assert again.hello.reset_reason == ResetReason.COMMAND
+
+
+def test_a_fault_tears_no_transfer(board: BenchBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    assert board.run_until(lambda: board.waveform.frame_starts_us[-1] > board.now_us - 100, 2_000)
+    break_down(board)
+    assert board.run_until(lambda: board.resets, 500_000)
+    lights = [board.timeline[k].colours for k in (-2, -1)]
+    np.testing.assert_array_equal(lights[0], RED)
+    assert not lights[1].any()

@@ -8,29 +8,16 @@ import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
+from gellight.ring.emulator.chip import VTOR
 from gellight.ring.emulator.waveform import Strip
 from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.firmware.helpers.wiring import opened, wired
+from tests.helpers.bench_board import BenchBoard
 
 RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 OUTPUT, PULSE_US = 4, 100
 DWELL_US = 20_000
-
-
-def opened(board: BenchBoard) -> LightRing:
-    return LightRing(VirtualTransport(board), keep_alive_s=None)
-
-
-def wired(image: bytes, strip: Strip | None = None, **fields: int) -> BenchBoard:
-    """A board that was configured so and has started anew; its LEDs may be others than before."""
-    before = BenchBoard(image)
-    ring = opened(before)
-    ring.configure(replace(ring.configuration(), **fields), save=True)
-    before.power_off()
-    board = BenchBoard(bytes(before.flash), strip=strip)
-    assert before.faults == []
-    return board
 
 
 def levels(board: BenchBoard, pin: int) -> list[tuple[float, bool]]:
@@ -166,3 +153,57 @@ def test_the_status_led_tells_host_and_fault_apart(image: bytes, pin: int, low: 
         assert ring.hello.reset_reason == ResetReason.WATCHDOG
         board.run(600_000)
         assert half_periods_ms(board, pin, 1_200_000) == []
+
+
+SWITCH = 6
+
+
+@pytest.mark.parametrize("low", [0, p.ACTIVE_LOW], ids=["high", "low"])
+def test_the_load_switch_is_closed_while_the_leds_are_lit_alone(image: bytes, low: int) -> None:
+    """The emulated LEDs are dark while it is open, and report light that comes before their supply has risen."""
+    board = wired(image, Strip(switch=SWITCH + low), switch_pin=SWITCH + low)
+    with opened(board) as ring:
+        changes = levels(board, SWITCH)
+        for end in (ring.blank, lambda: board.run(1_200_000)):  # the second: a host that is silent
+            ring.wait_for_light(ring.set_leds(RED).light_id)
+            board.run(1_000)
+            np.testing.assert_array_equal(board.timeline.at(board.now_us), RED)
+            end()
+            board.run(2_000)
+            assert not board.timeline.at(board.now_us).any()
+        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000, blank_us=5_000)], loops=3)
+        ring.set_sync(SyncMode.FREE)
+        ring.start()
+        board.run(100_000)
+        assert ring.counters().late_steps == 0
+        assert [level for _, level in changes] == 3 * [not low, bool(low)]
+    assert board.faults == []
+
+
+def test_a_fault_and_a_hang_leave_the_load_switch_open(image: bytes) -> None:
+    board = wired(image, Strip(switch=SWITCH), switch_pin=SWITCH)
+    for vector in (None, 12):
+        with opened(board) as ring:
+            ring.wait_for_light(ring.set_leds(RED).light_id)
+            board.run(1_000)
+            assert board.timeline.at(board.now_us).any()
+            core, resets, begun_us = board.chip.core, board.resets, board.now_us
+            board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
+            target = (
+                0x2003FF00 if vector is None else board.chip.read_uint32(board.chip.read_uint32(VTOR) + vector) & ~1
+            )
+            core.pc, core.pm, core.waiting = target, vector is None, False
+            assert board.run_until(lambda: not board.timeline.at(board.now_us).any(), 130_000)
+            if vector is not None:
+                assert board.now_us - begun_us < 100  # before the LEDs are told, and before the chip starts anew
+            assert board.run_until(lambda n=resets: board.resets > n, 150_000)
+            assert board.run_until(lambda: board.host.configured, 200_000)
+
+
+def test_an_image_that_lights_leds_without_power_is_told(image: bytes) -> None:
+    board = wired(image, Strip(switch=SWITCH))  # it knows nothing of the switch
+    with opened(board) as ring:
+        ring.set_leds(RED)
+        board.run(2_000)
+        assert not board.timeline.at(board.now_us).any()
+    assert any("supply of the LEDs" in fault for fault in board.faults)

@@ -14,6 +14,8 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
+from gellight.ring.emulator.busy_bus import B1, B2, DATA_PLUS
+from gellight.ring.emulator.chip import VTOR
 from gellight.ring.emulator.usb_host import ADDRESS
 from gellight.ring.emulator.waveform import Strip
 from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
@@ -27,7 +29,7 @@ from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
-STATUS_PIN = 16
+STATUS_PIN, SWITCH_PIN = 16, 6
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
 
 
@@ -179,6 +181,18 @@ def _short_packets(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
             problems.append("what piles up is no whole number of packets of 64 bytes: choose other answers")
 
 
+def _heat(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    for celsius, dimmed in ((20.0, 0), (70.0, 1)):
+        board.set_temperature(celsius)
+        for _ in range(8):
+            ring.clock()
+            board.run(900_000)
+        status = ring.status()
+        if abs(status.temperature / 10 - celsius) > 0.5 or status.dimmed != dimmed:
+            problems.append(f"says {status} at {celsius} degrees")
+    board.set_temperature(20.0)
+
+
 def _hang(board: BenchBoard) -> bool:
     """Let the processor hang with interrupts off; false where the watchdog does not bite."""
     resets, core = board.resets, board.chip.core
@@ -193,12 +207,19 @@ def _watchdog(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightR
     return _reopen(board)
 
 
+def _break_down(board: BenchBoard) -> None:
+    """Enter what the vector of HardFault points to."""
+    board.chip.core.pc = board.chip.read_uint32(board.chip.read_uint32(VTOR) + 12) & ~1
+    board.chip.core.waiting = False
+
+
 def _fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> LightRing:
     ring.set_leds(PATTERN)
     board.run(3_000)
-    resets, vectors = board.resets, board.chip.read_uint32(0xE000ED08)
-    board.chip.core.pc = board.chip.read_uint32(vectors + 12) & ~1
-    board.chip.core.waiting = False
+    resets = board.resets
+    ring.set_leds(PATTERN)
+    board.run_until(lambda: board.waveform.frame_starts_us[-1] > board.now_us - 100, 1_000)
+    _break_down(board)
     board.run_until(lambda: board.resets > resets, 150_000)
     if board.timeline.at(board.now_us).any():
         problems.append("lit after a fault")
@@ -213,7 +234,7 @@ def _start_fault(board: BenchBoard, ring: LightRing, problems: list[str]) -> Lig
     board.power_on()
     resets = board.resets
     board.run(30_000)
-    board.chip.core.pc = board.chip.read_uint32(board.chip.read_uint32(0xE000ED08) + 12) & ~1
+    _break_down(board)
     if not board.run_until(lambda: board.resets > resets, 1_000):
         problems.append("a fault at the start does not start anew")
         return None
@@ -271,10 +292,11 @@ def _wiring(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     ring.blank()
     board.run(3_000)
     wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=4, output_at=OutputAt.MIDDLE,
-                    status_pin=STATUS_PIN + p.ACTIVE_LOW, led_count=24, colour_order=ColourOrder.RGBW)  # fmt: skip
+                    status_pin=STATUS_PIN + p.ACTIVE_LOW, switch_pin=SWITCH_PIN + p.ACTIVE_LOW, led_count=24,
+                    colour_order=ColourOrder.RGBW)  # fmt: skip
     ring.configure(wired, save=True)
     board.power_off()
-    other = BenchBoard(bytes(board.flash), strip=Strip(24, ColourOrder.RGBW, 9))
+    other = BenchBoard(bytes(board.flash), strip=Strip(24, ColourOrder.RGBW, 9, SWITCH_PIN + p.ACTIVE_LOW))
     other.run_until(lambda: other.host.configured, 200_000)
     if _blinks(other, 1_600_000) != {500}:
         problems.append("the status LED does not blink slowly without a host")
@@ -284,6 +306,15 @@ def _wiring(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     other.run(600_000)
     if _blinks(other, 600_000) or other.chip.sio.gpio_value >> STATUS_PIN & 1:
         problems.append("the status LED is not steadily lit with a host")
+    again.set_leds(np.tile(PATTERN, (2, 1)))
+    other.run(30_000)
+    before_us, resets = other.now_us, other.resets
+    _break_down(other)
+    other.run(50)
+    if other.timeline.at(before_us).any() == other.timeline.at(other.now_us).any():
+        problems.append("the load switch stays closed through a fault")
+    other.run_until(lambda: other.resets > resets, 150_000)
+    _reopen(other)
     _hang(other)
     other.run_until(lambda: other.host.configured, 200_000)
     if _blinks(other, 500_000) != {100}:
@@ -298,7 +329,7 @@ def _examine_wired(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
     changes: list[float] = []
     board.chip.gpio[4].add_listener(lambda _new, _old: changes.append(board.now_us))
     ring.start()
-    board.run(5_000)
+    board.run(p.SUPPLY_US + 12_000)  # the load switch has closed, and the main loop has looked
     begun = len(board.waveform.frame_starts_us)
     board.chip.gpio[17].set_input_value(True)
     board.run(5_000)
@@ -310,9 +341,31 @@ def _examine_wired(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
         problems.append("the trigger output")
 
 
+def _hub(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
+    """Silicon B1 joins a busy hub and gives GPIO15 back; nobody touches it on B2, or where it is in use."""
+    for revision, busy in ((B1, True), (B2, False)):
+        other = BenchBoard(bytes(board.flash), revision=revision, busy_hub=busy)
+        pin, taken = other.chip.gpio[DATA_PLUS], []
+        if not other.run_until(lambda b=other, p=pin, t=taken: t.append(p.ctrl) or b.host.configured, 200_000):
+            problems.append("does not join a busy hub")
+        if pin.ctrl != taken[0] or (revision == B2 and set(taken) != {taken[0]}):
+            problems.append("GPIO15 is taken, or not given back")
+        problems += other.faults
+    ring.blank()
+    board.run(3_000)
+    before = ring.configuration()
+    ring.configure(replace(before, status_pin=DATA_PLUS), save=True)
+    used = BenchBoard(bytes(board.chip.flash[: 1 << 21]), revision=B1)
+    seen: set[int] = set()
+    used.run_until(lambda: seen.add(used.chip.gpio[DATA_PLUS].ctrl & 31), 120_000)
+    if not seen <= {5, 31}:
+        problems.append("GPIO15 is taken while it is in use")
+    ring.configure(before, save=True)
+
+
 CHECKS = (
-    _colours, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault,
-    _start_fault, _reflash, _bus, _wiring,
+    _colours, _hub, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog, _fault,
+    _start_fault, _reflash, _heat, _bus, _wiring,
 )  # fmt: skip
 
 

@@ -93,6 +93,6 @@ def test_the_configuration_is_kept_over_a_restart(request: pytest.FixtureRequest
 
 
 def test_the_chip_is_neither_frozen_nor_hot(ring: LightRing) -> None:
-    celsius = chip_temperature_c(ring.hello, ring.status())
+    celsius = chip_temperature_c(ring.status())
     assert celsius is not None
     assert -10 < celsius < 85

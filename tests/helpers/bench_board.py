@@ -12,14 +12,13 @@ from gellight.ring.emulator.chip import (
     FLASH_BYTES,
     ROOM_C,
     TEMPERATURE_CHANNEL,
-    UNIQUE_ID,
     USB,
     EmulatedBoard,
     temperature_reading,
 )
 from gellight.ring.emulator.clocks import Crystal
 from gellight.ring.emulator.registers import UsbGuard
-from gellight.ring.emulator.waveform import DARK, Light, LightTimeline, Strip, WaveformDecoder
+from gellight.ring.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5
@@ -76,13 +75,13 @@ class BenchBoard(EmulatedBoard):
     decoder = NotingDecoder
     waveform: NotingDecoder
 
-    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, strip: Strip | None = None) -> None:
+    def __init__(self, image: bytes, **options: Any) -> None:
         self.powered = True
         self.temperature_c = ROOM_C
         self.cut_after: int | None = None
         """power fails after so many bytes of flash were erased or programmed"""
         self._cut = False
-        super().__init__(image, unique_id=unique_id, strip=strip)
+        super().__init__(image, **options)
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
         super()._start(scratch, reason, crystal)
@@ -102,7 +101,7 @@ class BenchBoard(EmulatedBoard):
         self.waveform.settle(self._past_ns)
         self.waveform._frame, self.waveform._high = [], False
         last_us = self.timeline[-1].time_us if len(self.timeline) else 0.0
-        self.timeline.append(Light(max(self.now_us, last_us), DARK))
+        self.timeline.append(Light(max(self.now_us, last_us), self.waveform.strip.dark))
 
     def leave_bootloader(self) -> None:
         """Start what is in flash, as the boot ROM does when it has written an image: by the watchdog (2.8.4)."""

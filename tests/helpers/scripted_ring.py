@@ -24,6 +24,7 @@ class ScriptedRing(LightRing):
         self.events, self.event_listeners, self.ping_listeners = deque(), [], []
         self.still = still
         self.shown: list[np.ndarray] = []
+        self.dimmed = 0
         self.scale = protocol.FULL_SCALE
         self.dark = Dark.NOT_DARK
         self.lost: deque[bool] = deque()
@@ -43,7 +44,9 @@ class ScriptedRing(LightRing):
 
     def status(self) -> Any:
         lost = self.lost.popleft() if self.lost else False
-        return SimpleNamespace(state=State.STILL, dark=self.dark, light_id=len(self.shown) + lost)
+        return SimpleNamespace(
+            state=State.STILL, dark=self.dark, light_id=len(self.shown) + lost, dimmed=0, temperature=270
+        )
 
     def close(self) -> None:
         self.still = None

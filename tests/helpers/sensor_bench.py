@@ -11,8 +11,8 @@ from gellight.base.errors import BoardError
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.sensor_camera import SensorCamera, open_sensor
+from gellight.soak.usb_tree import UsbTree
 from tests.helpers.fake_kernel import FakeCamera, FakeKernel
-from tests.helpers.fake_usb import FakeUsb
 from tests.helpers.linear_sensor import linear_network
 
 BOARD = "E660C06213842F2A"
@@ -75,7 +75,7 @@ class Bench:
     """A computer with a bus; sensors are plugged in and pulled out."""
 
     def __init__(self, root: Path) -> None:
-        self.kernel, self.usb, self.rings = FakeKernel(), FakeUsb(root), []  # type: ignore[var-annotated]
+        self.kernel, self.usb, self.rings = FakeKernel(), UsbTree(root), []  # type: ignore[var-annotated]
         self.board = BOARD
         self.cameras: dict[str, FakeCamera] = {}
 

@@ -52,7 +52,7 @@ def full_frame() -> TactileFrame:
         camera_frame=replace(felt.camera_frame, label=LightLabel(state=LightState.CLEAN, group=3), sequence=2**40),
         exposures=ExposureReport(
             exposures=12, duration_s=0.4, moved=True, repetition_grey=1.5, repetition_limit_grey=1.0, misfit=0.3,
-            lights=lights, least_lights=5,
+            lights=lights, moving=lights > 8, least_lights=5,
         ),
         provenance=Provenance(
             calibration="c" * 16, zero="d" * 16, pixel_size_mm=(0.05, 0.06), unix_s=1e9,

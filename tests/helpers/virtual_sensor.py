@@ -82,7 +82,7 @@ class VirtualCamera(Camera):
         self._wait(start_s + (self.shutter.duration_us + self.shutter.transfer_us) * 1e-6)
         start_us = self.clock.board_us(start_s)
         lights = self.board.timeline.interval(start_us - 500.0, start_us + self.shutter.duration_us)
-        weights = row_weights(lights, start_us, SHAPE[0], self.phases_us, self.shutter)
+        weights = row_weights(lights, start_us, self.image_shape[0], self.phases_us, self.shutter)
         self.last = start_us, weights
         self.count += 1
         stamp_s = start_s + self.late_s + self.rng.uniform(-1, 1) * self.jitter_s
@@ -100,7 +100,7 @@ class VirtualCamera(Camera):
         if not seen.any():
             return None
         for number, group in enumerate(groups):
-            pure = row_weights([Light(0.0, group)], start_us, SHAPE[0], self.phases_us, self.shutter)
+            pure = row_weights([Light(0.0, group)], start_us, self.image_shape[0], self.phases_us, self.shutter)
             if np.abs(seen - pure).max() < 1e-9:
                 return LightLabel(state=LightState.CLEAN, group=number)
         return LightLabel(state=LightState.MIXED)

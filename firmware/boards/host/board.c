@@ -93,10 +93,16 @@ static void port_trigger(void *context, bool enabled, bool falling)
     board->falling = falling;
 }
 
-static uint16_t port_temperature(void *context)
+static void port_power(void *context, bool closed)
 {
-    (void)context;
-    return 876; /* 27 degrees: 0.706 V of 3.3 V, RP2040 data sheet 4.9.5 */
+    struct board *board = context;
+    board->powered = closed;
+}
+
+static int16_t port_temperature(void *context)
+{
+    const struct board *board = context;
+    return board->temperature;
 }
 
 static void port_flash_read(void *context, uint32_t offset, void *to, size_t count)
@@ -159,6 +165,7 @@ static const struct port functions = {
     .light = port_light,
     .light_cancel = port_light_cancel,
     .light_result = port_light_result,
+    .power = port_power,
     .trigger = port_trigger,
     .temperature = port_temperature,
     .flash_read = port_flash_read,
@@ -183,6 +190,7 @@ struct board *board_new(const uint8_t *flash)
         bytes_copy(board->flash, flash, BOARD_FLASH_BYTES);
     board->cut_after = -1;
     board->room = BOARD_OUTPUT_BYTES;
+    board->temperature = 270;
     board->port = functions;
     board->port.context = board;
     controller_start(&board->controller, &board->port);
@@ -277,6 +285,16 @@ void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_aft
     board->room = room;
     board->stuck = stuck;
     board->cut_after = cut_after;
+}
+
+void board_warm(struct board *board, int32_t temperature)
+{
+    board->temperature = (int16_t)temperature;
+}
+
+bool board_powered(const struct board *board)
+{
+    return board->powered;
 }
 
 uint64_t board_now(const struct board *board)

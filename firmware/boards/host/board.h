@@ -34,6 +34,9 @@ struct board {
     uint32_t output_count;
     uint8_t flash[BOARD_FLASH_BYTES];
 
+    bool powered;        /* the load switch is closed */
+    int16_t temperature; /* in 0.1 degrees Celsius */
+
     bool listening, falling;
     bool restarted, bootloader;
 
@@ -56,6 +59,8 @@ void board_light_at(const struct board *board, uint32_t index, struct board_ligh
 void board_flash(const struct board *board, uint8_t *flash);
 void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_after);
 void board_edge_after_reads(struct board *board, uint32_t reads);
+void board_warm(struct board *board, int32_t temperature);
+bool board_powered(const struct board *board);
 uint64_t board_now(const struct board *board);
 uint32_t board_flags(const struct board *board); /* 1: healthy, 2: restarted, 4: into the boot loader */
 uint32_t board_current_ua(const struct board *board); /* of the last light, by the model of the configuration */

@@ -19,7 +19,7 @@ void vectors_install(void);
 void clock_raise(void); /* in flash */
 void clock_start(void);
 uint64_t clock_micros(void);
-uint16_t clock_temperature(void);
+int16_t clock_temperature(void);
 void tick_interrupt(void);
 bool tick_passed(void); /* since it was asked last */
 
@@ -51,6 +51,7 @@ void pins_listen(void *context, bool enabled, bool falling);
 void pins_acknowledge(void); /* the edge of the trigger */
 void pins_pulse(uint32_t after_us); /* the trigger output, once that time has passed; PORT_NO_PULSE: not, also what waits */
 void pulse_interrupt(void);
+void pins_power(void *context, bool closed); /* the load switch of the LEDs */
 void status_show(const struct controller *controller); /* often: the status LED */
 
 /* usb.c */
@@ -68,6 +69,9 @@ enum usb_event {
     USB_BOOTLOADER = 1u << 3,
 };
 uint32_t usb_events(void);
+
+/* usb_join.c */
+void join_interrupt(void);
 
 /* usb_descriptors.c */
 const uint8_t *usb_descriptor(uint8_t type, uint8_t index, uint16_t *count);

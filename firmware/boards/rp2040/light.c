@@ -206,8 +206,8 @@ void light_force_dark(void)
 {
     if (~REGISTER(RESETS_DONE) & (RESET_DMA | RESET_PIO0 | RESET_TIMER))
         return;
-    REGISTER(DMA_CHAN_ABORT) = 1u << 0;
     spin_us(wire_us + 500u);
+    REGISTER(DMA_CHAN_ABORT) = 1u << 0; /* only now: or a transfer that runs would be torn */
     for (uint32_t i = 0; i < leds; i++) {
         while (REGISTER(PIO0_FSTAT) & 1u << 16)
             ;

@@ -33,7 +33,7 @@ static uint64_t port_micros(void *context)
     return clock_micros();
 }
 
-static uint16_t port_temperature(void *context)
+static int16_t port_temperature(void *context)
 {
     (void)context;
     return clock_temperature();
@@ -85,6 +85,7 @@ static void port_fill(void)
         .light = light_show,
         .light_cancel = light_cancel,
         .light_result = light_result,
+        .power = pins_power,
         .trigger = pins_listen,
         .temperature = port_temperature,
         .flash_read = flash_read,

@@ -1,4 +1,4 @@
-/* The pins besides that of the LEDs: the trigger's input, the trigger output, the status LED. */
+/* The pins besides that of the LEDs: the trigger's input, the trigger output, the status LED, the load switch. */
 #include "board.h"
 #include "registers.h"
 
@@ -10,8 +10,8 @@
 #define FUNCTION_SIO 5u
 #define BOTH_EDGES 0xcu
 
-static uint32_t trigger_pin, output, status; /* the last two as bits, 0: there is none */
-static bool status_low;                      /* it lights when low */
+static uint32_t trigger_pin, output, status, load_switch; /* all but the first as bits, 0: there is none */
+static bool status_low, switch_low;                       /* what lights, or closes, when low */
 static volatile bool pulsing;
 
 static uint32_t prepare_output(uint8_t pin, bool high)
@@ -25,6 +25,19 @@ static uint32_t prepare_output(uint8_t pin, bool high)
     return 1u << pin;
 }
 
+/* Off: high where `low` switches on. */
+static uint32_t prepare_switch(uint8_t pin, bool *low)
+{
+    *low = pin != NO_PIN && pin & ACTIVE_LOW;
+    return prepare_output(*low ? (uint8_t)(pin - ACTIVE_LOW) : pin, *low);
+}
+
+void pins_power(void *context, bool closed)
+{
+    (void)context;
+    REGISTER(closed != switch_low ? SIO_OUT_SET : SIO_OUT_CLEAR) = load_switch;
+}
+
 void pins_setup(const struct configuration *configuration)
 {
     trigger_pin = configuration->trigger_pin;
@@ -32,9 +45,8 @@ void pins_setup(const struct configuration *configuration)
     REGISTER(IO_BANK0_CTRL(trigger_pin)) = FUNCTION_SIO;
     REGISTER(NVIC_ISER) = 1u << IRQ_IO_BANK0;
     output = prepare_output(configuration->output_pin, false);
-    status_low = configuration->status_pin != NO_PIN && configuration->status_pin & ACTIVE_LOW;
-    uint8_t pin = configuration->status_pin;
-    status = prepare_output(status_low ? (uint8_t)(pin - ACTIVE_LOW) : pin, status_low);
+    status = prepare_switch(configuration->status_pin, &status_low);
+    load_switch = prepare_switch(configuration->switch_pin, &switch_low);
 }
 
 void pins_listen(void *context, bool enabled, bool falling)

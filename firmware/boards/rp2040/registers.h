@@ -9,6 +9,8 @@
 #define SET_BITS(address) REGISTER((address) + 0x2000u)
 #define CLEAR_BITS(address) REGISTER((address) + 0x3000u)
 
+#define SYSINFO_CHIP_ID 0x40000000u
+
 #define SSI_BASE 0x18000000u
 #define SSI_CTRLR0 (SSI_BASE + 0x00u)
 #define SSI_SSIENR (SSI_BASE + 0x08u)
@@ -91,6 +93,8 @@
 #define USB_EP_STALL_ARM (USB_BASE + 0x68u)
 #define USB_MUXING (USB_BASE + 0x74u)
 #define USB_PWR (USB_BASE + 0x78u)
+#define USB_PHY_DIRECT (USB_BASE + 0x7cu)
+#define USB_PHY_OVERRIDE (USB_BASE + 0x80u)
 #define USB_INTE (USB_BASE + 0x90u)
 #define USB_INTS (USB_BASE + 0x98u)
 
@@ -118,6 +122,7 @@
 #define IRQ_TIMER_0 0u
 #define IRQ_TIMER_1 1u
 #define IRQ_TIMER_2 2u
+#define IRQ_TIMER_3 3u
 #define IRQ_USB 5u
 #define IRQ_IO_BANK0 13u
 

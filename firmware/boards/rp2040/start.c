@@ -54,6 +54,7 @@ __attribute__((section(".vectors"), used, aligned(256))) static const vector vec
     [16 + IRQ_TIMER_0] = light_interrupt,
     [16 + IRQ_TIMER_1] = tick_interrupt,
     [16 + IRQ_TIMER_2] = pulse_interrupt,
+    [16 + IRQ_TIMER_3] = join_interrupt,
     [16 + IRQ_USB] = usb_interrupt,
     [16 + IRQ_IO_BANK0] = trigger_interrupt,
 };

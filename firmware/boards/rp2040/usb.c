@@ -207,6 +207,7 @@ static void bus_reset(void)
 {
     control_reset();
     data_configure(false);
+    join_begin();
 }
 
 /* A program that had the port open still has: the host says DTR no second time. */
@@ -274,7 +275,7 @@ static void connect(void)
 {
     for (uint32_t at = 0; at < 4096; at += 4)
         REGISTER(USB_DPRAM + at) = 0;
-    REGISTER(USB_MUXING) = 1u << 0 | 1u << 3;  /* to the pins, software connect */
+    REGISTER(USB_MUXING) = TO_PHY;
     REGISTER(USB_PWR) = 1u << 2 | 1u << 3;     /* VBUS is taken to be there */
     REGISTER(USB_MAIN_CTRL) = 1;               /* device */
     REGISTER(USB_SIE_CTRL) = 1u << 29;         /* interrupt for each buffer of endpoint 0 */
@@ -304,6 +305,7 @@ void usb_watch(void)
         return;
     }
     data_configure(false);
+    join_abandon();
     SET_BITS(RESETS_RESET) = RESET_USBCTRL;
     for (uint32_t begun_us = now_us(); now_us() - begun_us < UNPLUGGED_US;)
         ;

@@ -30,6 +30,8 @@
 #define SET_CONTROL_LINE_STATE 0x22u
 #define SEND_BREAK 0x23u
 
+#define LAST_ADDRESS 127u
+#define NO_ADDRESS 0xffu
 #define SERIAL_INTERFACE 0u
 #define DATA_INTERFACE 1u
 #define BULK_OUT 0x02u
@@ -46,7 +48,7 @@ static uint16_t control_count;
 static bool control_zero; /* and then an empty packet */
 static bool control_data1;
 static bool expect_line_coding;
-static uint8_t new_address, configuration;
+static uint8_t new_address = NO_ADDRESS, configuration;
 static uint8_t line_coding[7] = {0x00, 0xc2, 0x01, 0x00, 0, 0, 8}; /* 115200 8N1 */
 
 static void control_in(uint16_t count)
@@ -134,7 +136,7 @@ static void standard_request(void)
     static const uint8_t nothing[2];
     if (setup.type == TO_HOST && setup.request == GET_DESCRIPTOR) {
         get_descriptor();
-    } else if (setup.type == TO_DEVICE && setup.request == SET_ADDRESS) {
+    } else if (setup.type == TO_DEVICE && setup.request == SET_ADDRESS && setup.value <= LAST_ADDRESS) {
         new_address = (uint8_t)setup.value; /* takes effect after the status stage */
         control_accept();
     } else if (setup.type == TO_DEVICE && setup.request == SET_CONFIGURATION && setup.value <= 1) {
@@ -187,7 +189,7 @@ static void control_abort(void)
     control_count = 0;
     control_zero = false;
     expect_line_coding = false;
-    new_address = 0;
+    new_address = NO_ADDRESS;
 }
 
 void control_setup(void)
@@ -208,9 +210,9 @@ void control_setup(void)
 
 void control_sent(void)
 {
-    if (new_address) {
+    if (new_address != NO_ADDRESS) { /* 0 is one too: back to the state before enumeration (9.4.6) */
         REGISTER(USB_ADDR_ENDP) = new_address;
-        new_address = 0;
+        new_address = NO_ADDRESS;
     }
     if (control_count || control_zero) {
         if (!control_count)

@@ -15,6 +15,10 @@
 #define PACKET 64u
 #define BUFFER_CONTROL(endpoint, out) (USB_DPRAM + 0x80u + 8u * (endpoint) + ((out) ? 4u : 0u))
 
+/* USB_MUXING: where the data lines come from; with software connect */
+#define TO_PHY (1u << 0 | 1u << 3)
+#define TO_PADS (1u << 2 | 1u << 3)
+
 static inline volatile uint8_t *dpram(uint32_t address)
 {
     return (volatile uint8_t *)address;
@@ -33,6 +37,10 @@ void control_setup(void);
 void control_sent(void);
 void control_received(void);
 void control_reset(void);
+
+/* usb_join.c, called where the bus is reset, and before the controller is */
+void join_begin(void);
+void join_abandon(void);
 
 /* usb.c, called by endpoint 0 */
 void data_configure(bool configured);

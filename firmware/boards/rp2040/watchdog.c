@@ -71,6 +71,7 @@ void watchdog_restart(uint8_t reason)
 void fault(void)
 {
     interrupts_off();
+    pins_power(NULL, false);
     light_force_dark();
     watchdog_restart(RESET_REASON_FAULT);
 }

@@ -91,7 +91,7 @@ static void send_setup(const uint8_t *setup)
     sent = 0;
     armed_toggle = DATA1;
     asked_address = address;
-    if (setup[0] == 0 && setup[1] == 5)
+    if (setup[0] == 0 && setup[1] == 5 && setup[2] < 128 && !setup[3])
         asked_address = setup[2];
     in_transfer = true;
     control_setup();

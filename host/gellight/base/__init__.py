@@ -4,6 +4,7 @@ errors.py    one tree of errors
 settings.py  flags over environment over files over defaults
 allowed.py   what a pydantic model allows, in a user's words
 writing.py   files written whole or not at all, flushed to the disk
+locking.py   locks on files, on Windows too
 mailbox.py   keeps the newest item, from thread to thread
 holders.py   who else has a device open
 service_manager.py   what systemd is told of a service

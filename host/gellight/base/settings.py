@@ -109,6 +109,21 @@ class ReconstructionSettings(StrictModel):
     )
 
 
+class LightingSettings(StrictModel):
+    """What the light of the sensor does while it runs; see docs/light.md."""
+
+    sequence: str = Field(
+        default="",
+        description="light groups shown in turn: `rgb` (a red, a green and a blue LED each), `single` (one LED each) "
+        "or a JSON file; empty: the light of the calibration all the time",
+    )
+    light_mode: Literal["hold", "free", "ext"] = Field(
+        default="hold",
+        description="what moves the light of a sequence or of photometric stereo on: each frame that is read, the "
+        "board's clock, or the strobe of the camera",
+    )
+
+
 class WatchSettings(StrictModel):
     """What is watched for changes since the calibration; see docs/watch.md."""
 
@@ -140,6 +155,8 @@ class StreamSettings(StrictModel):
         description="router of ROS 2's rmw_zenoh, such as tcp/localhost:7447, to publish topics by; empty: none",
     )
     ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
+    foxglove: bool = Field(default=False, description="serve a live view for Foxglove; needs gellight[foxglove]")
+    foxglove_port: int = Field(default=8765, ge=0, le=65535, description="port of that; 0: any free one")
 
 
 class Settings(StrictModel):
@@ -148,6 +165,7 @@ class Settings(StrictModel):
     sensor: SensorSettings = Field(default_factory=SensorSettings)
     geometry: GeometrySettings = Field(default_factory=GeometrySettings)
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
+    lighting: LightingSettings = Field(default_factory=LightingSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
     stream: StreamSettings = Field(default_factory=StreamSettings)

@@ -184,6 +184,7 @@ class Description(TypedDict, total=False):
     name: str
     reference_frames: Required[int]
     noise_grey: Required[float]
+    rest_grey: float
     pixel_size_mm: Required[tuple[float, float]]
     follow_light: bool
     bulge: float

@@ -70,6 +70,9 @@ class Manifest(BaseModel):
     noise_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     """of one frame, as `image_noise` measures it: the standard deviation of one pixel, or for a camera that compresses
     that of white noise whose means spread as much; grey levels"""
+    rest_grey: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    """how far means over cells of the gel at rest differ from the reference image beyond that noise: light that drifts
+    unevenly, gel that does not come back quite; root mean square, grey levels; 0 where nobody measured it"""
     follow_light: bool = False
     """take the median over the view off every difference image, because the light of this sensor drifts"""
     bulge: Length = BULGE

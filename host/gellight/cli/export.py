@@ -83,7 +83,7 @@ def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[Tactile
 
 def fps_of(recording: Recording) -> float:
     """Return the frame rate at the beginning of a recording."""
-    times_s = [record.info.unix_s for record in islice(recording.frames(), FPS_FRAMES)]
+    times_s = [record.info.time_s for record in islice(recording.frames(), FPS_FRAMES)]
     duration_s = times_s[-1] - times_s[0]
     return (len(times_s) - 1) / duration_s if duration_s > 0 else float(FPS_FRAMES)
 

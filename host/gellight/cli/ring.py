@@ -41,6 +41,8 @@ class Board:
     reset_reason: str
     uptime_s: float
     temperature_c: float | None
+    dimmed: int
+    """how often every colour is halved because the chip is hot"""
     current_ma: int
     limit_ma: int
     dark: str
@@ -67,7 +69,8 @@ def _board(ring: LightRing) -> Board:
         schema_crc=f"{hello.schema_crc:08x}",
         reset_reason=ResetReason(hello.reset_reason).name,
         uptime_s=status.time_us / 1e6,
-        temperature_c=chip_temperature_c(hello, status),
+        temperature_c=chip_temperature_c(status),
+        dimmed=status.dimmed,
         current_ma=status.current_ma,
         limit_ma=status.limit_ma,
         dark=Dark(status.dark).name,
@@ -80,11 +83,12 @@ def _board(ring: LightRing) -> Board:
 def _text(b: Board) -> str:
     wrong = {k: v for k, v in b.counters.items() if v and k not in ("packets", "lights", "triggers")}
     warm = "" if b.temperature_c is None else f", chip at {b.temperature_c:.0f} °C"
+    dimmed = f", dimmed to 1/{1 << b.dimmed} because the chip is hot" if b.dimmed else ""
     return (
         f"board     {b.board}, firmware {b.firmware}, image {b.image_crc}\n"
         f"protocol  {b.protocol}, schema {b.schema_crc}\n"
         f"started   by {b.reset_reason}, {b.uptime_s:.1f} s ago{warm}\n"
-        f"light     {b.current_ma} of {b.limit_ma} mA, {b.dark}\n"
+        f"light     {b.current_ma} of {b.limit_ma} mA, {b.dark}{dimmed}\n"
         f"mode      {b.mode}, {'running' if b.running else 'still'}\n"
         f"counters  {b.counters['packets']} packets, {b.counters['lights']} lights, {wrong or 'nothing wrong'}"
     )
@@ -173,6 +177,12 @@ def configure(
     status_pin: Annotated[
         int | None, typer.Option(help="GPIO of a status LED, plus 128 if low lights it; 255: none")
     ] = None,
+    switch_pin: Annotated[
+        int | None, typer.Option(help="GPIO of a load switch of the LEDs, plus 128 if low closes it; 255: none")
+    ] = None,
+    hottest: Annotated[
+        int | None, typer.Option(help="°C of the chip above which the LEDs are dimmed, 40 to 85")
+    ] = None,
     leds: Annotated[int | None, typer.Option(help=f"number of LEDs, 1 to {MOST_LEDS}")] = None,
     order: Annotated[str | None, typer.Option(help="grb (WS2812B), rgb or rgbw (SK6812 RGBW)")] = None,
     output: Annotated[str | None, typer.Option(help="when the output pulses: start, middle or none")] = None,
@@ -184,7 +194,8 @@ def configure(
         if board:
             changed = wired_as(changed, find_board(board), output=output not in (None, "none"))
         given = {"data_pin": data_pin, "trigger_pin": trigger_pin, "output_pin": output_pin, "status_pin": status_pin,
-                 "led_count": leds, "colour_order": _member(ColourOrder, order)}  # fmt: skip
+                 "switch_pin": switch_pin, "hottest_c": hottest, "led_count": leds,
+                 "colour_order": _member(ColourOrder, order)}  # fmt: skip
         given |= {"output_pin": NO_PIN} if output == "none" else {"output_at": _member(OutputAt, output)}
         for name, value in given.items():
             changed = changed if value is None else replace(changed, **{name: value})  # type: ignore[arg-type]
@@ -207,10 +218,11 @@ def _wiring(c: Configuration, board: str | None) -> str:
     output = "no trigger output"
     if c.output_pin != NO_PIN:
         output = f"trigger output at GPIO {c.output_pin} ({OutputAt(c.output_at).name.lower()} of each light)"
+    switch = "" if c.switch_pin == NO_PIN else f", load switch at GPIO {c.switch_pin & ~ACTIVE_LOW}"
     labels = f"; {BOARDS[board].name} prints data, trigger, output as {BOARDS[board].printed}" if board else ""
     return (
         f"saved: {c.led_count} LEDs ({ColourOrder(c.colour_order).name}) at GPIO {c.data_pin}, trigger at GPIO "
-        f"{c.trigger_pin}, {output}, {status}{labels}; the board starts anew"
+        f"{c.trigger_pin}, {output}, {status}{switch}, dimmed above {c.hottest_c} °C{labels}; the board starts anew"
     )
 
 

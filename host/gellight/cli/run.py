@@ -26,6 +26,7 @@ from gellight.daemon.daemon import Daemon
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.opening import REAL
+from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.network import LAN_PORT
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
@@ -47,6 +48,12 @@ class Running:
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
+    sequence: Annotated[
+        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
+    ] = None
+    light_mode: Annotated[
+        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
+    ] = None
     publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
         None
     )
@@ -54,6 +61,7 @@ class Running:
     lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
+    foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
     def flags(self) -> dict[str, object]:
@@ -66,11 +74,14 @@ class Running:
             "sensor.calibration": self.calibration,
             "dashboard.port": port,
             "reconstruction.mode": self.mode,
+            "lighting.sequence": self.sequence,
+            "lighting.light_mode": self.light_mode,
             "stream.enabled": self.publish,
             "stream.name": self.name,
             "stream.lan": self.lan,
             "stream.zenoh_config": self.zenoh_config,
             "stream.ros2": self.ros2,
+            "stream.foxglove": self.foxglove,
         }
 
     def ended_by_hand(self) -> AbstractContextManager[None]:
@@ -135,7 +146,7 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
 
 @contextmanager
 def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
-    """Publish the frames to other programs, unless the settings say no, and to ROS 2 where they say so."""
+    """Publish the frames to other programs, unless the settings say no; to ROS 2 and Foxglove where they say so."""
     chosen = settings.stream
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
     with ExitStack() as stack:
@@ -143,10 +154,13 @@ def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
             publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
             there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
             print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
+        name = chosen.name or name_of_sensor(daemon.camera)
         if chosen.ros2:
-            name = chosen.name or name_of_sensor(daemon.camera)
             topics = stack.enter_context(Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain))
             print(f"ROS 2 topics: {topics.prefix}/...", file=sys.stderr, flush=True)
+        if chosen.foxglove:
+            view = stack.enter_context(FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan))
+            print(f"Foxglove: open {view.url}", file=sys.stderr, flush=True)
         yield
 
 

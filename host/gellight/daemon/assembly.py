@@ -25,9 +25,10 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), bundle=bundle)
     try:
         bundle.check_fits(camera.url, camera.image_shape)
-        judge = camera.selfcheck(bundle.pixel_size_mm)
-        camera = tactile_camera(camera, bundle, settings.reconstruction)
-        watched = settings.watch.enabled and settings.reconstruction.mode == "network"
+        mode, changing = settings.reconstruction.mode, bool(settings.lighting.sequence)
+        judge = None if mode == "network" and changing else camera.selfcheck(bundle.pixel_size_mm)
+        camera = tactile_camera(camera, bundle, settings.reconstruction, settings.lighting)
+        watched = settings.watch.enabled and mode == "network" and not changing
         return Daemon(
             camera,
             path_for(bundle, settings),
@@ -58,7 +59,7 @@ def chosen_bundle(settings: Settings) -> Bundle:
 
 def path_for(bundle: Bundle, settings: Settings) -> FramePath:
     """Return the frame path of `bundle` in the mode that `settings` say; BundleError where it cannot be."""
-    return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings))
+    return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings), settings.lighting)
 
 
 def reconstructor_for(bundle: Bundle, settings: Settings) -> Reconstructor:

@@ -155,7 +155,7 @@ class CalibrationService:
         if self._daemon.mode != "network":
             raise InputError(
                 f"the sensor streams in mode {self._daemon.mode}, which changes the light all the time: start it with "
-                "--mode network to calibrate it"
+                "--mode network and without --sequence to calibrate it"
             )
         with self._lock:
             self._check_idle("begin another")

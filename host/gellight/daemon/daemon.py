@@ -227,6 +227,8 @@ class Daemon:
                 raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
             if self._camera.ring is None:
                 raise InputError(f"{self._camera.url} has no light ring that can be driven")
+            if self.mode != "network":
+                raise InputError(f"the sensor runs in mode {self.mode}, which changes the light all the time")
             self._set(Setting(controls={}, colours=self.bundle.colours if colours is None else colours))
 
     def rezero(self, *, asked: bool = True) -> None:

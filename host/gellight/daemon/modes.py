@@ -1,18 +1,27 @@
-"""The three ways a sensor feels: which camera and which frame path each of them needs."""
+"""The ways a sensor feels: which camera and which frame path each of them needs."""
 
 from math import floor
 
-from gellight.base.errors import BundleError
-from gellight.base.settings import ReconstructionSettings
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BundleError, CameraError, ConfigError
+from gellight.base.settings import LightingSettings, ReconstructionSettings
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, timing_of
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens
 from gellight.reconstruction.photometric.hybrid import HybridReconstructor
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.lights_file import read_lights
 from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
+from gellight.reconstruction.photometric.window import WindowReconstructor
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
+from gellight.reconstruction.sequence_path import SequencePath
+from gellight.sensor.lighting.lock import settle_s
+from gellight.sensor.lighting.sequence_choice import chosen_groups
+from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera, clock_error_s
 from gellight.sensor.series_cameras import EXPOSURE, RestingCamera, SeriesCamera
+from gellight.sensor.window_camera import WindowCamera
 
 BRIGHT_GREY = 225.0
 """of the brightest pixel of the untouched gel under one light group"""
@@ -22,35 +31,74 @@ UNRAISED_FRAMES = 8
 """frames of each light group in hybrid mode where the exposure cannot be raised: single LEDs are dim"""
 
 
-def frame_path(bundle: Bundle, settings: ReconstructionSettings, network: Reconstructor) -> FramePath:
+NO_SEQUENCE = LightingSettings()
+KINDS = {"rgb": LightGroups.TRIPLES, "single": LightGroups.SINGLES}
+"""light groups that photometric stereo can use, by the name of their sequence"""
+
+
+def frame_path(
+    bundle: Bundle,
+    settings: ReconstructionSettings,
+    network: Reconstructor,
+    lighting: LightingSettings = NO_SEQUENCE,
+) -> FramePath:
     """Return the frame path of the mode that is set; `network` is that of GelNet mode.
 
     Raises BundleError where the bundle does not know its lights, or has a lens, which only GelNet's maps are
-    freed of.
+    freed of; ConfigError where mode and light do not go together.
     """
     if settings.mode == "network":
-        return network
+        return SequencePath(network, groups_of(bundle, lighting)) if lighting.sequence else network
     if has_lens(bundle):
         raise BundleError(
             f"{bundle.source} has {FILE_NAME}, and {settings.mode} mode measures in the distorted picture: use network "
             "mode, or the bundle without its lens"
         )
-    model, kind = read_lights(bundle), LightGroups(settings.light_groups)
-    stereo = PhotometricReconstructor(bundle, model, kind, smoothing_px=settings.smoothing_px)
+    model, kind = read_lights(bundle), _kind(settings, lighting)
+    slides = settings.mode == "photometric" and lighting.light_mode != "hold"
+    path = WindowReconstructor if slides else PhotometricReconstructor
+    stereo = path(bundle, model, kind, smoothing_px=settings.smoothing_px)
     return stereo if settings.mode == "photometric" else HybridReconstructor(network, stereo)
 
 
-def tactile_camera(camera: Camera, bundle: Bundle, settings: ReconstructionSettings) -> Camera:
+def groups_of(bundle: Bundle, lighting: LightingSettings) -> NDArray[np.uint8]:
+    """Return the light groups (n, 12, 3) that are set; BundleError where the bundle does not tell its own light."""
+    if bundle.colours is None:
+        raise BundleError(f"{bundle.source} does not tell the colours of its LEDs, which a sequence needs: calibrate")
+    return chosen_groups(lighting.sequence, bundle.colours)
+
+
+def _kind(settings: ReconstructionSettings, lighting: LightingSettings) -> LightGroups:
+    """Return the light groups of photometric stereo; ConfigError for a sequence that it cannot use."""
+    if not lighting.sequence:
+        return LightGroups(settings.light_groups)
+    if settings.mode == "hybrid" or lighting.sequence not in KINDS:
+        raise ConfigError(
+            f"--sequence {lighting.sequence} does not go with --mode {settings.mode}: photometric mode takes rgb or "
+            "single, hybrid mode none, network mode any"
+        )
+    return KINDS[lighting.sequence]
+
+
+def tactile_camera(
+    camera: Camera, bundle: Bundle, settings: ReconstructionSettings, lighting: LightingSettings = NO_SEQUENCE
+) -> Camera:
     """Return the camera that takes what the mode needs: `camera` itself, or one that shows the light groups to it.
 
-    Raises BundleError where the bundle does not know its lights, CameraError without a light ring.
+    Raises BundleError where the bundle does not know its lights, CameraError without a light ring, ConfigError where
+    mode and light do not go together.
     """
-    if settings.mode == "network":
-        return camera
-    model = read_lights(bundle)
-    groups, exposure = model.groups(LightGroups(settings.light_groups)), bright_exposure_us(camera, model)
+    mode, light_mode = settings.mode, LightMode(lighting.light_mode)
+    if light_mode is not LightMode.HOLD and not (lighting.sequence or mode == "photometric"):
+        raise ConfigError(f"--light-mode {light_mode} moves a sequence on: give --sequence, or --mode photometric")
+    if mode == "network":
+        return SequencedCamera(camera, groups_of(bundle, lighting), mode=light_mode) if lighting.sequence else camera
+    model, kind = read_lights(bundle), _kind(settings, lighting)
+    if mode == "photometric" and light_mode is not LightMode.HOLD:
+        return _window_camera(camera, model, model.groups(kind), light_mode)
+    groups, exposure = model.groups(kind), bright_exposure_us(camera, model)
     frames = settings.frames_per_light
-    if settings.mode == "photometric":
+    if mode == "photometric":
         return SeriesCamera(camera, groups, exposure_us=exposure, frames=frames)
     return RestingCamera(
         camera,
@@ -62,8 +110,21 @@ def tactile_camera(camera: Camera, bundle: Bundle, settings: ReconstructionSetti
     )
 
 
-def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:
-    """Return the exposure under which one LED of a colour is as bright as the camera can show it, at most `LONGEST_US`.
+def _window_camera(camera: Camera, model: LightModel, groups: NDArray[np.uint8], light_mode: LightMode) -> Camera:
+    """Return the camera of the sliding window, as bright as it can be while every frame is of another light."""
+    if camera.ring is None:
+        raise CameraError(f"{camera.url} has no light ring that can be driven: use --mode network")
+    timing = timing_of(camera)
+    left_s = timing.period_s - timing.readout_s - settle_s(timing, clock_error_s(light_mode))
+    longest_us = max(left_s, timing.exposure_s) * 1e6
+    exposure = bright_exposure_us(camera, model, longest_us=longest_us)
+    if exposure is not None:
+        camera.adopt({EXPOSURE: exposure}, camera.ring.still)
+    return WindowCamera(SequencedCamera(camera, groups, mode=light_mode), groups, exposure_us=exposure)
+
+
+def bright_exposure_us(camera: Camera, model: LightModel, *, longest_us: float = LONGEST_US) -> float | None:
+    """Return the exposure under which one LED of a colour is as bright as the camera can show it, at most `longest_us`.
 
     None where it cannot be set, or the model does not know at which exposure it was made.
     """
@@ -71,7 +132,7 @@ def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:
     if controls is None or EXPOSURE not in controls.names() or model.exposure_us is None:
         return None
     lowest, highest, step = controls.range(EXPOSURE)
-    wanted = min(bright_exposure_of(model), highest)
+    wanted = min(bright_exposure_of(model), highest, longest_us)
     stepped = lowest + floor((wanted - lowest) / step) * step if step else wanted
     return float(max(stepped, lowest))
 

@@ -13,6 +13,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
 from gellight.frames.timing import CameraTiming
+from gellight.ring.board_link import SilentError
 from gellight.ring.light_ring import LightRing
 
 
@@ -77,11 +78,18 @@ class CameraWrapper(Camera):
         self._camera.close()
 
     def _why_failed(self, error: BoardError, ring: LightRing | None) -> CameraError | BoardError:
-        """Return what to raise where the board failed: `error` itself, or that the sensor was unplugged.
+        """Return what to raise where the board failed: `error` itself, or that the stream goes on.
 
-        Raises ReconnectingError itself while the sensor is away.
+        It goes on where the sensor was unplugged and is back, and where a board that was not heard for a while answers
+        again. Raises ReconnectingError itself while the sensor is away.
         """
         self._camera.read()
-        if self.ring is ring:
+        if self.ring is not ring:
+            return ReconnectingError(f"{self.url} was unplugged and is back: {error}")
+        if ring is None or not isinstance(error, SilentError):
             return error
-        return ReconnectingError(f"{self.url} was unplugged and is back: {error}")
+        try:
+            ring.clock()
+        except BoardError:
+            return error
+        return ReconnectingError(f"the board of {self.url} answers again: {error}")

@@ -166,7 +166,7 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExposureReport:
-    """What is known of a series of exposures under different lights that were put together to one tactile frame."""
+    """What is known of the exposures under different lights that were put together to one tactile frame."""
 
     exposures: int
     """light groups"""
@@ -182,11 +182,16 @@ class ExposureReport:
     """how badly the exposures fit one surface at worst; above 1 they do not"""
     lights: NDArray[np.uint8] = field(repr=False)
     """(H, W) LEDs that were neither shadowed nor clipped, and so were used"""
+    moving: NDArray[np.bool_] = field(repr=False)
+    """(H, W) where the picture under one light changed meanwhile, by means over 8 x 8 pixels"""
     least_lights: int
     """with fewer than this the slope of a pixel is a guess"""
 
     def as_json(self) -> dict[str, object]:
-        """Return the figures without the map: `guessed` is the share of pixels that saw too few lights."""
+        """Return the figures without the maps.
+
+        `guessed` is the share of pixels that saw too few lights, `moving` that of the pixels that are flagged.
+        """
         return {
             "exposures": self.exposures,
             "duration_s": round(self.duration_s, 3),
@@ -194,6 +199,7 @@ class ExposureReport:
             "repetition_grey": round(self.repetition_grey, 3),
             "repetition_limit_grey": round(self.repetition_limit_grey, 3),
             "misfit": round(self.misfit, 3),
+            "moving": round(float(self.moving.mean()), 5),
             "guessed": round(float((self.lights < self.least_lights).mean()), 5),
         }
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from gellight.reconstruction.image_noise import RestChange
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
@@ -26,7 +27,8 @@ BLOCK_ROWS = 4096
 CELL_PX = 4
 COARSE_PX = 8
 """pixels a side over which the difference is averaged where it is not significant"""
-SIGNIFICANT = 6.0
+AROUND_CELLS = 3
+"""cells a side over which the difference is averaged a second time, for gentle slopes"""
 
 
 class GradientNetwork:
@@ -34,7 +36,8 @@ class GradientNetwork:
 
     Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when, in any channel,
     the mean difference of the cell itself or of the 3 x 3 cells around it exceeds 6 standard deviations of the noise
-    of such a mean (`noise_grey` / 4 and `noise_grey` / 12); two more cells around a touched one count too, so that
+    of such a mean (`noise_grey` / 4 and `noise_grey` / 12), and 4 times what the gel at rest differs by anyway
+    (`image_noise.RestChange`); two more cells around a touched one count too, so that
     a steep rim stays clear of the averages outside. The small window sees fine texture, the large one sees gentle
     slopes. Means keep their sign, so noise that is stronger than `noise_grey` somewhere widens the spread of the mean
     but does not shift it.
@@ -50,21 +53,22 @@ class GradientNetwork:
         image_shape: tuple[int, int],
         *,
         noise_grey: float,
+        rest_grey: float = 0.0,
         threads: int = 1,
         source: str = "network",
     ) -> None:
         """Load an ONNX file or its content for images of `image_shape` (H, W).
 
-        noise_grey: standard deviation of one pixel of the difference, grey levels. threads: of ONNX Runtime.
+        noise_grey: standard deviation of one pixel of the difference, grey levels. rest_grey: what means over cells
+        differ by at rest beyond it, as in the manifest. threads: of ONNX Runtime.
         source: the name of the bundle, for messages.
         Raises BundleError for a network that does not keep the contract, ValueError for the rest.
         """
-        if threads < 1 or not noise_grey >= 0:
-            raise ValueError(f"threads {threads}, noise_grey {noise_grey} out of range")
+        if threads < 1:
+            raise ValueError(f"threads {threads} out of range")
         self.image_shape = image_shape
         self.session = NetworkSession(network, threads=threads, source=source)
-        # Rounding to whole grey levels adds 1/12 to the variance of a camera that is otherwise quiet.
-        self.noise = float(np.sqrt(noise_grey**2 + 1 / 12))
+        self.at_rest = RestChange(noise_grey, rest_grey)
         self._rows = np.zeros((BLOCK_ROWS, 5), np.float32)
         rows, columns = np.indices(image_shape, dtype=np.float32)
         self.position = np.stack([columns.ravel(), rows.ravel()], axis=1)  # (H * W, 2) x, y in px
@@ -80,10 +84,15 @@ class GradientNetwork:
         """Mark the (ceil(H / 4), ceil(W / 4)) cells that `touched` spreads to pixels."""
         self._check(difference)
         means = cell_means(difference, CELL_PX)
-        limit = SIGNIFICANT * self.noise / CELL_PX
-        around = ndimage.uniform_filter(means, size=(3, 3, 1), mode="nearest")
-        cells = ((np.abs(means) > limit) | (np.abs(around) > limit / 3)).any(axis=2)
+        limit, limit_around = self.limits_grey
+        around = ndimage.uniform_filter(means, size=(AROUND_CELLS, AROUND_CELLS, 1), mode="nearest")
+        cells = ((np.abs(means) > limit) | (np.abs(around) > limit_around)).any(axis=2)
         return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
+
+    @property
+    def limits_grey(self) -> tuple[float, float]:
+        """Limits on the mean difference of a cell, and of the 3 x 3 cells around it."""
+        return self.at_rest.limit_grey(CELL_PX), self.at_rest.limit_grey(AROUND_CELLS * CELL_PX)
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
         """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.

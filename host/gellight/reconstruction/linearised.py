@@ -38,7 +38,7 @@ class CellNetwork:
     def __init__(self, network: GradientNetwork, jacobian: JacobianSession) -> None:
         """Take the network of the pixels and the session that differentiates it."""
         self.network, self.jacobian = network, jacobian
-        self.limit_grey = max(LIMIT_GREY, LIMIT_NOISE * network.noise)
+        self.limit_grey = max(LIMIT_GREY, LIMIT_NOISE * network.at_rest.pixel_grey)
         self.shape = height, width = tuple(-(-n // CELL_PX) for n in network.image_shape)
         rows, columns = np.indices((height, width), dtype=np.float32).reshape(2, -1)
         middle = np.stack([columns, rows], axis=1) * CELL_PX + (CELL_PX - 1) / 2

@@ -82,6 +82,7 @@ class Reconstructor:
             bundle.network,
             bundle.image_shape,
             noise_grey=bundle.manifest.noise_grey,
+            rest_grey=bundle.manifest.rest_grey,
             threads=threads,
             source=bundle.source,
         )
@@ -115,7 +116,7 @@ class Reconstructor:
         Depth is 0 where the gel is at rest: see `at_rest.far_from_touch`, and `reconstruction.integrate` for a view
         that is touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
-        self._check(camera_frame)
+        self.check(camera_frame)
         return self._path.reconstruct(camera_frame)
 
     def status(self) -> dict[str, object]:
@@ -131,7 +132,8 @@ class Reconstructor:
         """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
         return self._network.touched(difference)
 
-    def _check(self, camera_frame: CameraFrame) -> None:
+    def check(self, camera_frame: CameraFrame) -> None:
+        """Raise InputError unless an image is of the size and type of the calibration."""
         image, name = camera_frame.image, camera_frame.source or "the image"
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")

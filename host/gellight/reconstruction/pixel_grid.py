@@ -41,9 +41,9 @@ def plane_means(planes: NDArray[Any], side: int) -> NDArray[Any]:
     return np.moveaxis(block_means(np.moveaxis(planes, 0, 2), side), 2, 0)
 
 
-def spread_blocks(blocks: NDArray[np.bool_], side: int, image_shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return the (H, W) pixels with the values of the (h, w) blocks they lie in; False beyond the last block."""
-    pixels = np.zeros(image_shape, np.bool_)
+def spread_blocks(blocks: NDArray[Any], side: int, image_shape: tuple[int, int]) -> NDArray[Any]:
+    """Return the (H, W) pixels with the values of the (h, w) blocks they lie in; 0 or False beyond the last block."""
+    pixels = np.zeros(image_shape, blocks.dtype)
     inside = np.repeat(np.repeat(blocks, side, axis=0), side, axis=1)[: image_shape[0], : image_shape[1]]
     pixels[: inside.shape[0], : inside.shape[1]] = inside
     return pixels

@@ -205,15 +205,18 @@ class Recording:
         return self.bundles[self.first.info.zero]
 
     def frames(self, from_s: float = 0.0) -> Iterator[FrameRecord]:
-        """Yield the frames, those before `from_s` after the first left out; InputError where the file is damaged."""
+        """Yield the frames, those before `from_s` after the first left out; InputError where the file is damaged.
+
+        Times are those of the monotonic clock: the time of day may have been set while it was recorded.
+        """
         info: FrameInfo | None = None
         begun_s: float | None = None
         for topic, content in self._messages():
             if topic == FRAME:
                 info = self._info(content)
-                begun_s = info.unix_s if begun_s is None else begun_s
+                begun_s = info.time_s if begun_s is None else begun_s
             elif topic in (IMAGE_RAW, COMPRESSED) and info is not None:
-                if info.unix_s - (begun_s or 0.0) >= from_s:
+                if info.time_s - (begun_s or 0.0) >= from_s:
                     yield self._checked(info, content)
                 info = None
 

@@ -71,20 +71,20 @@ class ReplayCamera(Camera):
             raise EndOfStream(f"{self.url} has delivered all of its frames")
         info = record.info
         image = record.image(str(self._recording.path))
-        due_s = self._wait(info.unix_s)
+        due_s = self._wait(info.time_s)
         self._last, self.zero = info.sequence + self._offset, info.zero
         light = None if info.light is None else np.array(info.light, np.uint8).reshape(-1, 3)
         return CameraFrame(
             image=image, time_s=due_s, sequence=self._last, source=self.url, light=light, label=info.label
         )
 
-    def _wait(self, unix_s: float) -> float:
-        """Wait until a frame that was taken at `unix_s` is due; return when that is."""
+    def _wait(self, time_s: float) -> float:
+        """Wait until a frame that was taken at `time_s`, of the clock that does not jump, is due; return when."""
         if self._begun_s is None:
-            self._begun_s, self._first_s = time.monotonic(), unix_s
+            self._begun_s, self._first_s = time.monotonic(), time_s
         if self._chosen.speed == 0:
             return time.monotonic()
-        due_s = self._begun_s + (unix_s - self._first_s) / self._chosen.speed
+        due_s = self._begun_s + (time_s - self._first_s) / self._chosen.speed
         self._closing.wait(max(due_s - time.monotonic(), 0.0))
         return min(due_s, time.monotonic())
 

@@ -5,19 +5,51 @@ from dataclasses import dataclass
 from typing import Self
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
-_TIME = "builtin_interfaces/Time"
 _SEPARATOR = "=" * 80
-_HEADER = (
-    f"{_SEPARATOR}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
-    f"{_SEPARATOR}\nMSG: {_TIME}\nint32 sec\nuint32 nanosec\n"
-)
 
 IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "std_msgs/msg/String"
+CAMERA_INFO, POINTS = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
+POINT, DIAGNOSTICS = "geometry_msgs/msg/PointStamped", "diagnostic_msgs/msg/DiagnosticArray"
+
+
+def _definition(fields: str, **parts: str) -> str:
+    """Return the definition of a type and of the `parts` it is made of, named with _ for /; fields: one a line.
+
+    Header and time are added where there is a header.
+    """
+    if "std_msgs/Header header" in fields:
+        parts |= {
+            "std_msgs_Header": "builtin_interfaces/Time stamp; string frame_id",
+            "builtin_interfaces_Time": "int32 sec; uint32 nanosec",
+        }
+    named = [f"{_SEPARATOR}\nMSG: {'/'.join(name.rsplit('_', 1))}\n{text}" for name, text in parts.items()]
+    return "\n".join([fields, *named]).replace("; ", "\n") + "\n"
+
+
+_HEADER = "std_msgs/Header header; "
 DEFINITIONS = {
-    IMAGE: "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
-    "uint8[] data\n" + _HEADER,
-    COMPRESSED_IMAGE: "std_msgs/Header header\nstring format\nuint8[] data\n" + _HEADER,
-    STRING: "string data\n",
+    IMAGE: _definition(
+        _HEADER + "uint32 height; uint32 width; string encoding; uint8 is_bigendian; uint32 step; uint8[] data"
+    ),
+    COMPRESSED_IMAGE: _definition(_HEADER + "string format; uint8[] data"),
+    STRING: _definition("string data"),
+    CAMERA_INFO: _definition(
+        _HEADER + "uint32 height; uint32 width; string distortion_model; float64[] d; float64[9] k; float64[9] r; "
+        "float64[12] p; uint32 binning_x; uint32 binning_y; sensor_msgs/RegionOfInterest roi",
+        sensor_msgs_RegionOfInterest="uint32 x_offset; uint32 y_offset; uint32 height; uint32 width; bool do_rectify",
+    ),
+    POINTS: _definition(
+        _HEADER + "uint32 height; uint32 width; sensor_msgs/PointField[] fields; bool is_bigendian; "
+        "uint32 point_step; uint32 row_step; uint8[] data; bool is_dense",
+        sensor_msgs_PointField="string name; uint32 offset; uint8 datatype; uint32 count",
+    ),
+    POINT: _definition(_HEADER + "geometry_msgs/Point point", geometry_msgs_Point="float64 x; float64 y; float64 z"),
+    DIAGNOSTICS: _definition(
+        _HEADER + "diagnostic_msgs/DiagnosticStatus[] status",
+        diagnostic_msgs_DiagnosticStatus="byte level; string name; string message; string hardware_id; "
+        "diagnostic_msgs/KeyValue[] values",
+        diagnostic_msgs_KeyValue="string key; string value",
+    ),
 }
 """of each type, as ROS 2 writes them into a bag"""
 

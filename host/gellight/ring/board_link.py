@@ -42,6 +42,10 @@ class RefusedError(BoardError):
         self.status, self.value = status, value
 
 
+class SilentError(BoardError):
+    """The board did not answer."""
+
+
 class FairLock:
     """A re-entrant lock: a thread that waits for it gets it before the one that gives it back can take it again."""
 
@@ -126,7 +130,7 @@ class BoardLink:
                     if status != Status.OK:
                         raise RefusedError(name, Status(status), value)
                     return reply.unpack(answer.payload[5:])
-        raise BoardError(
+        raise SilentError(
             f"the board at {self.transport.url} did not answer {name} in {self.attempts} attempts of "
             f"{self.timeout_s} s: unplug it and plug it in again"
         )

@@ -51,7 +51,9 @@ def wired_as(configuration: Configuration, board: Board, *, output: bool) -> Con
 
 
 def check_wiring(configuration: Configuration) -> None:
-    """Raise InputError where the board would refuse the pins or the number of LEDs, and say why."""
+    """Raise InputError where the board would refuse the pins, the number of LEDs or its limit of heat, and say why."""
+    if not 40 <= configuration.hottest_c <= 85:
+        raise InputError(f"{configuration.hottest_c} °C: the board takes 40 to 85 as the limit of its chip")
     if not 1 <= configuration.led_count <= MOST_LEDS:
         raise InputError(f"{configuration.led_count} LEDs: the board drives 1 to {MOST_LEDS}")
     pins = {"data": configuration.data_pin, "trigger": configuration.trigger_pin}
@@ -59,6 +61,8 @@ def check_wiring(configuration: Configuration) -> None:
         pins["output"] = configuration.output_pin
     if configuration.status_pin != NO_PIN:
         pins["status"] = configuration.status_pin & ~ACTIVE_LOW
+    if configuration.switch_pin != NO_PIN:
+        pins["switch"] = configuration.switch_pin & ~ACTIVE_LOW
     for name, pin in pins.items():
         if not 0 <= pin <= 29:
             raise InputError(f"the {name} pin is GPIO {pin}: the RP2040 has 0 to 29")

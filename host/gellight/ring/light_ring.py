@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError
 from gellight.ring import protocol
 from gellight.ring.board_link import BoardLink
-from gellight.ring.enumerations import Capability, Dark, Edge, Policy, SyncMode
+from gellight.ring.enumerations import Dark, Edge, Policy, SyncMode
 from gellight.ring.transport import Transport, open_transport
 from gellight.ring.wire import Record
 
@@ -71,6 +71,8 @@ class LightRing(BoardLink):
         """(n, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
         self.lit_s = -inf
         """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
+        self.dimmed = 0
+        """how often the board halves every colour because its chip is hot, as it said last"""
         self._dark: Dark | None = None
         """why the board has made its LEDs dark by itself; None: it has not, or they are lit again"""
         self._heard_s = -inf
@@ -127,12 +129,13 @@ class LightRing(BoardLink):
             return  # it is lit, or a program is just lighting it
         try:
             why = (self._dark or Dark.NOT_DARK).name.replace("_", " ").lower()
+            what = "is cool again" if self._dark is Dark.NOT_DARK else f"made its LEDs dark ({why})"
             if self.still is None:
                 self._dark = None
-                logger.warning("the board made its LEDs dark (%s); a sequence that ran has ended", why)
+                logger.warning("the board %s; a sequence that ran has ended", what)
             else:
                 self.light(self.still)
-                logger.warning("the board made its LEDs dark (%s); they are lit again", why)
+                logger.warning("the board %s; they are lit again", what)
         finally:
             self._lighting.release()
 
@@ -150,7 +153,18 @@ class LightRing(BoardLink):
         if isinstance(event, protocol.DarkEvent):
             self._dark = Dark(event.dark)
             self.lit_s = inf if self.still is not None else self.lit_s
+        if isinstance(event, protocol.DimmedEvent):
+            self._note_dimmed(event)
         super()._take_event(event)
+
+    def _note_dimmed(self, event: protocol.DimmedEvent) -> None:
+        """Frames show another light than was asked for until the chip is cool and `light` has shown it again."""
+        self.dimmed = event.dimmed
+        if self.still is not None:
+            self.lit_s = inf
+            self._dark = self._dark if event.dimmed or self._dark else Dark.NOT_DARK
+        if event.dimmed:
+            logger.warning(hot_text(event.temperature, event.dimmed))
 
     # ---- commands ----
 
@@ -192,17 +206,24 @@ class LightRing(BoardLink):
                 self.blank()
             reply = self.set_leds(np.zeros((self.led_count, 3), np.uint8) if colours is None else colours)
             if colours is not None and reply.scale != protocol.FULL_SCALE:
-                raise BoardError(
-                    f"the current limit scales this light to {reply.scale / protocol.FULL_SCALE:.1%}, so it is not the "
-                    "light that was asked for: dim it, or raise the limit with an external supply"
-                )
+                self._refuse_scaled(reply.scale)
             self.still = None if colours is None else self.still
             latched = self.wait_for_light(reply.light_id, timeout_s)
             with self._lock:
                 since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
-                if not any(isinstance(event, protocol.DarkEvent) for event in since):
+                if not any(isinstance(event, protocol.DarkEvent | protocol.DimmedEvent) for event in since):
                     self._dark, self.lit_s = None, time.monotonic()
             return reply.light_id
+
+    def _refuse_scaled(self, scale: int) -> None:
+        """Raise BoardError for a light that is not the one that was asked for."""
+        status = self.status()
+        if status.dimmed:
+            raise BoardError(hot_text(status.temperature, status.dimmed))
+        raise BoardError(
+            f"the current limit scales this light to {scale / protocol.FULL_SCALE:.1%}, so it is not the light that "
+            "was asked for: dim it, or raise the limit with an external supply"
+        )
 
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
@@ -307,14 +328,17 @@ class LightRing(BoardLink):
         raise BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
 
 
-def chip_temperature_c(hello: protocol.HelloReply, status: protocol.StatusReply) -> float | None:
-    """Return the temperature of the board's chip in degrees Celsius, good to some 5 degrees; None without a sensor.
+def chip_temperature_c(status: protocol.StatusReply) -> float | None:
+    """Return the temperature of the board's chip in degrees Celsius, good to some 5 degrees; None without a sensor."""
+    return None if status.temperature == protocol.NO_TEMPERATURE else status.temperature / 10
 
-    T = 27 - (V - 0.706) / 0.001721 for the sensor's voltage V, 12 bits of 3.3 V (data sheet of the RP2040, 4.9.5).
-    """
-    if not hello.capabilities & Capability.TEMPERATURE:
-        return None
-    return 27 - (status.temperature * 3.3 / 4096 - 0.706) / 0.001721
+
+def hot_text(temperature: int, dimmed: int) -> str:
+    """Say that a chip of so many tenths of a degree has made the board halve its light so often, and what to do."""
+    return (
+        f"the chip of the light ring's board has {temperature / 10:.0f} °C, so it dims its LEDs to 1/{1 << dimmed}: "
+        "let it cool, light fewer LEDs or for a shorter time, or raise its limit: `gellight ring configure --hottest`"
+    )
 
 
 def colour_bytes(colours: NDArray[np.uint8], led_count: int) -> bytes:

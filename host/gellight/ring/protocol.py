@@ -27,6 +27,7 @@ from gellight.ring.wire import (
     Bytes16,
     Colours,
     Record,
+    i16,
     i32,
     layout,
     u8,
@@ -57,6 +58,17 @@ NO_PIN = 0xFF
 ACTIVE_LOW = 0x80
 """added to the number of a pin that is driven low to switch on"""
 FULL_SCALE = 0xFFFF
+NO_TEMPERATURE = 0x7FFF
+HOTTEST_C = 60
+"""of a board that was not configured otherwise"""
+COOLER_C = 5
+"""the LEDs get brighter again when the chip is so much cooler than its limit"""
+DIMMINGS = 3
+"""at most so many: to an eighth"""
+DIMMING_US = 10_000_000
+"""from one dimming to the next"""
+SUPPLY_US = 20_000
+"""from the moment at which the load switch of the LEDs closes to their first light"""
 
 CONSTANTS = {
     "LED_COUNT": LED_COUNT,
@@ -79,6 +91,12 @@ CONSTANTS = {
     "NO_PIN": NO_PIN,
     "ACTIVE_LOW": ACTIVE_LOW,
     "FULL_SCALE": FULL_SCALE,
+    "NO_TEMPERATURE": NO_TEMPERATURE,
+    "HOTTEST_C": HOTTEST_C,
+    "COOLER_C": COOLER_C,
+    "DIMMINGS": DIMMINGS,
+    "DIMMING_US": DIMMING_US,
+    "SUPPLY_US": SUPPLY_US,
 }
 
 
@@ -138,7 +156,7 @@ class LightReply(Record):
 
     light_id: Annotated[u32, "the LIGHT event of this light carries it"]
     current_ma: Annotated[u16, "by the current model, after scaling"]
-    scale: Annotated[u16, "0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF"]
+    scale: Annotated[u16, "0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF, by limit and heat"]
 
 
 @dataclass(frozen=True)
@@ -213,7 +231,7 @@ class StatusReply(Record):
     config_saves: Annotated[u32, "how often the configuration was written in its life"]
     current_ma: Annotated[u16, "of the light that is on"]
     limit_ma: u16
-    temperature: Annotated[u16, "raw 12-bit reading of the chip's sensor, 0xFFFF: none"]
+    temperature: Annotated[i16, "of the chip, in 0.1 degrees Celsius; NO_TEMPERATURE: it has no sensor"]
     repetition: u16
     loop: u16
     events_dropped: u16
@@ -222,6 +240,7 @@ class StatusReply(Record):
     policy: Annotated[u8, "enum policy"]
     mode: Annotated[u8, "enum sync_mode"]
     step: Annotated[u8, "0xFF: no sequence"]
+    dimmed: Annotated[u8, "how often every colour is halved because the chip is hot, 0 to DIMMINGS"] = 0
 
 
 @dataclass(frozen=True)
@@ -267,6 +286,8 @@ class Configuration(Record):
     status_pin: Annotated[u8, "GPIO of a status LED, plus ACTIVE_LOW where it lights when low; NO_PIN: none"] = 25
     output_pin: Annotated[u8, "GPIO that pulses high for 100 us in each light, for a camera; NO_PIN: none"] = 0xFF
     output_at: Annotated[u8, "enum output_at"] = 0
+    switch_pin: Annotated[u8, "GPIO of a load switch, closed while LEDs are lit, plus ACTIVE_LOW; NO_PIN: none"] = 0xFF
+    hottest_c: Annotated[u8, "degrees Celsius of the chip above which the LEDs are dimmed, 40 to 85"] = HOTTEST_C
 
 
 @dataclass(frozen=True)
@@ -316,6 +337,16 @@ class DarkEvent(Record):
     dark: Annotated[u8, "enum dark"]
 
 
+@dataclass(frozen=True)
+class DimmedEvent(Record):
+    """The board dims its LEDs by another amount than before, because its chip has become hot or cool."""
+
+    time_us: u64
+    temperature: Annotated[i16, "as in StatusReply"]
+    events_dropped: u16
+    dimmed: Annotated[u8, "as in StatusReply; 0: not any more"]
+
+
 class Exchange(NamedTuple):
     """A request, its reply, and what it is for."""
 
@@ -355,6 +386,7 @@ EVENTS: dict[str, tuple[int, type[Record]]] = {
     "LIGHT": (0x40, LightEvent),
     "DARK": (0x41, DarkEvent),
     "TELEMETRY": (0x42, StatusReply),
+    "DIMMED": (0x43, DimmedEvent),
 }
 
 

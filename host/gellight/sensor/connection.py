@@ -27,7 +27,7 @@ from gellight.sensor.v4l2.video_camera import V4l2Camera
 logger = logging.getLogger(__name__)
 
 WATCH_S = 2.0
-"""how often ring and controls are looked at while frames come"""
+"""how often controls are looked at while frames come"""
 OLD_S = 5.0
 """frames from before the light are waited out for this long"""
 
@@ -134,14 +134,17 @@ class Connection:
         return max(self._set_s, self.ring.lit_since_s() + self.camera.timing.pulse_period_s)
 
     def _watch(self) -> None:
-        """Look now and then whether ring and controls are as they have to be."""
+        """Look whether the board is there, and now and then whether the controls are as they have to be.
+
+        A board that loses its power has dark LEDs at once, and no port until it has started again.
+        """
+        node = self.sensor.ring
+        if node is not None and self._named_ring is None and not Path(node.path).exists():
+            raise UnpluggedError(f"the light ring at {node.path} was unplugged: plug it in again")
         now_s = self._clock()
         if now_s - self._watched_s < WATCH_S:
             return
         self._watched_s = now_s
-        node = self.sensor.ring
-        if node is not None and self._named_ring is None and not Path(node.path).exists():
-            raise UnpluggedError(f"the light ring at {node.path} was unplugged: plug it in again")
         if wrong := self.camera.controls.deviations():
             raise StalledError(
                 f"somebody changed the camera: {', '.join(map(str, wrong))}; it is set anew, end other programmes"

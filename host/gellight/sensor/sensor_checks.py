@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gellight.base.errors import GellightError
-from gellight.ring.light_ring import LightRing
+from gellight.ring.light_ring import LightRing, hot_text
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
 from gellight.sensor.findings import Finding, failure, judged, ok, problem, warning
@@ -137,7 +137,9 @@ def _whole(picture: Picture, camera: V4l2Camera) -> bool:
 
 def check_board(ring: LightRing) -> Finding:
     """Look at firmware and counters of the board; its protocol was checked when it was opened."""
-    hello, counters = ring.hello, ring.counters()
+    hello, counters, status = ring.hello, ring.counters(), ring.status()
+    if status.dimmed:
+        return problem("board", "the LEDs are dimmed", hot_text(status.temperature, status.dimmed))
     version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
     return ok("board", f"{hello.unique_id.hex().upper()} with firmware {version}, {counters.packets} packets")
 

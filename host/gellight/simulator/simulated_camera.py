@@ -27,6 +27,7 @@ from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.frames.timing import CameraTiming
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
@@ -102,6 +103,17 @@ class SimulatedCamera(Camera):
         )
         self._shutter = replace(self._shutter, exposure_us=exposure_us)
         self._set_s = time.monotonic()
+
+    @property
+    def timing(self) -> CameraTiming:
+        """When the rows are exposed; stamps are as good as the board's process tells its time."""
+        shutter = self._shutter
+        return CameraTiming(
+            exposure_s=shutter.exposure_us * 1e-6,
+            readout_s=shutter.readout_us * 1e-6,
+            period_s=max(self._period_s, shutter.exposure_us * 1e-6),
+            pulse_period_s=shutter.pulse_period_us * 1e-6,
+        )
 
     def read(self) -> CameraFrame:
         """Wait until the next frame is due, expose it and return it with its truth.

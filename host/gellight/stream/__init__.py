@@ -8,7 +8,10 @@ wire.py           the message that carries a frame; docs/wire-format.md
 calls.py          what others may ask of a daemon
 network.py        sessions of zenoh, and its keys
 shared_memory.py  frames that need not go through the network
-ros2.py           Ros2Publisher: topics of ROS 2, without ROS
+frame_thread.py   the thread that sends a daemon's newest frame
+ros_topics.py     topics of ROS 2: their types, and how each is made of a frame
+ros2.py           Ros2Publisher: those topics by zenoh, without ROS
+foxglove.py       FoxgloveServer: those topics by WebSocket, for Foxglove
 recorder.py       Recorder: a daemon's frames in a file
 running.py        which daemons of this user publish on this computer
 """

@@ -18,15 +18,15 @@ import zenoh
 from gellight.base.errors import GellightError
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera
+from gellight.frames.frames import TactileFrame
 from gellight.stream.calls import answer, read_call
+from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
 from gellight.stream.shared_memory import SharedMemory
 from gellight.stream.wire import MOST_DETAILS, encode
 
 logger = logging.getLogger(__name__)
-POLL_S = 0.5
-"""how often the thread looks whether it should stop"""
 
 
 def own_name(camera: Camera) -> str:
@@ -46,7 +46,7 @@ class Publisher:
         """Publish `daemon` under `name`, by default that of its sensor; the rest: `network.publishing_session`."""
         self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
         self._until = ExitStack()
-        self._wanted, self._ended = threading.Event(), threading.Event()
+        self._wanted, self._memory = threading.Event(), SharedMemory()
         self._held: tuple[object, ...] = ()
         """zenoh withdraws what nobody holds"""
         self.name = ""
@@ -68,10 +68,8 @@ class Publisher:
             stack.callback(self._workers.shutdown, wait=True, cancel_futures=True)
             calls = session.declare_queryable(key(name, "call"), lambda one: self._workers.submit(self._answer, one))
             self._held = calls, session.liveliness().declare_token(key(name, "alive"))
-            thread = threading.Thread(target=self._publish, args=(publisher,), name="publish", daemon=True)
-            thread.start()
-            stack.callback(thread.join)
-            stack.callback(self._ended.set)
+            self._publisher = publisher
+            stack.enter_context(sending(self._daemon, "publish", self._send, lambda: self._wanted.wait(POLL_S)))
             self._until = stack.pop_all()
         return self
 
@@ -90,19 +88,9 @@ class Publisher:
         else:
             self._wanted.clear()
 
-    def _publish(self, publisher: zenoh.Publisher) -> None:
-        number, memory = 0, SharedMemory()
-        while not self._ended.is_set():
-            if not self._wanted.wait(POLL_S):
-                continue
-            try:
-                number, frame = self._daemon.delivered.take(number, POLL_S)
-            except TimeoutError:
-                continue
-            except Exception:
-                return  # the frames have ended, and who runs the daemon is told why
-            publisher.put(memory.holding(encode(frame)))
-            self.frames += 1
+    def _send(self, frame: TactileFrame) -> None:
+        self._publisher.put(self._memory.holding(encode(frame)))
+        self.frames += 1
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:

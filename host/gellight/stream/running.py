@@ -2,11 +2,10 @@
 
     $XDG_RUNTIME_DIR/gellight/<name>.json    who publishes, and where; else in the user's state folder
 
-The kernel gives the lock back when the daemon ends, however it ends: a file that is not locked is of a daemon that is
+The system gives the lock back when the daemon ends, however it ends: a file that is not locked is of a daemon that is
 gone.
 """
 
-import fcntl
 import json
 import os
 import time
@@ -21,6 +20,7 @@ from pydantic import ValidationError
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import StreamError
+from gellight.base.locking import is_locked, lock
 
 MOST_BYTES = 4096
 MOST_TRIES = 200
@@ -81,7 +81,7 @@ def _locked(name: str, numbered: bool) -> tuple[TextIO, str]:
     tried, number = name, 1
     for _ in range(MOST_TRIES):
         handle = _place(tried).open("a+")
-        if _lock(handle) and _same(handle, _place(tried)):
+        if lock(handle) and _same(handle, _place(tried)):
             return handle, tried
         handle.close()
         holder = _read(_place(tried))
@@ -111,21 +111,11 @@ def _taken(holder: RunningDaemon) -> str:
     )
 
 
-def _lock(handle: TextIO) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
 def _read(path: Path) -> RunningDaemon | None:
     """Return the daemon of a file; None where it is gone or has not written the file yet."""
     try:
         with path.open("r") as handle:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
+            if is_locked(handle):
                 return RunningDaemon.model_validate(json.loads(handle.read(MOST_BYTES)))
     except (OSError, ValueError, ValidationError):
         pass

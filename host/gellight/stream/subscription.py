@@ -1,12 +1,15 @@
 """`gellight.subscribe`: the tactile frames of a daemon in another process, on this computer or another one."""
 
 import json
+import threading
+import weakref
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import zenoh
 from numpy.typing import NDArray
+from zenoh.handlers import Callback
 
 from gellight.base.errors import InputError, StreamError
 from gellight.base.mailbox import Mailbox
@@ -20,6 +23,8 @@ from gellight.stream.wire import decode
 
 TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
 """of zenoh, by the scheme of a URL"""
+LISTENER_S = 2.0
+"""that the function of a listener may take at the end"""
 ANSWER_S = 10.0
 """a call that changes the light waits for the board"""
 
@@ -83,6 +88,15 @@ def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     return names[0]
 
 
+def _end(session: zenoh.Session, messages: Mailbox[zenoh.ZBytes], listening: list[threading.Thread]) -> None:
+    """End a subscription: first who waits for frames, then the session."""
+    messages.close(StreamError("the subscription was closed"))
+    for thread in listening:
+        if thread is not threading.current_thread():
+            thread.join(LISTENER_S)
+    close(session)
+
+
 class Subscription(FrameSource):
     """The frames of one sensor from another process."""
 
@@ -93,10 +107,18 @@ class Subscription(FrameSource):
         self._messages: Mailbox[zenoh.ZBytes] = Mailbox(BACKLOG if every else 1)
         self._number = 0
         self._bundles: dict[str, Bundle] = {}
-        frames = session.declare_subscriber(key(name, "frame"), lambda sample: self._messages.put(sample.payload))
+        # Called in zenoh's own threads: the interpreter would wait at its end for those that zenoh makes for Python.
+        note_frame = Callback(self._note_frame, indirect=False)
+        note_presence = Callback(self._note_presence, indirect=False)
+        frames = session.declare_subscriber(key(name, "frame"), note_frame)
         # Without its history zenoh does not tell a client that a daemon was killed which was there before.
-        presence = session.liveliness().declare_subscriber(key(name, "alive"), self._note_presence, history=True)
+        presence = session.liveliness().declare_subscriber(key(name, "alive"), note_presence, history=True)
         self._held = frames, presence
+        # For programs that do not close it.
+        self._ended = weakref.finalize(self, _end, session, self._messages, self._listening)
+
+    def _note_frame(self, sample: zenoh.Sample) -> None:
+        self._messages.put(sample.payload)
 
     def _note_presence(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
@@ -112,8 +134,7 @@ class Subscription(FrameSource):
         return str(self.status()["error"] or "the daemon is there and publishes none; see its log")
 
     def _release_all(self) -> None:
-        self._messages.close(StreamError("the subscription was closed"))
-        close(self._session)
+        self._ended()
 
     def _ask(self, call: Call) -> bytes:
         replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=ANSWER_S))

@@ -32,7 +32,14 @@ PLANE = struct.Struct("<16sIIQ")
 TYPES: dict[int, np.dtype[Any]] = {1: np.dtype(np.uint8), 2: np.dtype("<f4")}
 ALIGNMENT = 16
 MOST_PIXELS, MOST_DETAILS, MOST_PLANES = 8192, 65536, 16
-CHANNELS = {"image": (1, 3), "gradient": (2, 2), "depth_mm": (2, 1), "contact": (1, 1), "lights": (1, 1)}
+CHANNELS = {
+    "image": (1, 3),
+    "gradient": (2, 2),
+    "depth_mm": (2, 1),
+    "contact": (1, 1),
+    "lights": (1, 1),
+    "moving": (1, 1),
+}
 """type and channels of each plane by its name; a reader passes over names it does not know"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
@@ -41,7 +48,7 @@ Byte = Annotated[int, Field(ge=0, le=255)]
 
 
 class ExposureFigures(StrictModel):
-    """`ExposureReport` without its map, which travels as the plane `lights`."""
+    """`ExposureReport` without its maps, which travel as the planes `lights` and `moving`."""
 
     exposures: int
     duration_s: float
@@ -117,8 +124,9 @@ def _planes(frame: TactileFrame) -> dict[str, NDArray[Any]]:
         "gradient": frame.gradient_map,
         "depth_mm": frame.depth_mm,
         "contact": frame.contact.mask.view(np.uint8),
-        **({"lights": frame.exposures.lights} if frame.exposures else {}),
     }
+    if frame.exposures:
+        given |= {"lights": frame.exposures.lights, "moving": frame.exposures.moving.view(np.uint8)}
     return {name: np.ascontiguousarray(plane, TYPES[CHANNELS[name][0]]) for name, plane in given.items()}
 
 
@@ -239,9 +247,9 @@ def _read_details(message: bytes, place: int, length: int) -> Details:
 def _report(figures: ExposureFigures | None, maps: Mapping[str, NDArray[Any]]) -> ExposureReport | None:
     if figures is None:
         return None
-    if "lights" not in maps:
-        raise _damaged("the plane lights is missing")
-    return ExposureReport(**figures.model_dump(), lights=maps["lights"])
+    if missing := [name for name in ("lights", "moving") if name not in maps]:
+        raise _damaged(f"the plane {missing[0]} is missing")
+    return ExposureReport(**figures.model_dump(), lights=maps["lights"], moving=maps["moving"].view(np.bool_))
 
 
 def _damaged(what: str) -> StreamError:

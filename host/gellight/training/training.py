@@ -18,8 +18,9 @@ from gellight.frames.dots import Dots, find_dots
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from gellight.opening import open_camera
-from gellight.reconstruction.image_noise import measure_noise
+from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 from gellight.training.child import Check, Progress, go_on, run_module, silent
+from gellight.training.gel_at_rest import rest_of_presses
 from gellight.training.labelling.refinement import refine as refinement_of
 from gellight.training.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
 from gellight.training.trainer import TrainerName, chosen_trainer
@@ -61,8 +62,8 @@ class Reference:
 def read_reference(source: str | Path) -> Reference:
     """Read the untouched gel from one image, or the mean of a folder or pattern of images.
 
-    The noise is the spread between frames (`image_noise.measure_noise`); of a single frame it is estimated from the
-    difference of neighbouring pixels, which fixed texture of the gel raises. Marker dots are found and filled.
+    The noise is the spread between frames (`image_noise.measure_noise`), of a single frame `image_noise.noise_of_one`.
+    Marker dots are found and filled.
     """
     frames: list[NDArray[np.uint8]] = []
     with open_camera(source) as camera:
@@ -76,12 +77,6 @@ def read_reference(source: str | Path) -> Reference:
     filled = dots.filled_grey(mean, dots.mask(mean)) if dots else mean
     noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else noise_of_one(filled)
     return Reference(image=filled, frames=len(frames), noise_grey=noise, dots=dots)
-
-
-def noise_of_one(image: Floats) -> float:
-    """Robust estimate from second differences along the rows: (1, -2, 1) has variance 6 sigma^2."""
-    second = image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:]
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6))
 
 
 def train(
@@ -128,9 +123,10 @@ def fit(
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
-    reference's by more than the noise of a pixel. refine: refit the circles together with the light first
-    (`labelling.refinement`); the metrics then say by how much. view: how the images were made from pictures as taken.
-    extra_files: more of the bundle. extra_metrics: more of them, ready for JSON.
+    reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
+    (`gel_at_rest`). refine: refit the circles together with the light first (`labelling.refinement`); the metrics then
+    say by how much. view: how the images were made from pictures as taken. extra_files: more of the bundle.
+    extra_metrics: more of them, ready for JSON.
     Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
@@ -148,6 +144,7 @@ def fit(
         reference=reference.image,
         reference_frames=reference.frames,
         noise_grey=reference.noise_grey,
+        rest_grey=rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow),
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
         network=network,
         follow_light=follow,

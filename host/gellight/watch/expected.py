@@ -63,7 +63,11 @@ class ErrorEstimate:
         """Load the network and take its derivative; a fraction of a second. Raises BundleError."""
         self._bundle = bundle
         self._network = GradientNetwork(
-            bundle.network, bundle.image_shape, noise_grey=bundle.manifest.noise_grey, source=bundle.source
+            bundle.network,
+            bundle.image_shape,
+            noise_grey=bundle.manifest.noise_grey,
+            rest_grey=bundle.manifest.rest_grey,
+            source=bundle.source,
         )
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True

@@ -7,6 +7,7 @@ flat plate on it. A shift, a plate, and each further LED, is believed when it ha
 """
 
 import itertools
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 BELIEVED = 0.5
 """what a cause may leave, as a share of what is left without it"""
 MOST_LEDS = 3
+REST_LEFT = 1.5
+"""times what the gel at rest differs by in any case (`rest_grey` of the bundle) needs no explanation"""
 SEEN = 0.3
 """what is left beyond the noise is not looked into below this share of the noise"""
 
@@ -40,6 +43,10 @@ class Explanation:
     """light of single LEDs as a share of what it was, by number; only where that is the cause"""
     pressed_mm: float = 0.0
     """by which the gel came nearer to the ring, at most over the view; only where that is the cause"""
+
+    def leaves(self, most_grey: float, rest_grey: float) -> bool:
+        """Tell whether more is left than so much, and than the gel at rest differs by in any case."""
+        return self.left_grey > math.hypot(most_grey, REST_LEFT * rest_grey)
 
 
 def explain(model: UntouchedModel, change: Cells, kept: Mask, *, noise_grey: float) -> Explanation:

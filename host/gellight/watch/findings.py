@@ -44,8 +44,13 @@ class WatchFinding:
         return self.kind, self.figures.get("led")
 
 
-def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> Iterator[WatchFinding]:
-    """Yield the findings about LEDs, drift, a moved camera, or a change that none of them explains."""
+def light_findings(
+    explanation: Explanation, pixel_size_mm: tuple[float, float], rest_grey: float = 0.0
+) -> Iterator[WatchFinding]:
+    """Yield the findings about LEDs, drift, a moved camera, or a change that none of them explains.
+
+    rest_grey: what the gel at rest differs from its reference by in any case, as in the manifest.
+    """
     for led, light in sorted(explanation.leds.items()):
         if light < DIMMED:
             yield _led(led, light)
@@ -54,7 +59,7 @@ def light_findings(explanation: Explanation, pixel_size_mm: tuple[float, float])
         yield _drift(explanation, worst)
     if max(map(abs, explanation.shift_px)) >= MOVED_PX:
         yield _moved(explanation, pixel_size_mm)
-    if explanation.left_grey >= UNEVEN_GREY:
+    if explanation.leaves(UNEVEN_GREY, rest_grey):
         yield WatchFinding(
             kind="uneven",
             severity=Severity.WARNING,

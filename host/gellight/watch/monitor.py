@@ -160,7 +160,7 @@ class SensorWatch:
 
     def _report(self, judgement: _Judgement) -> None:
         """Report what two judgements in a row have found."""
-        found = list(light_findings(judgement.explanation, self.bundle.pixel_size_mm))
+        found = list(light_findings(judgement.explanation, self.bundle.pixel_size_mm, self.bundle.manifest.rest_grey))
         for spot in self._spots.spots(judgement.change - judgement.fitted, self._model.reference):
             found.append(spot_finding(spot, self.bundle.image_shape, self.bundle.pixel_size_mm))
         if found:
@@ -199,6 +199,7 @@ class SensorWatch:
             since_zero_grey=_rms(since, np.ones(since.shape[:2], np.bool_)),
             sudden_grey=self._sudden_grey,
             since_zero_s=newest_s - self._zero_s if self._zero_s is not None else np.inf,
+            rest_grey=self.bundle.manifest.rest_grey,
         )
 
     def propose_zero(self, *, asked: bool) -> Zero:

@@ -38,6 +38,8 @@ class Situation:
     sudden_grey: float
     """largest rms of a change from one look at the gel at rest to the next, since the last zero"""
     since_zero_s: float
+    rest_grey: float = 0.0
+    """what the gel at rest differs from its reference by in any case, rms: nobody has to understand that"""
 
 
 def refusal(situation: Situation, *, asked: bool) -> str:
@@ -58,7 +60,7 @@ def refusal(situation: Situation, *, asked: bool) -> str:
             f"the picture changed as if something flat pressed the whole gel, up to {explanation.pressed_mm:.2f} mm: "
             "lift everything off it; if nothing is on it, the gel or the camera has moved: calibrate the sensor again"
         )
-    if explanation.left_grey > MOST_LEFT_GREY:
+    if explanation.leaves(MOST_LEFT_GREY, situation.rest_grey):
         return (
             f"{explanation.left_grey:.1f} grey levels of the change are not understood: clean the sensor, see that its "
             "camera and its ring are tight, then calibrate it again"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.reconstruction.image_noise import REST_TIMES, RestChange
 from gellight.watch.cells import CELL_PX, Cells, cell_means, positions_mm
 from gellight.watch.light import RingLight, fit_ring_light
 
@@ -23,7 +24,7 @@ Mask = NDArray[np.bool_]
 """(h, w)"""
 
 OUTLIER_NOISES = 6.0
-"""a cell beyond so many standard deviations of its noise is an outlier"""
+"""a cell beyond so many standard deviations of its noise, and beyond what the gel at rest differs by, is an outlier"""
 OUTLIER_SHARE = 0.12
 """and beyond this share of the largest change fitted: the light model is good to 8 % of a dead LED"""
 _ROUNDS = 3
@@ -50,7 +51,8 @@ class UntouchedModel:
         """Learn from the reference image of a bundle; takes a fraction of a second."""
         self.reference: Cells = cell_means(bundle.reference)
         self.ring: RingLight | None = fit_ring_light(bundle)
-        self.noise_grey = float(np.sqrt(bundle.manifest.noise_grey**2 + 1 / 12)) / CELL_PX
+        self.at_rest = RestChange(bundle.manifest.noise_grey, bundle.manifest.rest_grey)
+        self.noise_grey = self.at_rest.pixel_grey / CELL_PX
         """standard deviation of the mean of one cell"""
         channels = np.eye(3, dtype=np.float32)
         self.gains: list[Cells] = [self.reference * channel for channel in channels]
@@ -80,7 +82,8 @@ class UntouchedModel:
         outliers = np.zeros(change.shape[:2], np.bool_)
         for _ in range(_ROUNDS):
             fitted = self._fit(change, ~outliers)
-            limit = OUTLIER_NOISES * noise + OUTLIER_SHARE * float(np.abs(fitted).max())
+            least = float(np.hypot(OUTLIER_NOISES * noise, REST_TIMES * self.at_rest.rest_grey))
+            limit = least + OUTLIER_SHARE * float(np.abs(fitted).max())
             found = (np.abs(change - fitted) > limit).any(axis=2)
             if (found == outliers).all():
                 break

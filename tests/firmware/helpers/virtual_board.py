@@ -112,6 +112,15 @@ class VirtualBoard:
         """The trigger comes right after the board has read its clock so many times."""
         self.library.board_edge_after_reads(self._board, ctypes.c_uint32(reads))
 
+    def warm(self, celsius: float) -> None:
+        self.library.board_warm(self._board, ctypes.c_int32(round(10 * celsius)))
+
+    @property
+    def powered(self) -> bool:
+        """The load switch of the LEDs is closed."""
+        self.library.board_powered.restype = ctypes.c_bool
+        return bool(self.library.board_powered(self._board))
+
     @property
     def now_us(self) -> int:
         return int(self.library.board_now(self._board))

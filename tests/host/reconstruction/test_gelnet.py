@@ -229,3 +229,21 @@ def test_options_out_of_range_are_refused(options: dict[str, int]) -> None:
         network((12, 16), **options)
     with pytest.raises(ValueError, match="out of range"):
         GradientNetwork(linear_network(), (12, 16), noise_grey=float("nan"))
+
+
+def test_what_the_gel_at_rest_differs_by_is_no_touch() -> None:
+    """A change that is the same in neighbouring pixels: no mean makes it smaller, so the noise says nothing of it."""
+    shape = (120, 160)
+    x = np.linspace(-1, 1, shape[1], dtype=np.float32)
+    drifted = np.broadcast_to(2.5 * x[None, :, None], (*shape, 3)).copy()
+    pressed = drifted.copy()
+    pressed[40:60, 60:80] += 15
+    noisy = GradientNetwork(linear_network(), shape, noise_grey=1.0)
+    resting = GradientNetwork(linear_network(), shape, noise_grey=1.0, rest_grey=1.5)
+    assert noisy.touched(drifted).mean() > 0.5
+    assert not resting.touched(drifted).any()
+    found = resting.touched(pressed)
+    assert found[40:60, 60:80].all()
+    assert found.mean() < 0.1
+    with pytest.raises(ValueError, match="rest_grey -1"):
+        GradientNetwork(linear_network(), shape, noise_grey=1.0, rest_grey=-1.0)

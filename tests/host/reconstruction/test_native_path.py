@@ -120,6 +120,18 @@ def test_a_press_anywhere_in_an_image_of_any_size(
 
 
 @needs_a_library
+def test_the_mask_goes_by_the_gel_at_rest(name: str) -> None:
+    """Limits on both means are those of the NumPy form, which no multiple of one number gives."""
+    bundle = replace(SYNTHETIC, manifest=SYNTHETIC.manifest.model_copy(update={"rest_grey": 1.7}))
+    native, cells = both(bundle)
+    frame = frame_of(judge.made_up_image(SYNTHETIC, 1))
+    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+    noisy = Reconstructor(SYNTHETIC)
+    noisy.reconstruct(frame)
+    assert 0 < native.network_rows.cells < noisy.network_rows.cells
+
+
+@needs_a_library
 def test_light_that_drifts_is_followed(name: str, tmp_path: Path) -> None:
     bundle = linear_bundle(tmp_path / "b", (120, 160))
     bundle = replace(bundle, manifest=bundle.manifest.model_copy(update={"follow_light": True}))

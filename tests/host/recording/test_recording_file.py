@@ -20,6 +20,7 @@ from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import CameraFrame, EncodedImage, LightLabel, LightState
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording import recording_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import DepthKind, Recording, RecordingWriter, depth_image, topic_name
 from gellight.recording.replay_camera import ReplayCamera
@@ -224,16 +225,20 @@ def test_a_whole_recording_says_so(record: Record) -> None:
     assert recording.whole
 
 
-def test_the_end_of_the_process_costs_only_the_last_chunk(tmp_path: Path, bundle: Bundle) -> None:
+def test_a_chunk_can_be_read_as_soon_as_it_is_finished(
+    tmp_path: Path, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The end of the process, at any frame, costs less than one chunk, here of 8 frames."""
+    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 8 * len(plain(0).image.tobytes()))
     writer = RecordingWriter(tmp_path / "killed.mcap", "finger")
-    for number in range(1000):
+    for number in range(60):
         writer.add(FrameRecord.of(plain(number), unix_s=1e9 + number, zero=bundle.identity), bundle)
-    writer.flush()
-    recording = Recording(tmp_path / "killed.mcap")  # nothing was finished
-    assert len(list(recording.frames())) > 400
-    assert not recording.whole
+        if number >= 8:
+            recording = Recording(tmp_path / "killed.mcap")  # nothing more is written in its place
+            assert len(list(recording.frames())) > number - 8
+            assert not recording.whole
     writer.close()
-    assert len(list(recording.frames())) == 1000
+    assert len(list(recording.frames())) == 60
 
 
 @pytest.mark.parametrize(
@@ -303,3 +308,18 @@ def test_a_recording_brings_its_bundle(record: Record, bundle: Bundle) -> None:
     with open_camera(f"replay://{record([plain(0)])}") as camera:
         assert isinstance(camera, ReplayCamera)
         assert camera.bundle.identity == bundle.identity
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+def test_a_recording_is_whole_and_plays_on_where_the_time_of_day_was_set(
+    tmp_path: Path, bundle: Bundle, step_s: float
+) -> None:
+    path = tmp_path / "set.mcap"
+    with RecordingWriter(path, "GL-7") as writer:
+        for sequence in range(6):
+            unix_s = 1e9 + sequence / 30 + (step_s if sequence > 2 else 0.0)
+            writer.add(FrameRecord.of(plain(sequence), unix_s=unix_s, zero=bundle.identity), bundle)
+    assert [record.info.sequence for record in Recording(path).frames()] == list(range(6))
+    assert [record.info.sequence for record in Recording(path).frames(0.1)] == [3, 4, 5]
+    with open_camera(f"replay://{path}") as camera:
+        assert [camera.read().sequence for _ in range(6)] == list(range(6))

@@ -7,21 +7,21 @@ import pytest
 from gellight.base.errors import CameraError
 from gellight.sensor.discovery import Discovery, discover
 from gellight.sensor.v4l2.errors import UnpluggedError
-from tests.helpers.fake_usb import FakeUsb
+from gellight.soak.usb_tree import UsbTree
 
 WEBCAM = (0x046D, 0x0825)
 
 
 @pytest.fixture
-def usb(tmp_path: Path) -> FakeUsb:
-    return FakeUsb(tmp_path)
+def usb(tmp_path: Path) -> UsbTree:
+    return UsbTree(tmp_path)
 
 
-def seen(usb: FakeUsb) -> Discovery:
+def seen(usb: UsbTree) -> Discovery:
     return discover(sysfs=usb.sysfs, dev=usb.dev)
 
 
-def test_one_device_with_camera_and_ring_is_a_sensor(usb: FakeUsb) -> None:
+def test_one_device_with_camera_and_ring_is_a_sensor(usb: UsbTree) -> None:
     camera, ring = usb.plug("1-2", serial="GL0001", cameras=1, rings=1)
     (sensor,) = seen(usb).sensors
     assert (sensor.camera.path, sensor.ring and sensor.ring.path) == (camera, ring)
@@ -33,7 +33,7 @@ def test_one_device_with_camera_and_ring_is_a_sensor(usb: FakeUsb) -> None:
     assert not seen(usb).cameras, "the node of metadata is no camera"
 
 
-def test_a_camera_and_a_ring_behind_a_hub_of_their_own_are_a_sensor(usb: FakeUsb) -> None:
+def test_a_camera_and_a_ring_behind_a_hub_of_their_own_are_a_sensor(usb: UsbTree) -> None:
     camera, *_ = usb.plug("1-4.1", ids=WEBCAM, cameras=1)
     ring, *_ = usb.plug("1-4.2", serial="E660C06213842F2A", rings=1)
     sensor = seen(usb).only()
@@ -42,7 +42,7 @@ def test_a_camera_and_a_ring_behind_a_hub_of_their_own_are_a_sensor(usb: FakeUsb
     assert seen(usb).called("E660C06213842F2A") == seen(usb).called("1-4.1") == sensor
 
 
-def test_a_webcam_at_the_root_hub_is_never_paired_with_a_ring(usb: FakeUsb) -> None:
+def test_a_webcam_at_the_root_hub_is_never_paired_with_a_ring(usb: UsbTree) -> None:
     usb.plug("1-1", serial="CAM", ids=WEBCAM, cameras=1)
     usb.plug("1-2", serial="RING", rings=1)
     found = seen(usb)
@@ -53,14 +53,14 @@ def test_a_webcam_at_the_root_hub_is_never_paired_with_a_ring(usb: FakeUsb) -> N
         found.only()
 
 
-def test_a_webcam_beside_a_sensor_does_not_disturb(usb: FakeUsb) -> None:
+def test_a_webcam_beside_a_sensor_does_not_disturb(usb: UsbTree) -> None:
     usb.plug("1-1", serial="CAM", ids=WEBCAM, cameras=1)
     usb.plug("1-2", serial="GL0001", cameras=1, rings=1)
     assert seen(usb).only().serial == "GL0001"
     assert len(seen(usb).cameras) == 1
 
 
-def test_what_cannot_be_told_apart_behind_one_hub_is_said_not_guessed(usb: FakeUsb) -> None:
+def test_what_cannot_be_told_apart_behind_one_hub_is_said_not_guessed(usb: UsbTree) -> None:
     usb.plug("1-4.1", ids=WEBCAM, cameras=1)
     usb.plug("1-4.3", ids=WEBCAM, cameras=1)
     usb.plug("1-4.2", serial="RING", rings=1)
@@ -71,7 +71,7 @@ def test_what_cannot_be_told_apart_behind_one_hub_is_said_not_guessed(usb: FakeU
     assert "hub of its own" in found.ambiguities[0]
 
 
-def test_every_sensor_is_listed_with_a_url_that_opens_it_alone(usb: FakeUsb) -> None:
+def test_every_sensor_is_listed_with_a_url_that_opens_it_alone(usb: UsbTree) -> None:
     for port, serial in (("1-1", "SAME"), ("1-2", "SAME"), ("1-3", "OWN"), ("1-4", "")):
         usb.plug(port, serial=serial, cameras=1, rings=1)
     found = seen(usb)
@@ -80,7 +80,7 @@ def test_every_sensor_is_listed_with_a_url_that_opens_it_alone(usb: FakeUsb) -> 
     assert [found.called(url.removeprefix("sensor://")) for url in urls] == list(found.sensors)
 
 
-def test_two_sensors_have_to_be_named(usb: FakeUsb) -> None:
+def test_two_sensors_have_to_be_named(usb: UsbTree) -> None:
     usb.plug("1-1", serial="GL0001", cameras=1, rings=1)
     usb.plug("1-2", serial="GL0002", cameras=1, rings=1)
     with pytest.raises(CameraError, match="2 sensors are plugged in: choose sensor://GL0001 or sensor://GL0002"):
@@ -88,7 +88,7 @@ def test_two_sensors_have_to_be_named(usb: FakeUsb) -> None:
     assert seen(usb).called("GL0002").port == "1-2"
 
 
-def test_the_same_serial_number_twice_is_told_and_the_ports_serve(usb: FakeUsb) -> None:
+def test_the_same_serial_number_twice_is_told_and_the_ports_serve(usb: UsbTree) -> None:
     usb.plug("1-1", serial="GL0009", cameras=1, rings=1)
     usb.plug("1-2", serial="GL0009", cameras=1, rings=1)
     found = seen(usb)
@@ -102,7 +102,7 @@ def test_the_same_serial_number_twice_is_told_and_the_ports_serve(usb: FakeUsb) 
     assert found.called("1-2").port == "1-2"
 
 
-def test_no_sensor_and_no_such_sensor_are_told(usb: FakeUsb) -> None:
+def test_no_sensor_and_no_such_sensor_are_told(usb: UsbTree) -> None:
     with pytest.raises(UnpluggedError, match=r"check the cable, or take the simulated sensor \(--sensor sim://\)"):
         seen(usb).only()
     usb.plug("1-1", serial="GL0001", cameras=1, rings=1)
@@ -110,7 +110,7 @@ def test_no_sensor_and_no_such_sensor_are_told(usb: FakeUsb) -> None:
         seen(usb).called("GL0002")
 
 
-def test_the_same_sensor_is_found_again_on_another_port_by_its_serial_number(usb: FakeUsb) -> None:
+def test_the_same_sensor_is_found_again_on_another_port_by_its_serial_number(usb: UsbTree) -> None:
     usb.plug("1-1", serial="GL0001", cameras=1, rings=1)
     sensor = seen(usb).only()
     assert seen(usb).has_own_serial(sensor)
@@ -123,7 +123,7 @@ def test_the_same_sensor_is_found_again_on_another_port_by_its_serial_number(usb
 
 
 @pytest.mark.parametrize("serial", ["", "GL0009"])
-def test_without_a_serial_number_of_its_own_a_sensor_is_found_again_by_its_port(usb: FakeUsb, serial: str) -> None:
+def test_without_a_serial_number_of_its_own_a_sensor_is_found_again_by_its_port(usb: UsbTree, serial: str) -> None:
     usb.plug("1-1", serial=serial, cameras=1, rings=1)
     usb.plug("1-2", serial=serial, cameras=1, rings=1)
     sensor = seen(usb).called("1-2")
@@ -135,7 +135,7 @@ def test_without_a_serial_number_of_its_own_a_sensor_is_found_again_by_its_port(
     assert seen(usb).again(sensor, by_serial=False).camera.path == camera
 
 
-def test_a_camera_without_a_ring_is_found_by_its_node_and_by_its_link(usb: FakeUsb) -> None:
+def test_a_camera_without_a_ring_is_found_by_its_node_and_by_its_link(usb: UsbTree) -> None:
     camera, *_ = usb.plug("1-1", serial="CAM", ids=WEBCAM, cameras=1)
     link = usb.dev / "v4l/by-id/usb-GelLight_CAM-video-index0"
     assert seen(usb).of_camera(str(link)) == seen(usb).of_camera(camera)

@@ -9,13 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BoardError, BundleError, CameraError
-from gellight.base.settings import ReconstructionSettings
+from gellight.base.errors import BoardError, BundleError, CameraError, ConfigError
+from gellight.base.settings import LightingSettings, ReconstructionSettings
+from gellight.bundle.bundle import load_bundle
+from gellight.daemon import modes
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
-from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera import Camera, ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.reconstruction.photometric.light_model import LightGroups
+from gellight.sensor.lighting.lock import hold_frames
+from gellight.sensor.lighting.sequenced import LightMode, clock_error_s
 from gellight.sensor.series_cameras import RestingCamera, SeriesCamera
+from gellight.sensor.window_camera import WindowCamera
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import GROUPS, RING, Gel
 
@@ -265,3 +270,42 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
         frame_path(bundle, ReconstructionSettings(mode="hybrid"), network)  # type: ignore[arg-type]
     with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
         tactile_camera(inner, bundle, ReconstructionSettings(mode="photometric"))
+
+
+@pytest.mark.parametrize(
+    ("mode", "lighting", "said"),
+    [
+        ("network", {"light_mode": "free"}, "--light-mode free moves a sequence on"),
+        ("hybrid", {"light_mode": "ext"}, "--light-mode ext moves a sequence on"),
+        ("hybrid", {"sequence": "rgb"}, "--sequence rgb does not go with --mode hybrid"),
+        ("photometric", {"sequence": "lights.json"}, "does not go with --mode photometric: photometric mode takes rgb"),
+    ],
+)
+def test_a_sequence_that_does_not_go_with_the_mode_is_refused(mode: Any, lighting: Any, said: str) -> None:
+    settings, bundle = ReconstructionSettings(mode=mode), load_bundle("synthetic")
+    with pytest.raises(ConfigError, match=said):
+        tactile_camera(FakeCamera(), bundle, settings, LightingSettings(**lighting))
+
+
+def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    inner = FakeCamera()
+    inner.mode = LightMode.EXT  # type: ignore[attr-defined]
+    monkeypatch.setattr(modes, "SequencedCamera", lambda camera, groups, mode: camera)
+    settings, lighting = ReconstructionSettings(mode="photometric"), LightingSettings(light_mode="ext")
+    camera = tactile_camera(inner, load_bundle("synthetic"), settings, lighting)
+    assert isinstance(camera, WindowCamera)
+    assert inner.controls is not None
+    timing = timing_of(inner)
+    assert 8000 < inner.controls.read("exposure_us") < 16000
+    assert hold_frames(timing, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 1
+    longer = replace(timing, exposure_s=timing.exposure_s + 2e-4)
+    assert hold_frames(longer, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 2
+
+
+def test_a_sequence_needs_a_ring() -> None:
+    for settings in (ReconstructionSettings(), ReconstructionSettings(mode="photometric")):
+        with pytest.raises(CameraError, match="no light ring"):
+            tactile_camera(
+                FakeCamera(ring=False), load_bundle("synthetic"), settings,
+                LightingSettings(sequence="rgb", light_mode="free"),
+            )  # fmt: skip

@@ -1,8 +1,10 @@
 """A daemon is recorded beside its work; the verbs record, replay and export a simulated sensor."""
 
 import errno
+import itertools
 import json
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -13,13 +15,16 @@ import pytest
 
 import gellight
 from gellight.base.errors import InputError
+from gellight.reconstruction import pipeline
+from gellight.reconstruction.native import library
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.recording.recording_file import DepthKind, Recording, depth_image
+from gellight.recording.recording_file import CHUNK_BYTES, DepthKind, Recording, depth_image
 from gellight.recording.replay_camera import open_replay
 from gellight.stream import recorder as recorder_module
 from gellight.stream.recorder import RESERVE_BYTES, Recorder
 from tests.helpers import children
 from tests.helpers.doc_examples import examples, run
+from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import bump_daemon
 
 
@@ -156,6 +161,52 @@ def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path:
     recorded = Recording(out)
     assert len(list(recorded.frames())) >= 3
     assert recorded.whole
+
+
+def test_a_recording_that_is_killed_gives_its_finished_chunks(tmp_path: Path) -> None:
+    """At most one chunk is lost, of frames without a gap; what is left is exported and can be replayed."""
+    out = tmp_path / "killed.mcap"
+    url = "sim://?object=BALL&depth=0.5"
+    with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
+        while not out.exists() or out.stat().st_size < 2.5 * CHUNK_BYTES:
+            assert verb.poll() is None, verb.stderr.read()
+            time.sleep(0.1)
+        os.kill(verb.pid, signal.SIGKILL)
+        verb.wait(timeout=60)
+    recorded = Recording(out)
+    frames = list(recorded.frames())
+    numbers = [frame.info.sequence for frame in frames]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert not recorded.whole
+    read_bytes = sum(len(frame.data) for frame in frames)
+    attached_bytes = out.stat().st_size - read_bytes
+    assert read_bytes >= CHUNK_BYTES, "two chunks and the bundle were there"
+    assert attached_bytes < 2 * CHUNK_BYTES
+    done = children.gellight("export", out, "--out", tmp_path / "out", "--every", "5", "--json")
+    assert json.loads(done.stdout) == {"frames": -(-len(frames) // 5), "whole": False}, done.stderr
+
+
+def test_depth_computed_on_another_processor_keeps_to_the_stated_bound(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each library that runs here, and NumPy, stand for other machines: the worst pixel of any two is compared."""
+    (bound_um,) = map(
+        float, re.findall(r"less than ([\d.]+) micrometres", (CHECKOUT / "docs/recording.md").read_text())
+    )
+    bundle, maps = Recording(recording).bundle, {}
+    for name in (*library.fitting(), ""):
+        if name:
+            loaded = library.load(library.library_file(name))
+            monkeypatch.setattr(pipeline, "fitting_library", lambda found=(name, loaded): found)
+        reconstructor = Reconstructor(bundle, form=pipeline.Form.NATIVE if name else pipeline.Form.CELLS)
+        assert reconstructor.status()["computed_by"] == (f"C, {name}" if name else "NumPy, cells")
+        camera = open_replay(f"replay://{recording}?speed=0")
+        maps[name] = [reconstructor.reconstruct(camera.read()).depth_mm for _ in range(3)]
+    assert len(maps) > 1
+    for one, other in itertools.combinations(maps.values(), 2):
+        worst_um = max(float(np.abs(a - b).max()) * 1e3 for a, b in zip(one, other, strict=True))
+        assert worst_um < bound_um
+    assert max(depth.max() for depth in maps[""]) > 0.9, "the ball is in it"
 
 
 def test_a_file_that_exists_is_not_recorded_over(recording: Path) -> None:

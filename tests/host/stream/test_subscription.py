@@ -23,6 +23,7 @@ from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
 from gellight.stream.sensor import Sensor
 from gellight.stream.subscription import subscribe
+from tests.helpers import children
 from tests.helpers.children import started
 from tests.helpers.streamed import bump_daemon
 
@@ -357,3 +358,11 @@ def test_the_simulated_sensor_is_lit_pressed_and_released() -> None:
         assert sensor.next_frame().camera_frame.image.mean() > 20
         sensor.release()
         assert sensor.bundle.identity == sensor.next_frame().provenance.zero
+
+
+@pytest.mark.parametrize("use", ["frames.next_frame()", "frames.listen(print); frames.next_frame()"])
+def test_a_program_that_does_not_close_its_subscription_ends(use: str) -> None:
+    daemon, _ = bump_daemon(period_s=0.02)
+    with daemon, Publisher(daemon, name="finger"):
+        code = f"import gellight\nframes = gellight.subscribe('finger')\n{use}"
+        assert children.run([sys.executable, "-c", code], timeout_s=60).returncode == 0

@@ -36,6 +36,7 @@ def test_every_map_and_figure_arrives_as_it_was_sent() -> None:
     for name in ("time_s", "sequence", "source", "label"):
         assert getattr(got.camera_frame, name) == getattr(sent.camera_frame, name)
     assert np.array_equal(got.exposures.lights, sent.exposures.lights)
+    assert np.array_equal(got.exposures.moving, sent.exposures.moving)
     assert got.exposures.as_json() == sent.exposures.as_json()
     assert got.stage_seconds == sent.stage_seconds
 

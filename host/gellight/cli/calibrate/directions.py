@@ -12,8 +12,8 @@ from gellight.base.errors import InputError
 from gellight.calibration.lights.ball_lights import LEAST_BALLS, check_lights, lights_from_balls
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.frames.image_files import image_files, read_grey
+from gellight.reconstruction.image_noise import noise_of_one
 from gellight.training.presses import Ball, read_presses
-from gellight.training.training import noise_of_one
 
 _HELD_OUT = 4
 """every fourth ball judges, and is not learnt from"""

@@ -36,15 +36,15 @@ EXPORT void difference_and_means(const uint8_t *image, const float *reference, c
 }
 
 /* Mark the cells of one row whose mean, or the mean of the 3 x 3 cells around, is too large to be noise:
- * |m| > limit or |mean of 9| > limit / 3. sums: w + 2. */
-static void mark_row(const float *above, const float *row, const float *below, float limit, uint8_t *restrict marked,
-                     float *restrict sums, int w) {
+ * |m| > limit or |mean of 9| > limit_around. sums: w + 2. */
+static void mark_row(const float *above, const float *row, const float *below, float limit, float limit_around,
+                     uint8_t *restrict marked, float *restrict sums, int w) {
     for (int j = 0; j < w; j++) sums[j + 1] = above[j] + row[j] + below[j];
     sums[0] = sums[1];
     sums[w + 1] = sums[w];
     for (int j = 0; j < w; j++) {
         const float around = sums[j] + sums[j + 1] + sums[j + 2];
-        marked[j] |= (uint8_t)((__builtin_fabsf(row[j]) > limit) | (__builtin_fabsf(around) > 3 * limit));
+        marked[j] |= (uint8_t)((__builtin_fabsf(row[j]) > limit) | (__builtin_fabsf(around) > 9 * limit_around));
     }
 }
 
@@ -68,8 +68,8 @@ static void dilate(const uint8_t *from, uint8_t *to, int reach, uint8_t *along, 
 /* The mask as `GradientNetwork.touched_cells`; returns how many cells are touched.
  *
  * near: touched cells and their neighbours, between which slopes are blended. work: w + 2; bytes: 2 w h. */
-EXPORT int touched_cells(const float *means, float limit, uint8_t *touched, uint8_t *near, float *work, uint8_t *bytes,
-                         int width, int height) {
+EXPORT int touched_cells(const float *means, float limit, float limit_around, uint8_t *touched, uint8_t *near,
+                         float *work, uint8_t *bytes, int width, int height) {
     const int w = cells_of(width), h = cells_of(height), columns = 2 * ((width + 7) / 8), rows = 2 * ((height + 7) / 8);
     uint8_t *marked = bytes, *along = bytes + (ptrdiff_t)w * h;
     int any = 0;
@@ -79,7 +79,7 @@ EXPORT int touched_cells(const float *means, float limit, uint8_t *touched, uint
         for (int c = 0; c < 3; c++) {
             const float *plane = means + (ptrdiff_t)c * rows * columns;
             mark_row(plane + (ptrdiff_t)clamped(i - 1, h) * columns, plane + (ptrdiff_t)i * columns,
-                     plane + (ptrdiff_t)clamped(i + 1, h) * columns, limit, row, work, w);
+                     plane + (ptrdiff_t)clamped(i + 1, h) * columns, limit, limit_around, row, work, w);
         }
         for (int j = 0; j < w; j++) any |= row[j];
     }

@@ -15,7 +15,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.contact import THRESHOLD_MM
-from gellight.reconstruction.gelnet import CELL_PX, SIGNIFICANT, GradientNetwork
+from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import drift_of
@@ -108,8 +108,8 @@ class NativePath:
 
     def _touched(self) -> int:
         """How many cells are touched; which, is in `touched` of the work memory."""
-        m, limit = self._m, SIGNIFICANT * self._network.noise / CELL_PX
-        return self._count("touched_cells", m.means, limit, m.touched, m.near, m.work, m.bytes)
+        m, limits = self._m, self._network.limits_grey
+        return self._count("touched_cells", m.means, *limits, m.touched, m.near, m.work, m.bytes)
 
     def _slopes(self, difference: Floats, touched: int) -> None:
         m, limit = self._m, -1.0

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.reconstruction.pixel_grid import plane_means
 from gellight.ring.light_groups import colour_triples, single_leds
 
 Array = NDArray[np.float64]
@@ -85,12 +86,12 @@ class LightModel:
         pixels = image.reshape(-1, 3)
         return np.stack([np.take(table[channel], pixels[:, channel]) for channel in range(3)])
 
-    def grey(self, light: Floats) -> NDArray[np.uint8]:
+    def grey(self, light: Floats, shape: tuple[int, int]) -> NDArray[np.uint8]:
         """(3, H * W) linear grey levels -> (H, W, 3) uint8: the inverse of `linear`, rounded and clipped."""
         shares = np.maximum(light, 0) / WHITE
         levels = self.black_grey[:, None] + (WHITE - self.black_grey[:, None]) * shares ** (1 / self.gamma)
         image = np.clip(np.rint(levels), 0, WHITE).astype(np.uint8)
-        return np.ascontiguousarray(image.T.reshape(*self.image_shape, 3))
+        return np.ascontiguousarray(image.T.reshape(*shape, 3))
 
 
 def unmixing(group: NDArray[np.uint8], ring: RingGeometry, crosstalk: Array) -> tuple[list[int], Array]:
@@ -132,30 +133,58 @@ pixel, those that noise made darker would be left out and the rest would be too 
 look bent."""
 
 
+@dataclass(frozen=True, eq=False)
+class GroupSignals:
+    """What the pictures of one light group say of its LEDs; names as in `Signals`, (n, P) for its n LEDs."""
+
+    leds: list[int]
+    grey: Floats
+    valid: Bools
+    deviation: Array
+    light: Floats
+
+
+def group_signals(
+    taken: Sequence[NDArray[np.uint8]],
+    group: NDArray[np.uint8],
+    model: LightModel,
+    noise_grey: float,
+    block_px: int = 1,
+) -> GroupSignals:
+    """Take apart the pictures of one light group (K, 3), each (H, W, 3) uint8; several are averaged.
+
+    noise_grey: standard deviation of one pixel of one picture. block_px: P is the means over so many pixels a side.
+    """
+    shape = (model.image_shape[0] // block_px, model.image_shape[1] // block_px)
+    light: Floats = np.sum([model.linear(image) for image in taken], axis=0) / np.float32(len(taken))
+    unclipped = np.all([image[..., channel] < CLIPPED for image in taken for channel in range(3)], axis=0)
+    if block_px > 1:
+        light = plane_means(light.reshape(3, *model.image_shape), block_px).reshape(3, -1)
+        unclipped = plane_means(unclipped[None].astype(np.float32), block_px)[0] == 1
+    lit, matrix = unmixing(group, model.ring, model.crosstalk)
+    noise = np.sqrt((noise_grey**2 + 1 / 12) / len(taken)) / block_px
+    deviation = noise * np.linalg.norm(matrix, axis=1)
+    grey = matrix.astype(np.float32) @ light
+    around = uniform_filter(grey.reshape(-1, *shape), (1, *[SHADOW_PX // block_px | 1] * 2)).reshape(len(lit), -1)
+    valid = (around > DARK_DEVIATIONS * deviation[:, None]) & unclipped.ravel()
+    return GroupSignals(lit, grey, valid, deviation, light)
+
+
+def joined(parts: Sequence[GroupSignals], leds: int) -> Signals:
+    """Return the signals of a ring of so many LEDs from those of each of its light groups."""
+    pixels = parts[0].light.shape[1]
+    found, valid, deviation = np.zeros((leds, pixels), np.float32), np.zeros((leds, pixels), np.bool_), np.zeros(leds)
+    for part in parts:
+        found[part.leds], valid[part.leds], deviation[part.leds] = part.grey, part.valid, part.deviation
+    return Signals(found, valid, deviation, sum((part.light for part in parts), np.zeros((3, pixels), np.float32)))
+
+
 def signals_of(
     pictures: Sequence[Sequence[NDArray[np.uint8]]], groups: NDArray[np.uint8], model: LightModel, noise_grey: float
 ) -> Signals:
-    """Take apart the pictures of each light group, each (H, W, 3) uint8; several of one group are averaged.
-
-    groups: (G, K, 3) uint8. noise_grey: standard deviation of one pixel of one picture.
-    """
-    leds, pixels = len(model.colours), model.image_shape[0] * model.image_shape[1]
-    found = np.zeros((leds, pixels), np.float32)
-    valid = np.zeros((leds, pixels), np.bool_)
-    deviation = np.zeros(leds)
-    total = np.zeros((3, pixels), np.float32)
-    for group, taken in zip(groups, pictures, strict=True):
-        light = sum((model.linear(image) for image in taken), np.zeros_like(total)) / np.float32(len(taken))
-        unclipped = np.all([(image < CLIPPED)[..., c] for image in taken for c in range(3)], axis=0).ravel()
-        total += light
-        lit, matrix = unmixing(group, model.ring, model.crosstalk)
-        noise = np.sqrt((noise_grey**2 + 1 / 12) / len(taken))
-        deviation[lit] = noise * np.linalg.norm(matrix, axis=1)
-        found[lit] = matrix.astype(np.float32) @ light
-        for led in lit:
-            around = uniform_filter(found[led].reshape(model.image_shape), SHADOW_PX).ravel()
-            valid[led] = (around > DARK_DEVIATIONS * deviation[led]) & unclipped
-    return Signals(found, valid, deviation, total)
+    """Take apart the pictures of all light groups (G, K, 3); see `group_signals`."""
+    pairs = zip(groups, pictures, strict=True)
+    return joined([group_signals(taken, group, model, noise_grey) for group, taken in pairs], len(model.colours))
 
 
 def without_shadows(signals: Signals, references: Floats) -> Signals:

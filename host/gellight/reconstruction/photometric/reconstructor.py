@@ -5,8 +5,10 @@ is computed, and the pixels that are touched or shadowed are solved again with i
 LEDs 20 mm away is lit from lower angles than the gel at rest: without this second look its slopes are 5 % wrong.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any, TypeVar, cast
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +38,7 @@ from gellight.reconstruction.photometric.solver import (
     slopes,
     solve_robustly,
 )
-from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, spread_blocks
+from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 
@@ -46,6 +48,7 @@ REFINEMENTS = 2
 FLAT_MM = 0.01
 """depth below which the light is taken to be that on the flat gel: slopes are then wrong by some 0.0004"""
 BLOCK_POINTS = 8192
+Image = TypeVar("Image", bound=NDArray[Any])
 _CELL = 4
 _SIGNIFICANT = 6.0
 
@@ -54,21 +57,31 @@ class PhotometricReconstructor:
     """Everything that stays the same between the series of one sensor. One reconstructor serves one thread."""
 
     def __init__(
-        self, bundle: Bundle, model: LightModel, kind: LightGroups, *, smoothing_px: int = NARROWEST_PX
+        self,
+        bundle: Bundle,
+        model: LightModel,
+        kind: LightGroups,
+        *,
+        smoothing_px: int = NARROWEST_PX,
+        block_px: int = 1,
     ) -> None:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
 
         kind: the light groups of the series. smoothing_px: half width of the smoothing of the gradient map, as for
-        GelNet. Raises ValueError where model and calibration are of different image sizes.
+        GelNet. block_px: solve for the means over so many pixels a side. Raises ValueError where model and calibration
+        are of different image sizes.
         """
         if model.image_shape != bundle.image_shape:
             raise ValueError(f"the lights are for {model.image_shape} pixels, the calibration {bundle.image_shape}")
         self.bundle = bundle
         self.model = model
-        self._smoother = Smoother(smoothing_px)
-        self._shape = model.image_shape
-        self._points = flat_gel(self._shape, bundle.pixel_size_mm)
-        self._references = model.references(kind).astype(np.float32).reshape(len(model.colours), -1)
+        self._smoother = Smoother(smoothing_px // block_px)
+        self._block = block_px
+        self._shape = model.image_shape[0] // block_px, model.image_shape[1] // block_px
+        self._pixel_size_mm = bundle.pixel_size_mm[0] * block_px, bundle.pixel_size_mm[1] * block_px
+        self._points = flat_gel(self._shape, self._pixel_size_mm)
+        references = plane_means(model.references(kind), block_px) if block_px > 1 else model.references(kind)
+        self._references = references.astype(np.float32).reshape(len(model.colours), -1)
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
         self._last: ExposureReport | None = None
@@ -90,22 +103,35 @@ class PhotometricReconstructor:
                 "group: use --mode network"
             )
         series, stages = camera_frame, Stages()
-        signals = signals_of(series.pictures, series.groups, self.model, self.bundle.manifest.noise_grey)
-        signals = without_shadows(signals, self._references)
+        signals = without_shadows(self._signals(series), self._references)
         picture = self._picture(series, signals)
         difference = np.subtract(picture.image, self.bundle.reference, dtype=np.float32)
         stages.end("signals")
         gradient_map, depth, used, predicted = self._solved(signals, stages)
+        gradient_map, depth = self._enlarged(gradient_map), self._enlarged(depth)
         self._last = report = self._report(series, signals, used, predicted)
         stages.end("still")
         return tactile_frame(picture, difference, gradient_map, depth, self.bundle.pixel_size_mm, stages, report)
+
+    def _signals(self, series: ExposureSeries) -> Signals:
+        """Take the pictures apart into the light of each LED."""
+        return signals_of(series.pictures, series.groups, self.model, self.bundle.manifest.noise_grey)
 
     def _picture(self, series: ExposureSeries, signals: Signals) -> CameraFrame:
         """Return the sum of the exposures as one picture, under the whole ring at the level of the reference image."""
         ours = self.model.exposure_us
         share = 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
         light = np.rint(self.model.colours * share).astype(np.uint8)
-        return replace(series.opening, image=self.model.grey(signals.light * np.float32(share)), light=light)
+        image = self._enlarged(self.model.grey(signals.light * np.float32(share), self._shape))
+        shown = {each.name: getattr(series, each.name) for each in fields(CameraFrame)}
+        return CameraFrame(**{**shown, "image": image, "light": light})
+
+    def _enlarged(self, image: Image) -> Image:
+        """Return an image or a map of the solution's pixels at the size of the camera's."""
+        if self._block == 1:
+            return image
+        height, width = self.model.image_shape
+        return cast("Image", cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR))
 
     def _solved(self, signals: Signals, stages: Stages) -> tuple[Floats, Floats, Bools, Floats]:
         """Return gradient map, depth map, the lights used and what they should have shown, (K, P) each."""
@@ -119,7 +145,7 @@ class PhotometricReconstructor:
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map, noise = self._slopes(scaled)
             depth = self._depth(gradient_map, scaled, signals)
-        gradient_map = self._smoother.of_surface(depth, self.bundle.pixel_size_mm, gradient_map, noise)
+        gradient_map = self._smoother.of_surface(depth, self._pixel_size_mm, gradient_map, noise)
         stages.end("refined")
         return gradient_map, depth, used, predicted
 
@@ -131,10 +157,13 @@ class PhotometricReconstructor:
     def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
         """Integrate, and set the height by the gel at rest or by the light."""
         rest = far_from_touch(self._touched(gradient_map, scaled, signals))
-        depth = integrate(gradient_map, self.bundle.pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
+        depth = integrate(gradient_map, self._pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
+        return depth + np.float32(self._level_mm(depth, signals))
+
+    def _level_mm(self, depth: Floats, signals: Signals) -> float:
+        """Return by how much the light says that the whole surface lies deeper than `depth`."""
         points = replace(self._points, z_mm=depth.reshape(-1))
-        level = find_level(signals, self._references, points, self.model.ring)
-        return depth + np.float32(level.correction_mm)
+        return find_level(signals, self._references, points, self.model.ring).correction_mm
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
@@ -162,17 +191,20 @@ class PhotometricReconstructor:
         return scaled, used, predicted
 
     def _report(self, series: ExposureSeries, signals: Signals, used: Bools, predicted: Floats) -> ExposureReport:
-        repetition = static_scene.change_of_repetition(series.opening.image, series.closing.image)
+        change = static_scene.change_of_repetition(series.opening.image, series.closing.image)
         misfit = static_scene.misfit(signals.grey, used, predicted, signals.deviation, self._shape)
         limit = static_scene.repetition_limit(self.bundle.manifest.noise_grey)
+        shape = self.model.image_shape
+        lights = used.sum(axis=0, dtype=np.uint8).reshape(self._shape)
         return ExposureReport(
             exposures=len(series.groups),
             duration_s=series.closing.time_s - series.opening.time_s,
-            moved=repetition > limit or misfit > 1,
-            repetition_grey=repetition,
+            moved=bool((change > limit).any()) or misfit > 1,
+            repetition_grey=float(change.max()),
             repetition_limit_grey=limit,
             misfit=misfit,
-            lights=used.sum(axis=0, dtype=np.uint8).reshape(self._shape),
+            lights=spread_blocks(lights, self._block, shape) if self._block > 1 else lights,
+            moving=spread_blocks(change > limit, static_scene.BLOCK_PX, shape),
             least_lights=LEAST_LIGHTS,
         )
 

@@ -13,7 +13,6 @@ pixels themselves, with an eighth of the noise.
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.photometric.light_model import Bools, Floats
 from gellight.reconstruction.pixel_grid import block_means, plane_means
 
@@ -26,14 +25,15 @@ MOVED_BLOCKS = 8
 """so many blocks have to misfit: what moves is larger, a steep edge is smaller"""
 
 
-def change_of_repetition(first: NDArray[np.uint8], last: NDArray[np.uint8]) -> float:
-    """Return the largest change of any block between two (H, W, 3) pictures under one light, grey levels.
+def change_of_repetition(first: NDArray[np.uint8], last: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the change of each block between two (H, W, 3) pictures under one light, (h, w) grey levels.
 
-    The median over the view is taken off first: the light itself may have changed, which is no motion.
+    It is that of the channel that changed most. The median over the view is taken off first: the light itself may have
+    changed, which is no motion.
     """
-    difference = np.subtract(last, first, dtype=np.float32)
-    difference -= light_drift(difference)
-    return float(np.abs(block_means(difference, BLOCK_PX)).max())
+    change = block_means(last, BLOCK_PX) - block_means(first, BLOCK_PX)
+    change -= np.median(change.reshape(-1, 3), axis=0)
+    return np.asarray(np.abs(change).max(axis=2))
 
 
 def repetition_limit(noise_grey: float) -> float:

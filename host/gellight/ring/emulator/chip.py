@@ -15,6 +15,7 @@ from rp2040py.simulator import Simulator
 
 from gellight.ring.emulator import clocks, registers
 from gellight.ring.emulator.bootrom import BOOT2_RAM, Function, rom_words
+from gellight.ring.emulator.busy_bus import B2, CHIP_ID, BusyBus
 from gellight.ring.emulator.usb_host import UsbHost
 from gellight.ring.emulator.waveform import LightTimeline, Strip, WaveformDecoder
 from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
@@ -58,13 +59,18 @@ class EmulatedBoard:
     usb_block = registers.UsbGuard
     decoder = WaveformDecoder
 
-    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, strip: Strip | None = None) -> None:
-        """Flash an image and switch the power on; `strip` are the LEDs, by default those of a board as it comes."""
-        self.unique_id = unique_id
+    def __init__(self, image: bytes, *, unique_id: bytes = UNIQUE_ID, strip: Strip | None = None, revision: int = B2,
+                 busy_hub: bool = False) -> None:  # fmt: skip
+        """Flash an image and switch the power on; `strip` are the LEDs, by default those of a board as it comes.
+
+        `busy_hub`: it hangs at a hub where other devices are talking.
+        """
+        self.unique_id, self.revision, self.busy_hub = unique_id, revision, busy_hub
         self.flash = bytearray(image.ljust(FLASH_BYTES, b"\xff"))
         self.faults: list[str] = []
-        self.timeline = LightTimeline()
-        self.waveform = self.decoder(self.timeline, self.fault, strip or Strip())
+        strip = strip or Strip()
+        self.timeline = LightTimeline(strip.leds)
+        self.waveform = self.decoder(self.timeline, self.fault, strip)
         self.resets = 0
         self.in_bootloader = False
         self._past_ns = self._chip_ns = 0.0
@@ -100,8 +106,14 @@ class EmulatedBoard:
         self.clocks = clocks.ClockTree(crystal, self.fault, self._reclock)
         self._install_registers(chip)
         self._pio_ns, self._pio_busy, self._pio_behind = 0.0, True, 0
-        chip.gpio[self.waveform.strip.pin].add_listener(lambda new, _old: self._pin_changed(int(new)))
+        strip = self.waveform.strip
+        chip.gpio[strip.pin].add_listener(lambda new, _old: self._pin_changed(int(new)))
+        if strip.switch_pin is not None:
+            self._switch_changed(-1)  # its pin is not driven any more
+            chip.gpio[strip.switch_pin].add_listener(lambda new, _old: self._switch_changed(int(new)))
         self.host = UsbHost(chip.usb_ctrl, self.fault, lambda: self.clocks.usb_hz > 0)
+        if self.busy_hub:
+            self.usb_guard.bus = BusyBus(chip, self.revision, self.host.enumerate, self.fault)
         self._boot()
 
     def _install_registers(self, chip: Any) -> None:
@@ -112,13 +124,15 @@ class EmulatedBoard:
             self.clocks.generators,
             self.clocks.crystal,
         )
+        blocks[0x40000] = registers.Window({0: self.revision << 28 | CHIP_ID})
         blocks[0x40028], blocks[0x4002C] = self.clocks.pll_sys, self.clocks.pll_usb
         flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id, self.clocks.set_flash_divider)
         chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
         blocks[PIO0] = registers.Guard(blocks[PIO0].inner, self._pio_held, self.fault)
-        blocks[USB] = self.usb_block(chip, partial(self._held, registers.RESET_BITS[USB]), self.fault)
+        self.usb_guard = self.usb_block(chip, partial(self._held, registers.RESET_BITS[USB]), self.fault)
+        blocks[USB] = self.usb_guard
 
     def _held(self, bit: int) -> bool:
         return bool(self.resets_block.held >> bit & 1)
@@ -167,6 +181,9 @@ class EmulatedBoard:
     def _pin_changed(self, level: int) -> None:
         if level in (0, 1):
             self.waveform.edge(self._past_ns + (self._pio_ns if self._pio_busy else self._chip_ns), bool(level))
+
+    def _switch_changed(self, level: int) -> None:
+        self.waveform.supply(self._past_ns + self._chip_ns, self.waveform.strip.powered(level))
 
     def _rom_function(self, number: int) -> None:
         if number == Function.UB:

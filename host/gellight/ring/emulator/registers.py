@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from gellight.ring.emulator.busy_bus import DIRECT, MUXING, OVERRIDE, BusyBus
+
 FRAME_NS = 1e6
 SOF = 1 << 17
 """start of frame in INTR, INTE and INTS of the USB controller"""
@@ -95,13 +97,20 @@ class UsbGuard(Guard):
     def __init__(self, chip: Any, held: Callable[[], bool], report: Callable[[str], None]) -> None:
         """Let a frame begin each millisecond of the emulator's clock."""
         super().__init__(chip.usb_ctrl, held, report)
+        self.bus: BusyBus | None = None
+        """the hub to which it is plugged, where that matters"""
         self._clock = chip.clock
         self._frame_read = 0
+        self._phy: dict[int, int] = {}
         self._alarm = self._clock.create_alarm(self._begin_frame)
 
     def read_uint32(self, offset: int) -> int:
         """Read through, but for SOF_RD: the number of the frame; reading it ends the interrupt."""
+        if offset in (DIRECT, OVERRIDE):
+            return self._phy.get(offset, 0)
         value = super().read_uint32(offset)
+        if offset == 0x50 and self.bus:
+            return self.bus.status(value)
         if offset != 0x48:
             return value
         self._frame_read = self._frame
@@ -128,7 +137,13 @@ class UsbGuard(Guard):
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         """Write through; with the interrupt of SOF enabled in INTE, wait for the next frame."""
-        super().write_uint32_atomic(offset, value, alias)
+        if offset in (DIRECT, OVERRIDE):  # which the emulator does not know
+            before = self._phy.get(offset, 0)
+            value = self._phy[offset] = (value, before ^ value, before | value, before & ~value)[alias]
+        else:
+            super().write_uint32_atomic(offset, value, alias)
+        if self.bus and offset in (DIRECT, OVERRIDE, MUXING):
+            self.bus.write(offset, value)
         if offset == 0x90 and self.inner._int_enable & SOF:
             self._await_frame()
 

@@ -75,7 +75,7 @@ class UsbHost:
         self._take = usb.dpram_updated
         usb.dpram_updated = self._buffer_control
         usb.on_usb_enabled = usb.reset_device
-        usb.on_reset_received = self._enumerate
+        usb.on_reset_received = self.enumerate
         usb.on_endpoint_write = self._device_sent
         usb.on_endpoint_read = self._device_ready
         usb.on_reset = None
@@ -133,7 +133,8 @@ class UsbHost:
 
     # ---- enumeration, in the order of Linux ----
 
-    def _enumerate(self) -> None:
+    def enumerate(self) -> None:
+        """Ask what Linux asks of a device after its reset."""
         if not self._clocked():
             self._report("USB: clk_usb is off, a real controller would not answer")
         self.configured = self.opened = False

@@ -6,6 +6,7 @@ makes the LEDs latch (data sheet of the V5: "Treset above 280 us"; older ones ta
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
+from math import inf
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -14,13 +15,15 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError
 from gellight.ring.enumerations import ColourOrder
+from gellight.ring.protocol import ACTIVE_LOW, NO_PIN
 from gellight.ring.wire import LED_COUNT
 
 LATCH_NS = 280_000.0
 WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.0), "T1L": (580.0, 600.0)}
+RISE_NS = 10e6
+"""after the load switch has closed the supply of the LEDs may still rise for so long"""
 ONE_NS = 500.0
 """a longer pulse is a 1"""
-DARK = np.zeros((LED_COUNT, 3), np.uint8)
 BY_TIME = attrgetter("time_us")
 KEPT_LIGHTS = 4096
 """at least so many are remembered: 8 s of the fastest sequence; a camera asks for the last tenth of a second"""
@@ -48,11 +51,27 @@ class Strip(NamedTuple):
     leds: int = LED_COUNT
     order: ColourOrder = ColourOrder.GRB
     pin: int = 2
+    switch: int = NO_PIN
+    """of a load switch, plus ACTIVE_LOW where low closes it; a resistor holds it open where the pin is not driven"""
+
+    @property
+    def dark(self) -> NDArray[np.uint8]:
+        """(n, 3) colours while all is dark."""
+        return np.zeros((self.leds, 3), np.uint8)
 
     @property
     def bits(self) -> int:
         """All LEDs together take so many."""
         return self.leds * (32 if self.order == ColourOrder.RGBW else 24)
+
+    @property
+    def switch_pin(self) -> int | None:
+        """The GPIO of the load switch; None: the LEDs always have power."""
+        return None if self.switch == NO_PIN else self.switch & ~ACTIVE_LOW
+
+    def powered(self, level: int) -> bool:
+        """Whether the load switch is closed while its pin is low (0), high (1) or not driven (another value)."""
+        return level == (0 if self.switch & ACTIVE_LOW else 1)
 
     def colours(self, ones: NDArray[np.bool_]) -> NDArray[np.uint8]:
         """Return (n, 3) RGB; white is no part of it."""
@@ -63,8 +82,9 @@ class Strip(NamedTuple):
 class LightTimeline:
     """Which light the LEDs showed when, dark before the first one; the oldest lights are forgotten."""
 
-    def __init__(self) -> None:
+    def __init__(self, leds: int = LED_COUNT) -> None:
         """Begin in the dark."""
+        self._dark = np.zeros((leds, 3), np.uint8)
         self._lights: list[Light] = []
         self._forgotten = 0
 
@@ -89,14 +109,14 @@ class LightTimeline:
         return self._lights[kept]
 
     def at(self, time_us: float) -> NDArray[np.uint8]:
-        """Return the (12, 3) colours that are latched at a time; BoardError for one that is forgotten."""
+        """Return the (n, 3) colours that are latched at a time; BoardError for one that is forgotten."""
         index = bisect_right(self._lights, time_us, key=BY_TIME) - 1
         if index < 0 and self._forgotten:
             raise BoardError(
                 f"what simulated LEDs showed at {time_us / 1e6:.3f} s is forgotten after {KEPT_LIGHTS} more lights: "
                 "the machine is too busy; open sim:// anew"
             )
-        return DARK if index < 0 else self._lights[index].colours
+        return self._dark if index < 0 else self._lights[index].colours
 
     def interval(self, start_us: float, end_us: float) -> list[Light]:
         """Return what was latched from start to end: the light at the start, then every change before the end."""
@@ -117,6 +137,8 @@ class WaveformDecoder:
         """of the last frame that was latched"""
         self._report = report
         self._frame: list[Bit] = []
+        self._powered_ns = 0.0 if strip.switch_pin is None else inf
+        """from this time on the LEDs have their full supply"""
         self._rise_ns = self._fall_ns = 0.0
         self._high = False
 
@@ -130,6 +152,15 @@ class WaveformDecoder:
         else:
             self._fall_ns = time_ns
             self._frame.append(Bit(time_ns - self._rise_ns, None))
+
+    def supply(self, time_ns: float, closed: bool) -> None:
+        """Note that the load switch closes or opens; open, the LEDs are dark and forget what they were sent."""
+        if closed == (self._powered_ns < inf):
+            return
+        self.settle(time_ns)
+        self._powered_ns = time_ns + RISE_NS if closed else inf
+        if not closed and len(self.timeline) and self.timeline[-1].colours.any():
+            self.timeline.append(Light(max(time_ns / 1e3, self.timeline[-1].time_us), self.strip.dark))
 
     def settle(self, now_ns: float) -> None:
         """Let the LEDs latch if the line has been low for long enough."""
@@ -158,4 +189,8 @@ class WaveformDecoder:
         self.bits = bits
         ones = np.zeros(self.strip.bits, bool)
         ones[: len(bits)] = [bit.high_ns > ONE_NS for bit in bits[: self.strip.bits]]
+        if self._fall_ns < self._powered_ns and ones.any():
+            self._report("WS2812B: light is sent while the supply of the LEDs is off or rises")
+        if self._fall_ns < self._powered_ns:
+            return
         self.timeline.append(Light((self._fall_ns + LATCH_NS) / 1e3, self.strip.colours(ones)))

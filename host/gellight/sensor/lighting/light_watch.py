@@ -6,11 +6,12 @@ import time
 from collections import deque
 from typing import NamedTuple
 
+from gellight.base.errors import BoardError
 from gellight.frames.frames import LightLabel
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.enumerations import Dark
-from gellight.ring.light_ring import LightRing, Ping
+from gellight.ring.light_ring import LightRing, Ping, hot_text
 from gellight.ring.wire import Record
 from gellight.sensor.lighting.clock import ClockMap, Interval
 from gellight.sensor.lighting.label import label_frame
@@ -79,12 +80,14 @@ class LightWatch:
                 self._events.clear()
 
     def label(self, time_s: float, rows: int) -> LightLabel:
-        """Label a frame by its stamp, after asking the board which light is on; BoardError if it does not answer."""
+        """Label a frame by its stamp, after asking which light is on; BoardError if no answer comes or it is dimmed."""
         begin_s, end_s = self.timing.span_s(time_s)
         for attempt in range(ASKED):
             if attempt:
                 time.sleep(0.001)
             status = self._ring.status()
+            if status.dimmed:
+                raise BoardError(hot_text(status.temperature, status.dimmed))
             with self._lock:
                 self.light.note_status(status)
                 sure = self.clock.covers(begin_s, end_s)

@@ -48,6 +48,11 @@ class LightMode(StrEnum):
     """the strobe of the camera on the trigger pin of the board; no frame need be mixed"""
 
 
+def clock_error_s(mode: LightMode) -> float:
+    """Return what the host is assumed to be off about the time of a light when the hold is chosen."""
+    return CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
+
+
 @dataclass
 class LightCounters:
     """What became of the frames."""
@@ -98,7 +103,7 @@ class SequencedCamera(CameraWrapper):
         if ring.status().state == State.RUNNING:
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
         self._timing = self._given_timing or timing_of(self._camera)
-        error_s = CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if self.mode is LightMode.EXT else 0.0)
+        error_s = clock_error_s(self.mode)
         self.frames = self._given_frames or hold_frames(self._timing, locked=True, clock_error_s=error_s)
         self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
         self._lock = PhaseLock(self._timing, frames=self.frames)
@@ -161,9 +166,10 @@ class SequencedCamera(CameraWrapper):
                 frame = self._held() if self.mode is LightMode.HOLD else self._labelled()
             except BoardError as error:
                 raise self._why_failed(error, ring) from error
-        assert frame.label is not None
-        setattr(self.counters, frame.label.state, getattr(self.counters, frame.label.state) + 1)
-        return frame
+        label = frame.label
+        assert label is not None
+        setattr(self.counters, label.state, getattr(self.counters, label.state) + 1)
+        return replace(frame, light=None if label.group is None else self._groups[label.group])
 
     def _held(self) -> CameraFrame:
         """Show the next group and take a frame of it."""
@@ -227,6 +233,11 @@ class SequencedCamera(CameraWrapper):
         self._trimmed_light = changes[-1].light_id
         self._trim = trim
         self.counters.trims += 1
+
+    def status(self) -> dict[str, object]:
+        """Return what is known of the camera inside, and what became of the frames of the sequence."""
+        told = {"light_mode": str(self.mode), "groups": len(self._groups), "frames_per_light": self.frames}
+        return {**super().status(), "light_sequence": {**told, **vars(self.counters)}}
 
     @property
     def timing(self) -> CameraTiming:

@@ -38,6 +38,8 @@ class Picture:
     """it is on the right clock, later than the one before, and not in the future"""
     arrived_s: float
     """when it was taken from the driver"""
+    repeats: bool
+    """it is byte for byte the picture before"""
 
 
 @dataclass
@@ -52,7 +54,7 @@ class Counts:
     duplicated: int = 0
     """the same sequence number or time came again; not delivered"""
     identical: int = 0
-    """delivered, yet byte for byte the picture before: the camera repeats itself or sees no light at all"""
+    """byte for byte the picture before: the camera repeats itself, or sees no light at all"""
     damaged: int = 0
     """marked as damaged by the driver, or empty"""
     corrupt: int = 0
@@ -116,8 +118,6 @@ class Stream:
             picture = self._drain()
             if picture is not None:
                 self.counts.delivered += 1
-                self.counts.identical += picture.data == self._last_data
-                self._last_data = picture.data
                 return picture
         raise StalledError(
             f"{self._path} delivers only damaged pictures ({self.counts.as_json()}): use another cable or USB port, "
@@ -149,7 +149,7 @@ class Stream:
             picture = self._judge(buffer)
             with explaining(self._path, "to take a buffer back"):
                 self._ask(v.QBUF, v.Buffer(index=buffer.index, type=v.CAPTURE, memory=v.MMAP))
-            if picture is not None:
+            if picture is not None and not (picture.repeats and newest is not None):
                 self.counts.skipped += newest is not None
                 newest = picture
             if taken == len(self._memory):
@@ -185,13 +185,17 @@ class Stream:
         monotonic = buffer.flags & v.TIMESTAMP_MASK == v.TIMESTAMP_MONOTONIC
         sound = monotonic and now_s - OLDEST_STAMP_S <= stamp_s <= now_s and self._stamp_grows
         self.counts.wrong_stamps += not sound
+        data = bytes(self._memory[buffer.index][: buffer.bytesused])
+        repeats, self._last_data = data == self._last_data, data
+        self.counts.identical += repeats
         return Picture(
-            data=bytes(self._memory[buffer.index][: buffer.bytesused]),
+            data=data,
             sequence=buffer.sequence,
             stamp_s=stamp_s,
             stamp_is_start=buffer.flags & v.SOURCE_MASK == v.SOURCE_SOE,
             stamp_is_sound=sound,
             arrived_s=now_s,
+            repeats=repeats,
         )
 
     def _advance(self, sequence: int, stamp_s: float) -> bool:

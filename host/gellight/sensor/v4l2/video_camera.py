@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, EncodedImage
@@ -17,6 +19,8 @@ from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, StampMeaning, hardware_st
 from gellight.sensor.v4l2.stream import BAD_LIMIT, Picture
 
 FIRST_FRAME_S = 5.0
+BLANK_GREY = 8
+"""a picture whose pixels differ by no more is dark or white all over"""
 STALL_S = 2.0
 """so long without a picture is a stall, or ten frame periods, if that is longer"""
 
@@ -83,15 +87,21 @@ class V4l2Camera(Camera):
     def read(self) -> CameraFrame:
         """Wait for the newest whole picture.
 
-        Raises UnpluggedError where the camera went, StalledError where it is there and nothing usable comes, and
-        CameraError where its controls do not stay as they were set.
+        A picture that the camera sends again is no new one: noise makes pictures differ, unless they are all dark or
+        all white. Raises UnpluggedError where the camera went, StalledError where it is there and nothing usable comes,
+        and CameraError where its controls do not stay as they were set.
         """
+        why = ""
         for _ in range(BAD_LIMIT):
             picture = self.picture()
             try:
                 image = decode(picture.data, self.mode)
             except CorruptPictureError:
                 self.counts.corrupt += 1
+                why = "only pictures that are not whole: use another cable or USB port, without a hub"
+                continue
+            if picture.repeats and np.ptp(image) > BLANK_GREY:
+                why = "the same picture again and again: unplug it and plug it in, and update its firmware"
                 continue
             if not self._proven:  # some cameras reset their controls as they start
                 self.controls.verify()
@@ -104,9 +114,7 @@ class V4l2Camera(Camera):
                 source=self.url,
                 encoded=EncodedImage(data=picture.data, letters=self.mode.letters, line_bytes=self.mode.line_bytes),
             )
-        raise StalledError(
-            f"{self.path} delivers only pictures that are not whole: use another cable or USB port, without a hub"
-        )
+        raise StalledError(f"{self.path} delivers {why}")
 
     def status(self) -> dict[str, object]:
         """Return mode, card and counts, ready for JSON."""

@@ -161,7 +161,25 @@ def test_a_press_that_deepens_slides_or_returns_is_called_moved(
     last = reports[-1]
     assert last is not None
     assert last.repetition_grey < last.repetition_limit_grey, "only the misfit can see what came back"
+    assert not last.moving.any()
     assert last.misfit > 1
+
+
+def test_motion_is_flagged_where_it_was_and_nowhere_else(
+    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]
+) -> None:
+    there, gone = Press("BALL", 0.8, 10.0, -5.0), Press("BALL", 0.8, 10.5, -5.0)
+    gel.expose(3.0)
+    felt = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, [there] * 3 + [gone] * 2))
+    gel.expose(1.0)
+    assert felt.exposures is not None
+    moving = felt.exposures.moving
+    rows, columns = np.nonzero(moving)
+    assert moving.shape == felt.depth_mm.shape
+    assert columns.min() > 160 + 40, "the left half and the middle rested"
+    assert rows.max() < 160
+    assert felt.exposures.as_json()["moving"] == pytest.approx(moving.mean(), abs=1e-5)
+    assert moving[felt.contact.mask].mean() > 0.5
 
 
 def test_one_picture_is_refused(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:

@@ -206,6 +206,30 @@ def test_a_board_that_is_gone_is_an_error_not_a_label(monkeypatch: pytest.Monkey
         sequenced.read()
 
 
+def test_a_line_that_was_silent_for_a_while_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    follow(sequenced, camera, 10)
+    transport, silent_until_us = camera.ring.transport, camera.board.now_us + 1.05e6
+    heard = transport.read
+
+    def read(timeout_s: float) -> bytes:
+        until_s = transport.monotonic() + timeout_s
+        while camera.board.now_us < silent_until_us:
+            heard(max(until_s - transport.monotonic(), 0.0))  # it is lost
+            if transport.monotonic() >= until_s:
+                return b""
+        return heard(max(until_s - transport.monotonic(), 0.0))
+
+    transport.read = read  # type: ignore[method-assign]
+    with pytest.raises(ReconnectingError, match=r"answers again: .*did not answer STATUS"):
+        sequenced.read()
+    follow(sequenced, camera, 25)
+    again = follow(sequenced, camera, 40)
+    assert again["clean", "right"] >= 30
+    assert again["clean", "clean"] == again["mixed", "clean"] == again["dark", "clean"] == 0
+
+
 def test_darkness_that_nobody_planned_is_no_group(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another thread darkens the ring: frames that saw it are not clean, from the first on."""
     camera = virtual_sensor(monkeypatch)

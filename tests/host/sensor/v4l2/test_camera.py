@@ -58,6 +58,30 @@ def test_corrupt_pictures_are_counted_and_never_delivered() -> None:
         camera.read()
 
 
+def test_a_picture_that_is_sent_again_is_not_delivered_again() -> None:
+    pictures = [jpeg(scene(k)) for k in range(8)]
+    kernel, _ = fake(payload=lambda number: pictures[number // 2])
+    with open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel) as camera:
+        frames = [camera.read()]
+        for pause_s in (0.0, 0.045, 0.02, 0.07, 0.0):
+            kernel.sleep(pause_s)
+            frames.append(camera.read())
+    assert [frame.sequence % 2 for frame in frames] == [0] * len(frames)
+    assert camera.counts.identical >= 4
+
+
+def test_a_camera_that_repeats_one_picture_is_stalled_unless_it_is_dark_all_over() -> None:
+    picture = jpeg(scene())
+    kernel, _ = fake(payload=lambda number: picture)
+    with open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel) as camera:
+        camera.read()
+        with pytest.raises(StalledError, match="the same picture again and again"):
+            camera.read()
+    picture = jpeg(np.zeros((480, 640, 3), np.uint8))
+    with open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel) as camera:
+        assert [camera.read().image.max() for _ in range(3)] == [0, 0, 0]
+
+
 def test_a_camera_that_never_sends_a_whole_picture_is_stalled() -> None:
     kernel, _ = fake()
     camera = open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel)

@@ -63,8 +63,8 @@ def test_a_range_of_sizes_holds_every_step_of_it() -> None:
         entry.type = 3
         entry.size.values[:] = [320, 960, 16, 240, 720, 8]
 
-    kernel.enum_framesizes = range_of_sizes  # type: ignore[method-assign]
-    kernel.enum_frameintervals = lambda camera, entry: kernel._index(entry, 0)  # type: ignore[method-assign]
+    kernel._enum_framesizes = range_of_sizes  # type: ignore[method-assign]
+    kernel._enum_frameintervals = lambda camera, entry: kernel._index(entry, 0)  # type: ignore[method-assign]
     with Device(PATH, kernel=kernel) as device:
         (offer,) = device.offers()
     assert offer.has(640, 480)
@@ -82,7 +82,7 @@ def test_a_range_of_rates_holds_every_rate_in_it() -> None:
         entry.type = 3
         entry.values[:] = [1, 60, 1, 1, 1, 1000]  # the shortest and the longest interval, and the step
 
-    kernel.enum_frameintervals = range_of_rates  # type: ignore[method-assign]
+    kernel._enum_frameintervals = range_of_rates  # type: ignore[method-assign]
     with Device(PATH, kernel=kernel) as device:
         (offer,) = offered = device.offers()
     assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
@@ -129,7 +129,7 @@ def test_a_full_usb_bus_is_told_with_the_way_out() -> None:
 
 def test_a_camera_without_memory_for_two_pictures_is_told_and_nothing_stays_mapped() -> None:
     kernel, camera = fake()
-    kernel.reqbufs = lambda camera, argument: setattr(argument, "count", 1)  # type: ignore[method-assign]
+    kernel._reqbufs = lambda camera, argument: setattr(argument, "count", 1)  # type: ignore[method-assign]
     with pytest.raises(CameraError, match="memory for 1 pictures only: ask for a smaller size"):
         V4l2Camera(PATH, kernel=kernel)
     assert not kernel.opened

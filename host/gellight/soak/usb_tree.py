@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 @dataclass
-class FakeUsb:
+class UsbTree:
     """A tree below `root`; `sysfs` and `dev` are what discovery reads."""
 
     root: Path
@@ -14,15 +14,18 @@ class FakeUsb:
     numbers: int = 0
 
     def __post_init__(self) -> None:
+        """Make the folders."""
         for name in ("sys/class/video4linux", "sys/class/tty", "dev/v4l/by-id", "dev/serial/by-id"):
             (self.root / name).mkdir(parents=True)
 
     @property
     def sysfs(self) -> Path:
+        """What stands for /sys."""
         return self.root / "sys"
 
     @property
     def dev(self) -> Path:
+        """What stands for /dev."""
         return self.root / "dev"
 
     def plug(
@@ -47,6 +50,7 @@ class FakeUsb:
         return nodes
 
     def unplug(self, port: str) -> None:
+        """Take the device at a port away, with its nodes."""
         device, *others = self.plugged.pop(port)
         for path in others:
             path.unlink()

@@ -1,0 +1,55 @@
+"""Locks on files. The system gives one back when the process that holds it ends, however it ends.
+
+Windows locks one byte far behind the content, so that the content can still be read.
+"""
+
+import os
+from typing import IO, Any
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    import msvcrt
+
+    _windows: Any = msvcrt  # its types are known on Windows alone
+    _FAR = 1 << 30
+
+    def _call(handle: IO[str], mode: int) -> bool:
+        """Lock or unlock the byte; return whether that went well."""
+        descriptor = handle.fileno()
+        place = os.lseek(descriptor, 0, os.SEEK_CUR)
+        try:
+            os.lseek(descriptor, _FAR, os.SEEK_SET)
+            _windows.locking(descriptor, mode, 1)
+        except OSError:
+            return False
+        finally:
+            os.lseek(descriptor, place, os.SEEK_SET)
+        return True
+
+    def lock(handle: IO[str]) -> bool:
+        """Lock a file as long as it is open; return False where another process has locked it."""
+        return _call(handle, _windows.LK_NBLCK)
+
+    def is_locked(handle: IO[str]) -> bool:
+        """Return whether another process has locked a file."""
+        if not _call(handle, _windows.LK_NBLCK):
+            return True
+        _call(handle, _windows.LK_UNLCK)
+        return False
+else:
+
+    def _flock(handle: IO[str], mode: int) -> bool:
+        try:
+            fcntl.flock(handle, mode | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    def lock(handle: IO[str]) -> bool:
+        """Lock a file as long as it is open; return False where another process has locked it."""
+        return _flock(handle, fcntl.LOCK_EX)
+
+    def is_locked(handle: IO[str]) -> bool:
+        """Return whether another process has locked a file; else nobody can, until it is closed."""
+        return not _flock(handle, fcntl.LOCK_SH)

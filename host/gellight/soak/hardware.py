@@ -1,0 +1,281 @@
+"""A sensor to be maltreated: a camera in a simulated kernel, and a ring whose board runs the firmware in the emulator.
+
+Its plug, power, serial line and pictures can be disturbed at any moment. What it really showed is remembered: every
+picture carries its number in its pixels, and by that number it is known when it was exposed and under which light.
+"""
+
+import logging
+import random
+import threading
+import time
+from collections import OrderedDict
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BoardError, GellightError
+from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import Transport, open_transport
+from gellight.sensor.connection import Surroundings
+from gellight.sensor.v4l2 import structures as v
+from gellight.simulator.shutter import Shutter
+from gellight.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
+from gellight.simulator.usb.faults import NO_FAULTS, Faults
+from gellight.soak.kernel import CameraDevice, SimulatedKernel
+from gellight.soak.marks import BLOCK_PX, marked
+from gellight.soak.usb_tree import UsbTree
+
+logger = logging.getLogger(__name__)
+SERIAL = "SOAK0001"
+SHUTTER = Shutter(transfer_us=5000.0)
+KEPT_EXPOSURES = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """What a picture really is."""
+
+    number: int
+    start_s: float
+    """start of the exposure, `time.monotonic`"""
+    lights: NDArray[np.uint8]
+    """(n, 12, 3) every light that some row saw, in order"""
+    on_time: bool
+    """the emulated board kept pace with the wall clock, so that times of the two can be compared"""
+
+
+@dataclass
+class Wires:
+    """The serial line between host and board."""
+
+    flipped: float = 0.0
+    """share of the bytes that arrive with a wrong bit, in either direction"""
+    silent: bool = False
+    """nothing gets through"""
+    draw: random.Random = field(default_factory=lambda: random.Random(0))
+
+    def pass_on(self, data: bytes) -> bytes:
+        """Return what arrives of `data`."""
+        if self.silent or not self.flipped:
+            return b"" if self.silent else data
+        flip = self.draw
+        return bytes(byte ^ (1 << flip.randrange(8)) if flip.random() < self.flipped else byte for byte in data)
+
+
+class WiredTransport:
+    """A transport to the board over `Wires`."""
+
+    def __init__(self, transport: Transport, wires: Wires) -> None:
+        """Disturb what goes through `transport` as `wires` say."""
+        self.url, self._transport, self._wires = transport.url, transport, wires
+
+    def write(self, data: bytes) -> None:
+        """Send what gets through."""
+        if arriving := self._wires.pass_on(data):
+            self._transport.write(arriving)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what got through; bytes that are lost end no waiting."""
+        end_s = time.monotonic() + timeout_s
+        while True:
+            left_s = end_s - time.monotonic()
+            data = self._wires.pass_on(self._transport.read(max(left_s, 0.0)))
+            if data or left_s <= 0:
+                return data
+
+    def close(self) -> None:
+        """Close."""
+        self._transport.close()
+
+
+class SoakCamera(CameraDevice):
+    """The camera of a sensor; its pictures show the reference image under the light that was on."""
+
+    def __init__(self, sensor: "SoakSensor") -> None:
+        """Look at the gel of `sensor`."""
+        self._sensor, self._last = sensor, b""
+        height, width = sensor.reference.shape[:2]
+        super().__init__(
+            formats={letters: {(width, height): [30]} for letters in ("YUYV", "MJPG")},
+            driver="soak",  # its stamps are taken at their word: the start of the exposure
+            latency_s=(SHUTTER.duration_us + SHUTTER.transfer_us) * 1e-6,
+            stamp=lambda number, time_s: time_s + sensor.clock_error_s,
+            missing=lambda number: sensor.chance(sensor.faults.drop),
+            bad=lambda number: v.FLAG_ERROR if sensor.chance(sensor.faults.error) else 0,
+        )
+
+    def content(self, number: int, time_s: float) -> bytes:
+        """Return the picture as the camera sends it, after doing to it what the faults say."""
+        faults, chance = self._sensor.faults, self._sensor.chance
+        picture = self._last
+        if not picture or not chance(faults.duplicate):
+            image, exposure = self._sensor.expose(time_s)
+            mark = Mark(exposure.number, time_s, int(SHUTTER.exposure_us))
+            picture = to_jpeg(image, mark) if self.mode[0] == "MJPG" else to_yuyv(image)
+        self._last = picture
+        return picture[: len(picture) // 2] if chance(faults.torn) else picture
+
+    def resume(self) -> None:
+        """End a stall: the next picture is exposed now."""
+        self.next_s = time.monotonic()
+        self.stalled = False
+
+
+class SoakSensor:
+    """One sensor on a bus and in a kernel of its own; close it at the end."""
+
+    def __init__(self, folder: Path, reference: NDArray[np.uint8], colours: NDArray[np.uint8], seed: int) -> None:
+        """Make bus and kernel in `folder`; reference: (H, W, 3) picture under the light `colours`."""
+        self.reference, self._colours = reference, colours
+        self.kernel, self.usb = SimulatedKernel(), UsbTree(folder)
+        self.wires = Wires(draw=random.Random(seed))
+        self.faults: Faults = NO_FAULTS
+        self.clock_error_s = 0.0
+        """by which the camera's time stamps are off"""
+        self.board_faults: list[str] = []
+        """what the firmware did wrong, of boards that had power"""
+        self._random = random.Random(seed + 1)
+        self._exposures: OrderedDict[int, Exposure] = OrderedDict()
+        self._count = self._sockets = 0
+        self.port = ""
+        self.board: SimulatedBoard | None = None
+        self.camera: SoakCamera | None = None
+        self._workshop = ThreadPoolExecutor(2, thread_name_prefix="workshop")
+        self._spare: Future[SimulatedBoard] = self._workshop.submit(SimulatedBoard, pty=True)
+        self._boards = threading.Lock()
+        """held while the board is changed"""
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What the product opens the sensor with."""
+        return Surroundings(kernel=self.kernel, sysfs=self.usb.sysfs, dev=self.usb.dev, open_ring=self._open_ring)
+
+    def _open_ring(self, url: str) -> LightRing:
+        try:
+            return LightRing(WiredTransport(open_transport(url), self.wires), timeout_s=0.25)
+        except GellightError as error:
+            raise BoardError(f"{url}: {error}") from error
+
+    def chance(self, share: float) -> bool:
+        """Return whether something happens that happens in this share of the cases."""
+        return share > 0 and self._random.random() < share
+
+    # ---- plug and power ----
+
+    def plug(self) -> None:
+        """Plug the sensor in, at another port than before; its board has power and runs when this returns."""
+        self._sockets += 1
+        self.port = f"1-{self._sockets % 4 + 1}"
+        with self._boards:
+            self.board = self._spare.result()
+            self._spare = self._workshop.submit(SimulatedBoard, pty=True)
+        self.camera = SoakCamera(self)
+        video, serial = self.usb.plug(self.port, serial=SERIAL, cameras=1, rings=1)
+        Path(serial).unlink()
+        Path(serial).symlink_to(self.board.path)
+        self.kernel.cameras = {video: self.camera}
+
+    def unplug(self) -> None:
+        """Pull the plug: camera and board are gone."""
+        if self.camera is not None:
+            self.camera.plugged = False
+        self.usb.unplug(self.port)
+        self._cut_power()
+        self.kernel.cameras, self.camera = {}, None
+
+    def brown_out(self, seconds: float) -> None:
+        """Let the supply of the board dip: it is at the same node again after so long; the camera has not noticed."""
+        serial = next(path for path in self.usb.plugged[self.port] if path.parent == self.usb.dev and path.is_symlink())
+        serial.unlink()
+        self._cut_power()
+        time.sleep(seconds)
+        with self._boards:
+            self.board = self._spare.result()
+            self._spare = self._workshop.submit(SimulatedBoard, pty=True)
+        serial.symlink_to(self.board.path)
+
+    def _cut_power(self) -> None:
+        with self._boards:
+            board, self.board = self.board, None
+        if board is not None:
+            self._workshop.submit(self._retire, board)
+
+    def _retire(self, board: SimulatedBoard) -> None:
+        board.close()
+        self.board_faults += board.faults
+
+    def close(self) -> None:
+        """Unplug, and end every process."""
+        if self.camera is not None:
+            self.unplug()
+        self._workshop.submit(self._retire, self._spare.result())
+        self._workshop.shutdown()
+
+    # ---- light and pictures ----
+
+    def lit(self) -> bool:
+        """Whether any LED shines now."""
+        with self._boards:
+            board = self.board
+        return board is not None and board.running and bool(board.timeline.at(np.inf).any())
+
+    def board_us(self) -> float:
+        """Return how far the clock of the board has come, us: an emulated board may be slower than a real one."""
+        with self._boards:
+            board = self.board
+        return board.virtual_us(time.monotonic()) if board is not None else np.inf
+
+    def expose(self, start_s: float) -> tuple[NDArray[np.uint8], Exposure]:
+        """Return the picture that was exposed from `start_s` on, and remember what it shows."""
+        lights, on_time = self._lights(start_s)
+        self._count += 1
+        exposure = Exposure(self._count, start_s, lights, on_time)
+        self._exposures[self._count] = exposure
+        if len(self._exposures) > KEPT_EXPOSURES:
+            self._exposures.popitem(last=False)
+        share = lights.mean(axis=(0, 1)) / np.maximum(self._colours.mean(axis=0), 1.0)
+        image = np.clip(self.reference * np.minimum(share, 1.5), 0, 255).astype(np.uint8)
+        noise = np.random.default_rng(self._count).integers(0, 3, image.shape, np.uint8)
+        return marked(np.maximum(image, noise), self._count), exposure
+
+    def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
+        with self._boards:
+            board = self.board
+        dark = np.zeros((1, *self._colours.shape), np.uint8)
+        try:
+            if board is None or not board.running:
+                return dark, False
+            start_us = board.virtual_us(start_s)
+            end_us = board.virtual_us(start_s + SHUTTER.duration_us * 1e-6)
+            seen = board.light_during(start_us - SHUTTER.pulse_period_us, end_us)
+            return np.stack([light.colours for light in seen]), _on_time(board, start_s)
+        except GellightError as error:
+            logger.info("the light of a picture is not known: %s", error)
+            return dark, False
+
+    def exposure(self, number: int) -> Exposure | None:
+        """Return what the picture of this number really is; None where there was none, or it is long ago."""
+        return self._exposures.get(number)
+
+
+PACE_S, PACE_US = 1.0, 1500.0
+
+
+def _on_time(board: SimulatedBoard, start_s: float) -> bool:
+    """Whether virtual and wall time ran alike, to `PACE_US`, for `PACE_S` before the exposure and during it."""
+    moments = np.linspace(start_s - PACE_S, start_s + SHUTTER.duration_us * 1e-6, 12)
+    offsets = [board.virtual_us(moment) - moment * 1e6 for moment in moments]
+    return bool(np.ptp(offsets) < PACE_US)
+
+
+def gel(shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """(H, W, 3) picture of a gel at rest, a little brighter in the middle; H and W are multiples of `BLOCK_PX`."""
+    if any(size % BLOCK_PX for size in shape):
+        raise ValueError(f"the picture has {shape} pixels: give multiples of {BLOCK_PX}")
+    y, x = np.indices(shape) / np.array(shape)[:, None, None]
+    glow = 120 - 60 * ((x - 0.5) ** 2 + (y - 0.5) ** 2)
+    return np.round(np.stack([glow, glow + 5, glow - 5], axis=2)).astype(np.uint8)

@@ -1,0 +1,148 @@
+"""What has to hold all the time: the judge notes everything that breaks it."""
+
+import logging
+import threading
+import time
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, LightState
+from gellight.soak.hardware import Exposure, SoakSensor
+from gellight.soak.marks import read_number
+
+logger = logging.getLogger(__name__)
+TICK_S = 0.02
+LATE_S = 0.01
+"""a thread that wakes up later than this was kept from the processor"""
+DARK_WITHIN_S = 1.5
+"""a board that hears nothing goes dark after one second"""
+STAMP_ERROR_S = 0.003
+"""of the camera: 2 ms are assumed of it, and its stamps are whole microseconds"""
+
+
+class Invariant(StrEnum):
+    """What has to hold."""
+
+    LABEL = "no wrong light label"
+    LIGHT = "frames show the light that was set"
+    FRESH = "no stale frame called new"
+    WHOLE = "no torn frame delivered"
+    RECOVERY = "recovery within 3 s"
+    DARK = "LEDs dark when the host is gone"
+    RECORDING = "recordings can be read"
+    READER = "subscribers get frames in order"
+    MEMORY = "memory bounded"
+    HANDLES = "handles bounded"
+    RUNNING = "the daemon goes on"
+    FIRMWARE = "the firmware keeps to its timing"
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One time that something did not hold."""
+
+    at_s: float
+    """since the beginning of the run"""
+    invariant: Invariant
+    text: str
+
+
+class Patience:
+    """Measures for how long this process was kept from the processor: no fault of the product."""
+
+    def __init__(self) -> None:
+        """Begin to measure."""
+        self.starved_s = 0.0
+        self._ended = threading.Event()
+        threading.Thread(target=self._measure, name="patience", daemon=True).start()
+
+    def _measure(self) -> None:
+        before_s = time.monotonic()
+        while not self._ended.wait(TICK_S):
+            now_s = time.monotonic()
+            late_s = now_s - before_s - TICK_S
+            self.starved_s += late_s if late_s > LATE_S else 0.0
+            before_s = now_s
+
+    def close(self) -> None:
+        """End."""
+        self._ended.set()
+
+
+class Judge:
+    """Notes violations, of frames and of what others report. Safe to use from any thread."""
+
+    def __init__(self, sensor: SoakSensor) -> None:
+        """Judge frames of `sensor`."""
+        self.violations: list[Violation] = []
+        self.frames = self.labels = self.unjudged = 0
+        """frames that were judged; clean labels among them; clean labels while the emulator lagged, not judged"""
+        self.newest_start_s = -np.inf
+        """when the newest frame that was sound began, `time.monotonic`"""
+        self._sensor = sensor
+        self._begun_s = time.monotonic()
+        self._sequence = self._number = -1
+        self._lock = threading.Lock()
+
+    def broken(self, invariant: Invariant, text: str) -> None:
+        """Note that something did not hold."""
+        with self._lock:
+            self.violations.append(Violation(time.monotonic() - self._begun_s, invariant, text))
+        logger.error("%s: %s", invariant, text)
+
+    def begin_stream(self) -> None:
+        """Begin with the frames of another daemon, which counts anew."""
+        self._sequence = -1
+
+    def frame(self, frame: CameraFrame, *, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None) -> None:
+        """Judge a frame that was delivered: under the still light (12, 3), or a sequence of groups (n, 12, 3)."""
+        self.frames += 1
+        try:
+            number = read_number(frame.image)
+        except InputError as error:
+            self.broken(Invariant.WHOLE, str(error))
+            return
+        exposure = self._sensor.exposure(number)
+        if exposure is None:
+            self.broken(Invariant.WHOLE, f"frame {frame.sequence} shows number {number}, which was not exposed lately")
+            return
+        if self._is_new(frame, exposure) and self._is_lit(frame, exposure, light, groups):
+            self.newest_start_s = exposure.start_s
+
+    def _is_new(self, frame: CameraFrame, exposure: Exposure) -> bool:
+        """Judge whether the frame is newer than the one before, and as new as it says."""
+        before, self._sequence = self._sequence, frame.sequence
+        old, self._number = self._number, max(exposure.number, self._number)
+        if frame.sequence <= before:
+            self.broken(Invariant.FRESH, f"frame {frame.sequence} came after frame {before}")
+        elif exposure.number <= old:
+            self.broken(Invariant.FRESH, f"frame {frame.sequence} shows picture {exposure.number} after {old}")
+        elif frame.time_s - exposure.start_s > STAMP_ERROR_S:
+            newer_ms = (frame.time_s - exposure.start_s) * 1e3
+            self.broken(Invariant.FRESH, f"frame {frame.sequence} is called {newer_ms:.1f} ms newer than it is")
+        else:
+            return True
+        return False
+
+    def _is_lit(
+        self, frame: CameraFrame, exposure: Exposure, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None
+    ) -> bool:
+        if groups is None:
+            if light is not None and (exposure.lights != light).any():
+                self.broken(Invariant.LIGHT, f"frame {frame.sequence} was exposed under another light than was set")
+                return False
+            return True
+        if frame.label is None or frame.label.state is not LightState.CLEAN:
+            return True
+        if not exposure.on_time:
+            self.unjudged += 1
+            return True
+        self.labels += 1
+        if (exposure.lights != groups[frame.label.group]).any():
+            self.broken(Invariant.LABEL, f"frame {frame.sequence} is labelled clean, group {frame.label.group}")
+            return False
+        return True

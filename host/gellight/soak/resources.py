@@ -1,0 +1,60 @@
+"""What this process holds: memory, open files, threads and children, and whether that grows."""
+
+import os
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+FEWEST = 60
+"""samples, one a second: a shorter run says nothing about memory"""
+ALLOWED_MB = 4.0
+"""the allocator may keep so much more from the third to the last quarter of a run"""
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+@dataclass(frozen=True)
+class Holdings:
+    """What is held at a moment."""
+
+    at_s: float
+    memory_mb: float
+    """resident"""
+    files: int
+    threads: int
+    children: int
+
+    @classmethod
+    def now(cls, at_s: float) -> "Holdings":
+        """Look at this process."""
+        resident = int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_BYTES / 1e6
+        tasks = list(Path("/proc/self/task").iterdir())
+        children = sum(len((task / "children").read_text().split()) for task in tasks if (task / "children").exists())
+        return cls(at_s, resident, len(os.listdir("/proc/self/fd")), threading.active_count(), children)  # noqa: PTH208
+
+
+def memory_growth_mb(samples: Sequence[Holdings]) -> tuple[float, float]:
+    """Return how much more memory the last quarter of a run took than the third, and how much of that may be noise.
+
+    Nothing where there are fewer than `FEWEST` samples. Medians are compared. Noise: `ALLOWED_MB` and three times the
+    larger median deviation of the two.
+    """
+    if len(samples) < FEWEST:
+        return 0.0, ALLOWED_MB
+    memory = np.array([sample.memory_mb for sample in samples])
+    middle, three_quarters = len(memory) // 2, len(memory) * 3 // 4
+    third, last = memory[middle:three_quarters], memory[three_quarters:]
+    spread = max(float(np.median(np.abs(part - np.median(part)))) for part in (third, last))
+    return float(np.median(last) - np.median(third)), ALLOWED_MB + 3 * spread
+
+
+def handle_growth(rests: Sequence[Holdings]) -> dict[str, int]:
+    """Return what is more at the last rest, with no daemon running, than at any of the first two."""
+    first, last = rests[:2], rests[-1]
+    more = {
+        name: getattr(last, name) - max(getattr(rest, name) for rest in first)
+        for name in ("files", "threads", "children")
+    }
+    return {name: count for name, count in more.items() if count > 0}

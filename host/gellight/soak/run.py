@@ -1,0 +1,338 @@
+"""A soak: hours of faults on a simulated sensor, with everything that has to hold checked all the time.
+
+The quiet between two faults is cut to `QUIET_S`: a minute of frames says no more than two seconds of them. Faults and
+all that the product waits for take the time that they take.
+"""
+
+import logging
+import random
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gellight.base.errors import GellightError
+from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
+from gellight.ring.emulator.child import SimulatedBoard
+from gellight.simulator.usb.faults import NO_FAULTS, Faults
+from gellight.soak.faults import FaultKind, PlannedFault, plan
+from gellight.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
+from gellight.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
+from gellight.soak.resources import Holdings, handle_growth, memory_growth_mb
+from gellight.soak.shift import Shift
+
+logger = logging.getLogger(__name__)
+SHAPE = (96, 128)
+QUIET_S = 2.0
+RECOVERY_S = 3.0
+GIVE_UP_S = 30.0
+FAULTS_A_SHIFT = 8
+POLL_S = 0.02
+DISTURBED = 0.3
+"""share of the pictures, at most, that a fault of pictures hits"""
+FLIPPED = 0.01
+"""share of the bytes, at most, that arrive wrong"""
+BOOT_S = 0.3
+"""a board needs to start and to be found by the kernel"""
+JUMP_S = 7200.0
+"""by which a clock jumps, at most"""
+
+
+@dataclass
+class Outcome:
+    """What became of the faults of one kind."""
+
+    count: int = 0
+    worst_recovery_s: float = 0.0
+    """from the end of a fault to the start of the next sound frame's exposure that was delivered"""
+
+
+@dataclass
+class Report:
+    """What a soak found."""
+
+    seed: int
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+    starved_s: float = 0.0
+    """for so long the process was kept from the processor"""
+    frames: int = 0
+    labels: int = 0
+    """frames that were called clean, and judged"""
+    unjudged_labels: int = 0
+    """called clean while the emulator lagged behind the wall clock"""
+    recordings: int = 0
+    memory_growth_mb: float = 0.0
+    faults: dict[str, Outcome] = field(default_factory=dict)
+    violations: list[Violation] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything held."""
+        return not self.violations
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """A moment on the clocks by which a recovery is measured."""
+
+    time_s: float
+    starved_s: float
+    board: SimulatedBoard | None
+    board_us: float
+
+
+class WallClock:
+    """The time of day of this process, which can jump."""
+
+    def __init__(self) -> None:
+        """Be right."""
+        self.error_s = 0.0
+        self._time, self._time_ns = time.time, time.time_ns
+
+    @contextmanager
+    def in_force(self) -> Iterator["WallClock"]:
+        """Let everything in this process go by this clock."""
+        time.time = lambda: self._time() + self.error_s
+        time.time_ns = lambda: self._time_ns() + int(self.error_s * 1e9)
+        try:
+            yield self
+        finally:
+            time.time, time.time_ns = self._time, self._time_ns
+
+
+class Soak:
+    """Makes the faults of a plan, and waits after each until the product has recovered."""
+
+    def __init__(self, seed: int, folder: Path, note: Callable[[str], object] = logger.info) -> None:
+        """Make a sensor and its bundle in `folder`; `note` is told what happens."""
+        self.report = Report(seed)
+        self._note = note
+        self._bundle = soak_bundle(folder / "bundle")
+        assert self._bundle.colours is not None
+        self.sensor = SoakSensor(folder / "bus", gel(SHAPE), self._bundle.colours, seed)
+        self.judge = Judge(self.sensor)
+        self.patience, self.clock = Patience(), WallClock()
+        self._folder, self._random = folder, random.Random(seed)
+        self._samples: list[Holdings] = []
+        self._rests: list[Holdings] = []
+        self._begun_s = time.monotonic()
+        self._done = threading.Event()
+        self._make: Mapping[FaultKind, Callable[[PlannedFault, Shift], None]] = {
+            FaultKind.UNPLUGGED: self._unplug, FaultKind.BROWN_OUT: self._brown_out, FaultKind.STALL: self._stall,
+            FaultKind.TORN: self._pictures, FaultKind.DROPPED: self._pictures, FaultKind.DUPLICATED: self._pictures,
+            FaultKind.DAMAGED: self._pictures, FaultKind.CORRUPT_PACKETS: self._corrupt,
+            FaultKind.SILENCE: self._silence, FaultKind.CAMERA_CLOCK: self._camera_clock,
+            FaultKind.WALL_CLOCK: self._wall_clock, FaultKind.FULL_DISK: self._full_disk,
+            FaultKind.SUBSCRIBER_KILLED: self._kill_reader, FaultKind.SUBSCRIBER_FROZEN: self._freeze_reader,
+            FaultKind.HOST_KILLED: self._kill_host,
+        }  # fmt: skip
+
+    def run(self, faults: Iterator[PlannedFault]) -> Report:
+        """Make every fault of the plan; return what was found."""
+        planned, sequenced = list(faults), False
+        with ExitStack() as stack:
+            stack.enter_context(self.clock.in_force())
+            stack.callback(self.patience.close)
+            stack.callback(self.sensor.close)
+            stack.callback(self._done.set)
+            self.sensor.plug()
+            threading.Thread(target=self._sample, name="holdings", daemon=True).start()
+            left = deque(planned)
+            while left:
+                self._shift(left, sequenced=sequenced)
+                sequenced = not sequenced
+        return self._conclude(planned)
+
+    def _shift(self, left: deque[PlannedFault], *, sequenced: bool) -> None:
+        """Run a daemon through some of the faults that are left, and end it, earlier where it does not recover."""
+        try:
+            with Shift(self.sensor, self._bundle, self.judge, self._folder, sequenced=sequenced) as shift:
+                self._recover(None, shift)
+                for _ in range(min(FAULTS_A_SHIFT, len(left))):
+                    time.sleep(QUIET_S)
+                    if self._one(left.popleft(), shift) > GIVE_UP_S / 2:
+                        break
+        except GellightError as error:
+            if left:
+                left.popleft()
+            self.judge.broken(Invariant.RUNNING, f"a daemon did not start or end: {error}")
+        self._expect_dark("the daemon ended")
+        self._rests.append(Holdings.now(time.monotonic() - self._begun_s))
+
+    def _one(self, fault: PlannedFault, shift: Shift) -> float:
+        """Make a fault; return how long the recovery took."""
+        try:
+            self._make[fault.kind](fault, shift)
+        except GellightError as error:
+            self.judge.broken(Invariant.RUNNING, f"{fault.kind}: {error}")
+        recovery_s = self._recover(fault.kind, shift)
+        outcome = self.report.faults.setdefault(fault.kind, Outcome())
+        outcome.count += 1
+        outcome.worst_recovery_s = max(outcome.worst_recovery_s, recovery_s)
+        how = "sequence" if shift.sequenced else "still"
+        self._note(f"{fault.at_s / 3600:6.2f} h  {fault.kind:18} {fault.seconds:4.1f} s  {how:8}  {recovery_s:5.2f} s")
+        self.report.simulated_s = fault.at_s
+        return recovery_s
+
+    def _recover(self, kind: FaultKind | None, shift: Shift) -> float:
+        """Wait for a sound frame that was exposed from now on; return how long that took, without starved time."""
+        began = self._moment()
+        while (taken_s := self._since(began)) < GIVE_UP_S:
+            if self.judge.newest_start_s > began.time_s and not shift.daemon.status()["error"]:
+                break
+            time.sleep(POLL_S)
+        if kind and taken_s > RECOVERY_S:
+            self.judge.broken(Invariant.RECOVERY, f"{taken_s:.1f} s after {kind}: {shift.daemon.status()['error']}")
+        return taken_s
+
+    def _moment(self) -> "_Moment":
+        return _Moment(time.monotonic(), self.patience.starved_s, self.sensor.board, self.sensor.board_us())
+
+    def _since(self, began: "_Moment") -> float:
+        """Return how long ago that was, s, without the time in which this process or the emulator was starved."""
+        now = self._moment()
+        passed_s = now.time_s - began.time_s - (now.starved_s - began.starved_s)
+        return min(passed_s, (now.board_us - began.board_us) * 1e-6) if now.board is began.board else passed_s
+
+    def _expect_dark(self, why: str) -> None:
+        """Wait as long, by the board's own clock, as it may shine on without its host; then it is dark."""
+        begun_us = self.sensor.board_us()
+        while self.sensor.lit():
+            if self.sensor.board_us() - begun_us > DARK_WITHIN_S * 1e6:
+                self.judge.broken(Invariant.DARK, f"the LEDs shine {DARK_WITHIN_S} s after {why}")
+                return
+            time.sleep(POLL_S)
+
+    # ---- faults ----
+
+    def _unplug(self, fault: PlannedFault, _: Shift) -> None:
+        self.sensor.unplug()
+        time.sleep(fault.seconds)
+        self.sensor.plug()
+
+    def _brown_out(self, fault: PlannedFault, _: Shift) -> None:
+        self.sensor.brown_out(BOOT_S + fault.seconds)
+
+    def _stall(self, fault: PlannedFault, _: Shift) -> None:
+        camera = self.sensor.camera
+        assert camera is not None
+        camera.stalled = True
+        time.sleep(fault.seconds)
+        camera.resume()
+
+    def _pictures(self, fault: PlannedFault, _: Shift) -> None:
+        share = DISTURBED * (0.1 + 0.9 * fault.strength)
+        names = {FaultKind.TORN: "torn", FaultKind.DROPPED: "drop", FaultKind.DUPLICATED: "duplicate",
+                 FaultKind.DAMAGED: "error"}  # fmt: skip
+        self.sensor.faults = Faults.model_validate({names[fault.kind]: share})
+        time.sleep(fault.seconds)
+        self.sensor.faults = NO_FAULTS
+
+    def _corrupt(self, fault: PlannedFault, _: Shift) -> None:
+        self.sensor.wires.flipped = FLIPPED * (0.1 + 0.9 * fault.strength)
+        time.sleep(fault.seconds)
+        self.sensor.wires.flipped = 0.0
+
+    def _silence(self, fault: PlannedFault, _: Shift) -> None:
+        self.sensor.wires.silent = True
+        begun_s = time.monotonic()
+        self._expect_dark("the host fell silent")
+        time.sleep(max(begun_s + fault.seconds - time.monotonic(), 0.0))
+        self.sensor.wires.silent = False
+
+    def _camera_clock(self, fault: PlannedFault, _: Shift) -> None:
+        self.sensor.clock_error_s = (2 * fault.strength - 1) * JUMP_S
+        time.sleep(fault.seconds)
+        self.sensor.clock_error_s = 0.0
+
+    def _wall_clock(self, fault: PlannedFault, _: Shift) -> None:
+        self.clock.error_s += (2 * fault.strength - 1) * JUMP_S
+
+    def _full_disk(self, fault: PlannedFault, shift: Shift) -> None:
+        """Let files grow no more, which a program learns as it learns of a full disk: its write fails."""
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (shift.recorder.path.stat().st_size + 1, limits[1]))
+        try:
+            end_s = time.monotonic() + GIVE_UP_S
+            while not shift.recorder.ended and time.monotonic() < end_s:
+                time.sleep(POLL_S)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        if not shift.recorder.ended:
+            self.judge.broken(Invariant.RECORDING, "the disk was full, and the recorder did not say so")
+        shift.record_anew()
+
+    def _kill_reader(self, _fault: PlannedFault, shift: Shift) -> None:
+        shift.reader.signal(signal.SIGKILL)
+        shift.read_anew()
+        if not shift.reader.wait_for_frames():
+            self.judge.broken(Invariant.READER, "a new subscriber gets no frames")
+
+    def _freeze_reader(self, fault: PlannedFault, shift: Shift) -> None:
+        shift.reader.signal(signal.SIGSTOP)
+        time.sleep(fault.seconds)
+        shift.reader.signal(signal.SIGCONT)
+        if not shift.reader.wait_for_frames():
+            self.judge.broken(Invariant.READER, "a subscriber that stood still gets no more frames")
+
+    def _kill_host(self, _fault: PlannedFault, _: Shift) -> None:
+        board = SimulatedBoard(pty=True)
+        try:
+            with subprocess.Popen(
+                [sys.executable, "-m", "gellight.soak.holder", board.path], stdout=subprocess.PIPE, text=True
+            ) as holder:
+                if not (holder.stdout and holder.stdout.readline().strip() == "lit"):
+                    self.judge.broken(Invariant.RUNNING, "a program could not light its board")
+                holder.kill()
+            time.sleep(DARK_WITHIN_S)
+            if board.light_at(board.virtual_us(time.monotonic())).any():
+                self.judge.broken(Invariant.DARK, "the LEDs shine on after their host was killed")
+        finally:
+            board.close()
+
+    # ---- what is left at the end ----
+
+    def _sample(self) -> None:
+        while not self._done.wait(1.0):
+            self._samples.append(Holdings.now(time.monotonic() - self._begun_s))
+
+    def _conclude(self, planned: list[PlannedFault]) -> Report:
+        report, judge = self.report, self.judge
+        growth, allowed = memory_growth_mb(self._samples)
+        if growth > allowed:
+            judge.broken(Invariant.MEMORY, f"{growth:.1f} MB more in the last quarter than in the third")
+        if self._rests and (more := handle_growth(self._rests)):
+            judge.broken(Invariant.HANDLES, f"more than after the first two daemons: {more}")
+        if self.sensor.board_faults:
+            judge.broken(Invariant.FIRMWARE, "; ".join(self.sensor.board_faults[:3]))
+        report.wall_s, report.starved_s = time.monotonic() - self._begun_s, self.patience.starved_s
+        report.memory_growth_mb = growth
+        report.frames, report.labels, report.unjudged_labels = judge.frames, judge.labels, judge.unjudged
+        report.violations = list(judge.violations)
+        return report
+
+
+def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info) -> Report:
+    """Soak a simulated sensor for so many simulated hours; `note` is told of every fault."""
+    with tempfile.TemporaryDirectory(prefix="gellight-soak-") as folder:
+        return Soak(seed, Path(folder), note).run(plan(seed, hours))
+
+
+def soak_bundle(folder: Path) -> Bundle:
+    """Write the bundle of the sensor: its gel at rest, the LEDs and the network of the simulated sensor's bundle."""
+    shipped = load_bundle(SYNTHETIC)
+    times = {"readout_us": SHUTTER.readout_us, "delay_us": 0.0}
+    return write_bundle(
+        folder, sensor=SERIAL, reference=gel(SHAPE).astype(float), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=shipped.network, metrics={}, led=shipped.manifest.led,
+        camera={"exposure_us": SHUTTER.exposure_us, "white_balance_k": 4600.0, "format": "YUYV", **times},
+    )  # fmt: skip

@@ -1,0 +1,173 @@
+"""A daemon with all that stands around it: a recording, a reader in a process of its own, and the judge."""
+
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from gellight.base.errors import GellightError
+from gellight.bundle.bundle import Bundle
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import Camera
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording.recording_file import Recording
+from gellight.ring.light_groups import colour_triples
+from gellight.sensor.lighting.sequenced import SequencedCamera
+from gellight.sensor.sensor_camera import open_sensor
+from gellight.soak.hardware import SERIAL, SoakSensor
+from gellight.soak.judging import Invariant, Judge
+from gellight.soak.marks import read_number
+from gellight.stream.publisher import Publisher
+from gellight.stream.recorder import Recorder
+from gellight.watch.monitor import SensorWatch
+
+KEPT_FRAMES = 64
+POLL_S = 0.2
+READER_S = 20.0
+"""a reader is started, and has its first frames, within this"""
+
+
+class Reader:
+    """A program that receives frames: `reader.py` in a process of its own."""
+
+    def __init__(self, name: str, judge: Judge) -> None:
+        """Start it; `name` is that of the sensor."""
+        self.frames = 0
+        self._judge = judge
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "gellight.soak.reader", name], stdout=subprocess.PIPE, text=True
+        )
+        self._listener = threading.Thread(target=self._listen, name="reader", daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        for line in self._process.stdout or ():
+            word, _, rest = line.strip().partition(" ")
+            if word == "frames":
+                self.frames = int(rest)
+            elif word == "bad":
+                self._judge.broken(Invariant.READER, rest)
+
+    def wait_for_frames(self) -> bool:
+        """Wait until it has frames; whether it got some."""
+        before, end_s = self.frames, time.monotonic() + READER_S
+        while self.frames == before and time.monotonic() < end_s:
+            time.sleep(POLL_S)
+        return self.frames > before
+
+    def signal(self, number: int) -> None:
+        """Send a signal to the process."""
+        self._process.send_signal(number)
+
+    def close(self) -> None:
+        """Kill it."""
+        self._process.kill()
+        self._process.wait()
+        self._listener.join()
+        if self._process.stdout:
+            self._process.stdout.close()
+
+
+class Shift:
+    """A running daemon, recorded, published and judged; a context manager."""
+
+    def __init__(self, sensor: SoakSensor, bundle: Bundle, judge: Judge, folder: Path, *, sequenced: bool) -> None:
+        """Run the sensor that is plugged in; sequenced: under a sequence of lights, else under the bundle's."""
+        self._sensor, self._bundle, self.judge, self._folder = sensor, bundle, judge, folder
+        self.sequenced = sequenced
+        self._recordings = 0
+        self._ended = threading.Event()
+        self._until = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Open, and start everything."""
+        with ExitStack() as stack:
+            camera = stack.enter_context(self._opened())
+            assert self._bundle.colours is not None
+            watch = None if self.sequenced else SensorWatch(self._bundle, rezero=True)
+            self.judge.begin_stream()
+            self.daemon = stack.enter_context(Daemon(camera, Reconstructor(self._bundle), watch=watch))
+            publisher = stack.enter_context(Publisher(self.daemon, name=f"{SERIAL}-{id(self):x}"))
+            self.name = publisher.name
+            thread = threading.Thread(target=self._judge_frames, name="judge", daemon=True)
+            thread.start()
+            stack.callback(thread.join)
+            stack.callback(self._ended.set)
+            self._begin_recording()
+            stack.callback(self.end_recording)
+            self.reader = Reader(self.name, self.judge)
+            stack.callback(lambda: self.reader.close())
+            self._until = stack.pop_all()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        """Stop everything; then the LEDs are dark, and the recording can be read."""
+        self._until.close()
+
+    def _opened(self) -> Camera:
+        camera = open_sensor(f"sensor://{SERIAL}", bundle=self._bundle, surroundings=self._sensor.surroundings)
+        if not self.sequenced:
+            return camera
+        assert self._bundle.colours is not None
+        self._groups = colour_triples(self._bundle.colours)
+        try:
+            return SequencedCamera(camera, self._groups)
+        except BaseException:
+            camera.close()
+            raise
+
+    def _judge_frames(self) -> None:
+        number, groups = 0, self._groups if self.sequenced else None
+        light = None if self.sequenced else self._bundle.colours
+        with self.daemon.delivered.copied(KEPT_FRAMES) as frames:
+            while not self._ended.is_set():
+                try:
+                    number, felt = frames.take(number, POLL_S)
+                except TimeoutError:
+                    continue
+                except Exception as error:
+                    if not self._ended.is_set():
+                        self.judge.broken(Invariant.RUNNING, f"no more frames: {error}")
+                    return
+                self.judge.frame(felt.camera_frame, light=light, groups=groups)
+
+    # ---- recordings ----
+
+    def _begin_recording(self) -> None:
+        self._recordings += 1
+        self.recorder = Recorder(self.daemon, self._folder / f"{self.name}-{self._recordings}.mcap", name=SERIAL)
+        self.recorder.__enter__()
+
+    def end_recording(self) -> None:
+        """Finish the recording, and judge what can be read of it."""
+        self.recorder.__exit__()
+        path = self.recorder.path
+        try:
+            frames = list(Recording(path).frames())
+            numbers = [read_number(record.image(path.name)) for record in frames]
+        except GellightError as error:
+            self.judge.broken(Invariant.RECORDING, str(error))
+            return
+        finally:
+            path.unlink()
+        sequence = [record.info.sequence for record in frames]
+        if any(np.diff(sequence) <= 0) or any(np.diff(numbers) <= 0):
+            self.judge.broken(Invariant.RECORDING, f"{path.name}: the frames are not in order")
+        if not frames or (not self.recorder.ended and len(frames) != self.recorder.status.frames):
+            read, written = len(frames), self.recorder.status.frames
+            self.judge.broken(Invariant.RECORDING, f"{path.name}: {read} of {written} frames can be read")
+
+    def record_anew(self) -> None:
+        """End the recording and begin another one."""
+        self.end_recording()
+        self._begin_recording()
+
+    def read_anew(self) -> None:
+        """Start another reader in the place of the one there is."""
+        self.reader.close()
+        self.reader = Reader(self.name, self.judge)

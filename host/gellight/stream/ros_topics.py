@@ -1,0 +1,95 @@
+"""What a sensor says in messages of ROS 2: the topics, their types, and how each is made of a tactile frame.
+
+    image_raw     sensor_msgs/Image          rgb8, frame NAME_camera
+    camera_info   sensor_msgs/CameraInfo     size only: K is 0, which means "not calibrated"
+    depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
+    points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
+    contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
+    /diagnostics  diagnostic_msgs/DiagnosticArray
+
+ros2.py sends them by zenoh, foxglove.py by WebSocket.
+"""
+
+import time
+from collections.abc import Callable
+from math import nan
+
+import numpy as np
+
+from gellight.daemon.daemon import Daemon
+from gellight.frames.frames import TactileFrame
+from gellight.recording.recording_file import DepthKind, depth_image
+from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, POINT, POINTS, CdrWriter, RosImage
+from gellight.report.point_cloud import points_of
+
+DIAGNOSTICS_TOPIC = "/diagnostics"
+DIAGNOSTICS_S = 1.0
+"""between two messages of diagnostics"""
+FLOAT32 = 7
+"""of sensor_msgs/PointField"""
+Encode = Callable[[TactileFrame], bytes]
+
+
+class RosTopics:
+    """The messages of one daemon."""
+
+    def __init__(self, daemon: Daemon, name: str) -> None:
+        """Describe `daemon`; name: of the sensor, as ROS allows it, for the names of coordinate frames."""
+        self._daemon, self._name = daemon, name
+        self.of_frames: dict[str, tuple[str, Encode]] = {
+            "image_raw": (IMAGE, self._image),
+            "camera_info": (CAMERA_INFO, self._camera_info),
+            "depth/image": (IMAGE, self._depth),
+            "points": (POINTS, self._points),
+            "contact": (POINT, self._contact),
+        }
+        """type and encoder by topic"""
+
+    def _image(self, frame: TactileFrame) -> bytes:
+        image = frame.camera_frame.image
+        height, width, _ = image.shape
+        sent = RosImage(height=height, width=width, encoding="rgb8", step=3 * width, data=image.tobytes())
+        return sent.encode(taken_s(frame), f"{self._name}_camera")
+
+    def _depth(self, frame: TactileFrame) -> bytes:
+        return depth_image(frame.depth_mm, DepthKind.FLOAT32).encode(taken_s(frame), f"{self._name}_camera")
+
+    def _camera_info(self, frame: TactileFrame) -> bytes:
+        height, width = frame.depth_mm.shape
+        writer = CdrWriter().header(taken_s(frame), f"{self._name}_camera").put("I", height, width)
+        writer.string("").put("I", 0)  # no distortion model and no coefficients
+        return writer.put("d", *[0.0] * (9 + 9 + 12)).put("I", *[0] * 6).put("B", 0).finish()
+
+    def _points(self, frame: TactileFrame) -> bytes:
+        assert frame.provenance is not None
+        points = points_of(frame.depth_mm, frame.provenance.pixel_size_mm) * np.float32(1e-3)
+        height, width, _ = points.shape
+        writer = CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("I", height, width, 3)
+        for number, name in enumerate("xyz"):
+            writer.string(name).put("I", 4 * number).put("B", FLOAT32).put("I", 1)
+        return writer.put("B", 0).put("I", 12, 12 * width).blob(points.tobytes()).put("B", 1).finish()
+
+    def _contact(self, frame: TactileFrame) -> bytes:
+        x_mm, y_mm = frame.contact.centroid_mm or (nan, nan)
+        place_m = x_mm * 1e-3, -y_mm * 1e-3, frame.contact.indentation_mm * 1e-3
+        return CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *place_m).finish()
+
+    def diagnostics(self) -> bytes:
+        """Return the status as a DiagnosticArray: level 2 for an error, 1 for findings of the watch."""
+        status = self._daemon.status()
+        watch = self._daemon.watch
+        findings = [finding.text for finding in watch.findings()] if watch else []
+        error = str(status["error"] or "")
+        values = {name: str(status[name]) for name in ("fps", "frames", "lost", "dropped", "mode")}
+        writer = CdrWriter().header(time.time(), "").put("I", 1).put("B", 2 if error else 1 if findings else 0)
+        writer.string(f"gellight: {self._name}").string(error or "; ".join(findings) or "ok").string(self._name)
+        writer.put("I", len(values))
+        for name, value in values.items():
+            writer.string(name).string(value)
+        return writer.finish()
+
+
+def taken_s(frame: TactileFrame) -> float:
+    """Return when the exposure began, Unix time."""
+    assert frame.provenance is not None
+    return frame.provenance.unix_s

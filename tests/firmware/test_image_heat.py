@@ -1,0 +1,71 @@
+"""A hot chip: the committed image dims the LEDs, says so, and the host tells its user."""
+
+import logging
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError
+from gellight.ring.light_ring import LightRing, chip_temperature_c
+from gellight.ring.protocol import DIMMING_US, HOTTEST_C, DimmedEvent
+from gellight.sensor.sensor_checks import check_board
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
+
+RED = np.tile(np.array((100, 0, 0), np.uint8), (12, 1))
+
+
+def attend(ring: LightRing, board: BenchBoard, duration_us: float) -> None:
+    """Do what the keep-alive thread does, on the board's time."""
+    end_us = board.now_us + duration_us
+    while board.now_us < end_us:
+        ring.clock()
+        ring._light_again()
+        board.run(250_000)
+
+
+def test_a_hot_board_dims_its_leds_and_the_host_says_so(
+    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
+) -> None:
+    ring.light(RED)
+    attend(ring, board, 1e6)
+    assert np.isfinite(ring.lit_since_s())
+    board.set_temperature(HOTTEST_C + 8)
+    with caplog.at_level(logging.WARNING):
+        attend(ring, board, 8e6)
+    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED // 2)
+    assert ring.lit_since_s() == np.inf  # no frame is of the light that was asked for
+    assert (ring.dimmed, ring.status().dimmed) == (1, 1)
+    assert "68 °C" in caplog.text or "6" in caplog.text.split(" °C")[0][-2:]
+    assert "dims its LEDs to 1/2" in caplog.text
+    attend(ring, board, DIMMING_US)
+    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED // 4)
+    with pytest.raises(BoardError, match="dims its LEDs to 1/4: let it cool"):
+        ring.light(RED)
+    finding = check_board(ring)
+    assert "dims its LEDs to 1/4" in finding.remedy
+
+
+def test_a_board_that_has_cooled_shows_the_light_again(
+    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
+) -> None:
+    ring.light(RED)
+    board.set_temperature(HOTTEST_C + 8)
+    attend(ring, board, 8e6)
+    board.set_temperature(HOTTEST_C - 20)
+    with caplog.at_level(logging.WARNING):
+        attend(ring, board, DIMMING_US)
+    assert "the board is cool again; they are lit again" in caplog.text
+    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED)
+    assert np.isfinite(ring.lit_since_s())
+    assert ring.dimmed == 0
+    assert [event.dimmed for event in ring.events if isinstance(event, DimmedEvent)] == [1, 0]
+
+
+def test_a_board_that_is_hot_from_the_start_dims_its_first_light(image: bytes) -> None:
+    board = BenchBoard(image)
+    board.set_temperature(HOTTEST_C + 8)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        assert chip_temperature_c(ring.status()) == pytest.approx(HOTTEST_C + 8, abs=0.4)
+        with pytest.raises(BoardError, match="1/2"):
+            ring.light(RED)
+    assert board.faults == []

@@ -1,0 +1,61 @@
+"""One process has a lock, others do not; Windows' calls are stood in for by the same locks of this system."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import children
+
+AS_ON_WINDOWS = """
+import fcntl, os, sys, types
+
+def locking(descriptor, mode, size):
+    place = os.lseek(descriptor, 0, os.SEEK_CUR)
+    assert place > 10**6, "the content must stay free"
+    fcntl.flock(descriptor, fcntl.LOCK_UN if mode == 0 else fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+sys.modules["msvcrt"] = types.SimpleNamespace(LK_UNLCK=0, LK_NBLCK=2, locking=locking)
+for name in ("fcntl", "termios", "tty", "pty", "resource", "pwd", "grp", "syslog"):
+    sys.modules[name] = None
+"""
+LINUX_POLL = ("poll", "POLLIN", "POLLERR", "POLLHUP", "POLLNVAL")
+HOLD = """
+import sys
+from gellight.base.locking import lock
+handle = open(sys.argv[1], "a+")
+print(lock(handle), flush=True)
+sys.stdin.read()
+"""
+ASK = """
+import sys
+from gellight.base.locking import is_locked, lock
+with open(sys.argv[1]) as handle:
+    print(is_locked(handle), is_locked(handle), handle.read())
+with open(sys.argv[1], "a+") as handle:
+    print(lock(handle))
+"""
+
+
+@pytest.mark.parametrize("system", ["", AS_ON_WINDOWS], ids=["here", "Windows"])
+def test_a_lock_is_held_until_its_process_ends(tmp_path: Path, system: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("content")
+
+    def ask() -> list[str]:
+        return children.run([sys.executable, "-c", system + ASK, path], check=True).stdout.split()
+
+    with children.started([sys.executable, "-c", system + HOLD, path], stdin=-1, stdout=-1, text=True) as holder:
+        assert holder.stdout.readline() == "True\n"
+        assert ask() == ["True", "True", "content", "False"]
+        holder.kill()
+        holder.wait()
+        assert ask() == ["False", "False", "content", "True"]
+
+
+@pytest.mark.parametrize("verb", ["run", "record", "replay", "status", "demo", "export"])
+def test_a_verb_is_imported_without_what_windows_lacks(verb: str) -> None:
+    loaded = "import asyncio, select, subprocess, typer\n"  # what finds out by itself which system this is
+    code = f"{loaded}{AS_ON_WINDOWS}\nfor name in {LINUX_POLL}: delattr(select, name)\nimport gellight.cli.{verb}"
+    done = children.run([sys.executable, "-c", code])
+    assert done.returncode == 0, done.stderr

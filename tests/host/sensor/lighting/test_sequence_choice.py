@@ -1,0 +1,58 @@
+"""Which light groups a sequence shows, and what is said of a file that holds none."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.sensor.lighting.sequence_choice import chosen_groups
+from tests.helpers.virtual_sensor import RING
+
+RED, DARK = ["ff0000"] * 12, ["000000"] * 12
+
+
+def test_rgb_and_single_are_made_of_the_light_of_the_calibration() -> None:
+    assert np.array_equal(chosen_groups("rgb", RING), colour_triples(RING))
+    assert np.array_equal(chosen_groups("single", RING), single_leds(RING))
+    with pytest.raises(InputError, match=r"sequence rgb: the ring needs LEDs of one pure colour.*in a file"):
+        chosen_groups("rgb", np.full((12, 3), 9, np.uint8))
+
+
+def test_a_file_names_the_colours_of_every_led(tmp_path: Path) -> None:
+    path = tmp_path / "sequence.json"
+    path.write_text(json.dumps({"groups": [RED, ["0000ff", *RED[1:]]]}))
+    groups = chosen_groups(str(path), RING)
+    assert groups.shape == (2, 12, 3)
+    assert groups.dtype == np.uint8
+    assert groups[0, 0].tolist() == [255, 0, 0]
+    assert groups[1, 0].tolist() == [0, 0, 255]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "Invalid JSON"),
+        ("{}", "groups: Field required"),
+        ('{"groups": []}', "at least 1 item"),
+        (json.dumps({"groups": [RED] * 40}), "at most"),
+        (json.dumps({"groups": [RED[:11]]}), r"groups.0: .*at least 12 items"),
+        (json.dumps({"groups": [["red", *RED[1:]]]}), r"groups.0.0: .*match pattern"),
+        (json.dumps({"groups": [RED, DARK]}), "group 1 is dark"),
+        (json.dumps({"groups": [RED], "dwell": 3}), "dwell: Extra"),
+        ("\x00" * 200_000, "Invalid JSON"),
+    ],
+)
+def test_a_file_that_holds_no_groups_is_refused_with_the_reason(tmp_path: Path, content: str, said: str) -> None:
+    path = tmp_path / "sequence.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=said):
+        chosen_groups(str(path), RING)
+
+
+@pytest.mark.parametrize("name", ["magic", ".", "a\0b"])
+def test_what_is_neither_a_sequence_nor_a_file_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="neither rgb nor single, nor a file"):
+        chosen_groups(name, RING)

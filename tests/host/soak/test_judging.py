@@ -1,0 +1,104 @@
+"""The judge of a soak notices everything that it is there for: each fault is planted."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
+from gellight.soak.hardware import Exposure, gel
+from gellight.soak.judging import Invariant, Judge
+from gellight.soak.marks import marked, read_number
+from gellight.soak.resources import Holdings, handle_growth, memory_growth_mb
+
+SHAPE = (96, 128)
+GROUPS = np.zeros((2, 12, 3), np.uint8)
+GROUPS[0, ::2], GROUPS[1, 1::2] = 200, 200
+
+
+def exposure(number: int, *lights: np.ndarray, on_time: bool = True) -> Exposure:
+    return Exposure(number, number / 30, np.stack(lights or (GROUPS[0],)), on_time)
+
+
+def judge_of(*exposures: Exposure) -> Judge:
+    known = {each.number: each for each in exposures}
+    return Judge(SimpleNamespace(exposure=known.get))  # type: ignore[arg-type]
+
+
+def shown(number: int, **changes: object) -> CameraFrame:
+    frame = CameraFrame(image=marked(gel(SHAPE), number), time_s=number / 30, sequence=number)
+    return replace(frame, **changes)
+
+
+def broken(judge: Judge) -> list[Invariant]:
+    return [violation.invariant for violation in judge.violations]
+
+
+def see(judge: Judge, *frames: CameraFrame) -> list[Invariant]:
+    for frame in frames:
+        judge.frame(frame, light=GROUPS[0], groups=None)
+    return broken(judge)
+
+
+def test_sound_frames_are_sound() -> None:
+    judge = judge_of(exposure(1), exposure(2))
+    assert see(judge, shown(1), shown(2)) == []
+    assert judge.newest_start_s == 2 / 30
+
+
+@pytest.mark.parametrize(
+    ("second", "invariant"),
+    [
+        (shown(2, sequence=1), Invariant.FRESH),
+        (shown(1, sequence=2), Invariant.FRESH),
+        (shown(2, time_s=2 / 30 + 0.004), Invariant.FRESH),
+        (shown(9), Invariant.WHOLE),
+        (shown(2, image=np.vstack([shown(1).image[:48], shown(2).image[48:]])), Invariant.WHOLE),
+    ],
+    ids=["number again", "picture again", "newer than it is", "never taken", "torn"],
+)
+def test_a_frame_that_is_not_what_it_says_is_noticed(second: CameraFrame, invariant: Invariant) -> None:
+    judge = judge_of(exposure(1), exposure(2))
+    assert see(judge, shown(1), second) == [invariant]
+    assert judge.newest_start_s == 1 / 30, "it is no recovery"
+
+
+@pytest.mark.parametrize("lights", [(GROUPS[1],), (GROUPS[0], 0 * GROUPS[0])], ids=["another light", "dark half way"])
+def test_a_frame_under_another_light_is_noticed(lights: tuple[np.ndarray, ...]) -> None:
+    assert see(judge_of(exposure(1, *lights)), shown(1)) == [Invariant.LIGHT]
+
+
+def test_a_wrong_label_is_noticed_unless_the_clocks_cannot_be_compared() -> None:
+    clean = LightLabel(state=LightState.CLEAN, group=0)
+    judge = judge_of(
+        exposure(1, GROUPS[0]), exposure(2, GROUPS[1]), exposure(3, *GROUPS), exposure(4, GROUPS[1], on_time=False)
+    )
+    for number in range(1, 5):
+        judge.frame(shown(number, label=clean), light=None, groups=GROUPS)
+    assert broken(judge) == [Invariant.LABEL, Invariant.LABEL]
+    assert (judge.labels, judge.unjudged) == (3, 1)
+
+
+@pytest.mark.parametrize("number", [0, 1, 77_777, 2**32 - 1])
+def test_a_number_is_read_from_a_picture(number: int) -> None:
+    assert read_number(marked(gel(SHAPE), number)) == number
+
+
+def holdings(*memory_mb: float) -> list[Holdings]:
+    return [Holdings(float(k), mb, files=20, threads=9, children=2) for k, mb in enumerate(memory_mb)]
+
+
+def test_a_leak_of_a_picture_a_frame_is_noticed_and_noise_is_not() -> None:
+    noise = np.random.default_rng(0).normal(200, 1.0, 120)
+    growth, allowed = memory_growth_mb(holdings(*noise))
+    assert growth < allowed
+    leak = 30 * 96 * 128 * 3 / 1e6  # MB in a second
+    growth, allowed = memory_growth_mb(holdings(*(noise + leak * np.arange(120))))
+    assert growth > allowed
+
+
+def test_handles_that_stay_open_are_noticed() -> None:
+    rests = holdings(*[200.0] * 5)
+    assert handle_growth(rests) == {}
+    assert handle_growth([*rests, replace(rests[0], files=21, children=3)]) == {"files": 1, "children": 1}

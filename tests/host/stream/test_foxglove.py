@@ -1,0 +1,190 @@
+"""A client that knows Foxglove's protocol and nothing of GelLight sees the sensor; the shipped layout fits."""
+
+import asyncio
+import builtins
+import json
+import os
+import re
+import runpy
+import struct
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from gellight.base.errors import StreamError
+from gellight.recording.ros_messages import DEFINITIONS
+from gellight.stream.foxglove import FoxgloveServer
+from tests.helpers import children
+from tests.helpers.places import CHECKOUT
+from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
+
+LAYOUT = CHECKOUT / "docs/foxglove/layout.json"
+TOPICS = {
+    "/gellight/image_raw": "sensor_msgs/msg/Image",
+    "/gellight/camera_info": "sensor_msgs/msg/CameraInfo",
+    "/gellight/depth/image": "sensor_msgs/msg/Image",
+    "/gellight/points": "sensor_msgs/msg/PointCloud2",
+    "/gellight/contact": "geometry_msgs/msg/PointStamped",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+MESSAGE = 1
+"""first byte of a binary message that carries data; then the subscription (uint32) and the time (uint64, ns)"""
+
+
+def looked_at(url: str, topics: set[str]) -> dict[str, Any]:
+    """Return the first message of each topic, decoded by the definition that the server sent."""
+    return asyncio.run(asyncio.wait_for(_looked_at(url, topics), 30))
+
+
+async def _looked_at(url: str, topics: set[str]) -> dict[str, Any]:
+    async with (
+        aiohttp.ClientSession() as client,
+        client.ws_connect(url, protocols=["foxglove.sdk.v1"], max_msg_size=0) as wire,
+    ):
+        channels: list[dict[str, Any]] = []
+        while not channels:
+            told = await wire.receive_json()
+            channels = told["channels"] if told["op"] == "advertise" else []
+        assert {one["topic"]: one["schemaName"] for one in channels} == TOPICS
+        wanted = {number: one for number, one in enumerate(channels) if one["topic"] in topics}
+        asked = [{"id": number, "channelId": one["id"]} for number, one in wanted.items()]
+        await wire.send_json({"op": "subscribe", "subscriptions": asked})
+        got: dict[str, Any] = {}
+        while len(got) < len(wanted):
+            content = await wire.receive_bytes()
+            kind, number, _ = struct.unpack_from("<BIQ", content)
+            assert kind == MESSAGE
+            got.setdefault(wanted[number]["topic"], decoded(wanted[number], content[13:]))
+        return got
+
+
+def decoded(channel: Mapping[str, Any], content: bytes) -> Any:
+    assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(channel["schema"], channel["schemaName"]))
+    return store.deserialize_cdr(content, channel["schemaName"])
+
+
+@pytest.fixture
+def served() -> Iterator[tuple[str, BumpReconstructor]]:
+    daemon, made = bump_daemon(period_s=0.02)
+    with daemon, FoxgloveServer(daemon, name="left finger", port=0) as server:
+        yield server.url, made
+
+
+def test_every_topic_arrives(served: tuple[str, BumpReconstructor]) -> None:
+    url, made = served
+    got = looked_at(url, set(TOPICS))
+    height, width = SHAPE
+    image, depth = got["/gellight/image_raw"], got["/gellight/depth/image"]
+    assert (image.encoding, image.height, image.width, image.step) == ("rgb8", height, width, 3 * width)
+    assert any(np.array_equal(image.data, one.camera_frame.image.ravel()) for one in list(made.given.values()))
+    assert depth.encoding == "32FC1"
+    felt_m = depth.data.view("<f4").reshape(SHAPE)
+    assert any(np.array_equal(felt_m, one.depth_mm * np.float32(1e-3)) for one in list(made.given.values()))
+    assert got["/gellight/points"].header.frame_id == "gellight_gel"
+    assert 0.0004 < got["/gellight/contact"].point.z < 0.01, "metres"
+    assert got["/diagnostics"].status[0].message == "ok"
+
+
+def test_what_nobody_looks_at_is_not_made(
+    served: tuple[str, BumpReconstructor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> bytes:
+        raise AssertionError("points were made")
+
+    monkeypatch.setattr("gellight.stream.ros_topics.points_of", refuse)
+    assert set(looked_at(served[0], {"/gellight/contact"})) == {"/gellight/contact"}
+
+
+def test_a_viewer_that_reads_nothing_slows_nothing(served: tuple[str, BumpReconstructor]) -> None:
+    """It has subscribed to all and its socket is full: the frames go on."""
+    url, made = served
+
+    async def stand_still() -> int:
+        async with (
+            aiohttp.ClientSession() as client,
+            client.ws_connect(url, protocols=["foxglove.sdk.v1"], max_msg_size=0) as wire,
+        ):
+            asked = [{"id": number, "channelId": number} for number in range(1, 6)]
+            await wire.send_json({"op": "subscribe", "subscriptions": asked})
+            transport = wire._response.connection.transport
+            transport.pause_reading()
+            before = len(made.given)
+            await asyncio.sleep(2)
+            transport.resume_reading()
+            return len(made.given) - before
+
+    assert asyncio.run(stand_still()) > 20
+
+
+@pytest.mark.parametrize("sent", [
+    "", "{", '{"op": "subscribe"}', '{"op": "nonsense"}', b"\x00\x01", b"\xff" * 1000,
+    '{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 4000000000}]}',
+])  # fmt: skip
+def test_hostile_messages_are_borne(served: tuple[str, BumpReconstructor], sent: str | bytes) -> None:
+    async def send() -> None:
+        async with (
+            aiohttp.ClientSession() as client,
+            client.ws_connect(served[0], protocols=["foxglove.sdk.v1"]) as wire,
+        ):
+            await (wire.send_str(sent) if isinstance(sent, str) else wire.send_bytes(sent))
+            await asyncio.sleep(0.1)
+
+    asyncio.run(send())
+    assert looked_at(served[0], {"/gellight/contact"})
+
+
+def test_a_port_in_use_is_told(served: tuple[str, BumpReconstructor]) -> None:
+    port = int(served[0].rpartition(":")[2])
+    with pytest.raises(StreamError, match=rf"port {port}.*in use.*foxglove_port"):
+        FoxgloveServer(bump_daemon()[0], name="other", port=port).__enter__()
+
+
+def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = builtins.__import__
+
+    def without(name: str, *rest: Any) -> Any:
+        if name == "foxglove":
+            raise ImportError(name)
+        return known(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(StreamError, match=r"pip install \"gellight\[foxglove\]\""):
+        FoxgloveServer(bump_daemon()[0], name="finger", port=0).__enter__()
+
+
+def test_the_verb_serves_it() -> None:
+    command = [*children.GELLIGHT, "run", "--sensor", "sim://", "--no-dashboard", "--foxglove"]
+    environment = {"GELLIGHT_STREAM_FOXGLOVE_PORT": "0"}
+    with children.started(command, stderr=-1, text=True, env={**os.environ, **environment}) as verb:
+        assert verb.stderr is not None
+        until_s = time.monotonic() + 60
+        found = None
+        while not found and time.monotonic() < until_s:
+            found = re.search(r"Foxglove: open (ws://\S+)", verb.stderr.readline())
+        assert found
+        assert looked_at(found[1], {"/gellight/image_raw"})["/gellight/image_raw"].height == 480
+
+
+def test_the_layout_is_current_and_shows_topics_that_are_there() -> None:
+    made = runpy.run_path(str(CHECKOUT / "docs/foxglove/layout.py"))["content"]()
+    assert LAYOUT.read_text() == made
+    named = set(re.findall(r'"(/[\w/]+)', json.dumps(json.loads(made))))
+    assert named == {"/gellight/image_raw", "/gellight/depth/image", "/gellight/points", "/gellight/contact",
+                     "/diagnostics"}  # fmt: skip
+    assert named <= set(TOPICS)
+
+
+def test_the_definitions_are_those_of_ros() -> None:
+    """The hash covers every field, its type and its place; constants and comments do not count."""
+    jazzy = get_typestore(Stores.ROS2_JAZZY)
+    for kind, text in DEFINITIONS.items():
+        own = get_typestore(Stores.EMPTY)
+        own.register(get_types_from_msg(text, kind))
+        assert own.hash_rihs01(kind) == jazzy.hash_rihs01(kind), kind

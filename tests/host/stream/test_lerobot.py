@@ -1,0 +1,105 @@
+"""The plug-in against LeRobot 0.6.1 itself: found by its name, made by its factories, with its exceptions and units."""
+
+import json
+import os
+import re
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gellight
+from gellight.stream.publisher import Publisher
+from tests.helpers.children import run
+from tests.helpers.lerobot_packages import lerobot_folder
+from tests.helpers.places import CHECKOUT
+from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
+
+PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
+READER = CHECKOUT / "tests/helpers/lerobot_reader.py"
+PAGE = (CHECKOUT / "docs/lerobot.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Where LeRobot and the wheel of the plug-in can be imported from, and where LeRobot may write."""
+    folder = tmp_path_factory.mktemp("lerobot")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder / "wheel"]
+    run(build, cwd=PLUGIN, check=True)
+    (wheel,) = (folder / "wheel").glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(folder / "site")
+    path = os.pathsep.join(map(str, (folder / "site", lerobot_folder(), CHECKOUT / "host")))
+    return {**os.environ, "PYTHONPATH": path, "HF_HOME": str(folder / "hf"), "HF_HUB_OFFLINE": "1"}
+
+
+def ask(environment: dict[str, str], *arguments: object) -> dict[str, object]:
+    """Return what the program of LeRobot prints."""
+    daemons = {"XDG_RUNTIME_DIR": os.environ["XDG_RUNTIME_DIR"]}
+    done = run([sys.executable, READER, *map(str, arguments)], env={**environment, **daemons})
+    assert done.returncode == 0, done.stderr
+    told: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
+    return told
+
+
+@pytest.fixture
+def finger() -> Iterator[BumpReconstructor]:
+    daemon, made = bump_daemon(period_s=0.05)
+    with daemon, Publisher(daemon, name="finger"):
+        yield made
+
+
+def test_the_camera_is_found_and_keeps_to_the_contract(
+    environment: dict[str, str], finger: BumpReconstructor, tmp_path: Path
+) -> None:
+    told = ask(environment, "camera", tmp_path / "maps.npz")
+    assert "gellight" in told["types"]["CameraConfig"]
+    assert "gellight_press" in told["types"]["RobotConfig"]
+    assert "gellight_press" in told["types"]["TeleoperatorConfig"]
+    assert told["unmet"] == []
+    assert [one["name"] for one in told["found"]] == ["finger"]
+    assert told["unconnected"].startswith("DeviceNotConnectedError")
+    assert told["twice"].startswith("DeviceAlreadyConnectedError")
+    assert re.match("ConnectionError: no daemon publishes thumb.*there are finger", told["nobody"])
+    assert re.match("ConnectionError: .*gives 64 x 48 px, not 640 x 48: set", told["size"])
+    assert told["nothing"].startswith("ValueError: use_rgb and use_depth")
+    assert re.match(r"TimeoutError: .* ms old, more than -1", told["old"])
+    assert "gives no depth: set use_depth" in told["no depth"]
+    assert told["after"][0] is False
+    assert told["after"][1].startswith("DeviceNotConnectedError")
+    maps, given = np.load(tmp_path / "maps.npz"), list(finger.given.values())
+    for name in ("read", "async_read", "latest"):
+        assert (maps[name].dtype, maps[name].shape) == (np.uint8, (*SHAPE, 3))
+    for name in ("depth", "latest_depth"):
+        assert (maps[name].dtype, maps[name].shape) == (np.float32, (*SHAPE, 1))
+        assert any(np.array_equal(maps[name][..., 0], frame.depth_mm * np.float32(1e-3)) for frame in given), "metres"
+    seen = [frame for frame in given if np.array_equal(frame.camera_frame.image, maps["latest"])]
+    belongs = [np.array_equal(maps["latest_depth"][..., 0], frame.depth_mm * np.float32(1e-3)) for frame in seen]
+    assert any(belongs), "image and depth are of one frame"
+
+
+def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str]) -> None:
+    with gellight.connect("sim://?fps=10") as sensor, Publisher(sensor.daemon):
+        told = ask(environment, "press")
+    assert told["asked_mm"] == 0.5
+    assert told["seen_mm"] == pytest.approx(0.5, abs=0.05)
+    assert told["features"] == {"gel": [480, 640, 3], "gel_depth": [480, 640, 1]}
+    assert told["kinds"] == {"gel": ["uint8", 480, 640, 3], "gel_depth": ["float32", 480, 640, 1]}
+
+
+def test_the_robot_refuses_a_real_gel(environment: dict[str, str], finger: BumpReconstructor) -> None:
+    told = ask(environment, "press", "refused")
+    assert told["refused"].startswith("ConnectionError: objects can be pressed into a simulated gel only")
+
+
+def test_the_settings_of_the_page_do_not_clip_tactile_depth(environment: dict[str, str]) -> None:
+    """By LeRobot's own quantiser; its default makes one code of all depths up to 2 mm."""
+    given = dict(re.findall(r"--dataset\.depth_encoder\.(\w+)=(\S+)", PAGE))
+    told = ask(environment, "quantise", given["depth_min"], given["depth_max"], given["use_log"])
+    assert told["worst_um"] < 0.25
+    assert told["codes"] == 4096
+    by_default = ask(environment, "quantise", 0.01, 10, "true")
+    assert by_default["codes"] == 1
+    assert by_default["worst_um"] > 1000
