@@ -68,7 +68,7 @@ bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES],
 
 void ring_dim(uint8_t halvings, uint8_t colours[COLOUR_BYTES])
 {
-    for (uint32_t i = 0; i < COLOUR_BYTES; i++)
+    for (uint32_t i = 0; halvings && i < COLOUR_BYTES; i++)
         colours[i] = (uint8_t)((colours[i] + (1u << halvings) - 1u) >> halvings);
 }
 

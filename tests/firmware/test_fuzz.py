@@ -68,6 +68,34 @@ def test_a_fault_of_endpoint_0_is_found(old: str, new: str, tmp_path: Path) -> N
     assert done.returncode != 0
 
 
+FLASH_FAULTS = [
+    (
+        "config->saves && page % SECTOR_PAGES == 0 && page / SECTOR_PAGES == config->page / SECTOR_PAGES",
+        "false && config && page",
+    ),
+    ("    return erased(&record);", "    return true;"),
+    ("record->crc == crc32(0, record, sizeof *record - 4u)", "true"),
+    ("return sound && config_valid(&record->configuration, &value);", "return sound || !&value;"),
+    ("record.saves <= config->saves", "record.saves < config->saves"),
+    ("    return bytes_equal(&record, &written, sizeof record);", "    return true;"),
+]
+
+
+def test_no_flash_leads_to_a_wrong_configuration(tmp_path: Path) -> None:
+    done = fuzz(compile_fuzzer(tmp_path / "flash", what="flash"), SECONDS, 1, corpus=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
+@pytest.mark.parametrize(("old", "new"), FLASH_FAULTS)
+def test_a_fault_of_the_configuration_is_found(old: str, new: str, tmp_path: Path) -> None:
+    shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
+    path = tmp_path / "firmware/core/config.c"
+    assert path.read_text().count(old) == 1
+    path.write_text(path.read_text().replace(old, new))
+    done = fuzz(compile_fuzzer(tmp_path / "flash", tmp_path, what="flash"), 40, 1, corpus=False)
+    assert done.returncode != 0
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("gcov") is None, reason="needs gcc and its gcov")
 def test_the_corpus_reaches_the_core(tmp_path: Path) -> None:
     """Or the fuzzer would have nothing to start from where it matters: sequences, for example, need a checksum."""

@@ -343,8 +343,8 @@ def _examine_wired(board: BenchBoard, ring: LightRing, problems: list[str]) -> N
 
 def _hub(board: BenchBoard, ring: LightRing, problems: list[str]) -> None:
     """Silicon B1 joins a busy hub and gives GPIO15 back; nobody touches it on B2, or where it is in use."""
-    for revision, busy in ((B1, True), (B2, False)):
-        other = BenchBoard(bytes(board.flash), revision=revision, busy_hub=busy)
+    for revision in (B1, B2):
+        other = BenchBoard(bytes(board.flash), revision=revision, busy_hub=True)
         pin, taken = other.chip.gpio[DATA_PLUS], []
         if not other.run_until(lambda b=other, p=pin, t=taken: t.append(p.ctrl) or b.host.configured, 200_000):
             problems.append("does not join a busy hub")

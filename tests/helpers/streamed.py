@@ -22,7 +22,7 @@ class BumpReconstructor:
     def __init__(self, bundle: Bundle | None = None) -> None:
         described = SimpleNamespace(sensor="formula")
         self.bundle: Any = bundle or SimpleNamespace(
-            pixel_size_mm=(0.1, 0.2), identity="0" * 16, manifest=described, metrics={}
+            pixel_size_mm=(0.1, 0.2), image_shape=SHAPE, files={}, identity="0" * 16, manifest=described, metrics={}
         )
         self.given: dict[int, TactileFrame] = {}
 

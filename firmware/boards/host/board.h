@@ -7,8 +7,10 @@
 
 #include "controller.h"
 
+#ifndef BOARD_LIGHTS /* that are remembered; the fuzzer needs few */
 #define BOARD_LIGHTS 4096u
 #define BOARD_OUTPUT_BYTES 65536u
+#endif
 #define BOARD_FLASH_BYTES (PORT_SECTORS * PORT_SECTOR_BYTES)
 
 struct board_light {

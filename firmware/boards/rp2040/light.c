@@ -55,8 +55,8 @@ void light_setup(const struct configuration *configuration)
     REGISTER(PIO0_SM0_EXECCTRL) = (PROGRAM_LENGTH - 1u) << 12;          /* wrap */
     REGISTER(PIO0_SM0_SHIFTCTRL) = 1u << 17 | (bits & 31u) << 25 | 1u << 30; /* autopull (0: 32), left, joined FIFO */
     pin_set_output();
-    REGISTER(PADS_BANK0(data_pin)) = 0x52;  /* 4 mA, Schmitt trigger, no pull */
-    REGISTER(IO_BANK0_CTRL(data_pin)) = 6;  /* PIO0 */
+    REGISTER(PADS_BANK0(data_pin)) = PAD_OUTPUT;
+    REGISTER(IO_BANK0_CTRL(data_pin)) = FUNCTION_PIO0;
     REGISTER(PIO0_CTRL) = 1u << 4 | 1u << 8; /* restart: the shift register counts as empty */
     SET_BITS(PIO0_CTRL) = 1u << 0;
 }
@@ -188,7 +188,7 @@ void trigger_interrupt(void)
 bool light_path_intact(void)
 {
     return REGISTER(PIO0_SM0_CLKDIV) == CLOCK_DIVIDER << 16 &&
-           REGISTER(PIO0_SM0_PINCTRL) == (1u << 29 | data_pin << 10) && (REGISTER(IO_BANK0_CTRL(data_pin)) & 31u) == 6u;
+           REGISTER(PIO0_SM0_PINCTRL) == (1u << 29 | data_pin << 10) && (REGISTER(IO_BANK0_CTRL(data_pin)) & FUNCTION_NONE) == FUNCTION_PIO0;
 }
 
 static void spin_us(uint32_t duration_us)

@@ -5,9 +5,6 @@
 #define PULSE_US 100u
 #define SLOW_US 500000u /* half a period of the status LED without a host */
 #define FAST_US 100000u /* and after a fault */
-#define PAD_OUTPUT 0x52u /* 4 mA, Schmitt trigger, no pull */
-#define PAD_PULLED_UP 0x4au /* input, Schmitt trigger */
-#define FUNCTION_SIO 5u
 #define BOTH_EDGES 0xcu
 
 static uint32_t trigger_pin, output, status, load_switch; /* all but the first as bits, 0: there is none */

@@ -46,6 +46,17 @@
 #define IO_QSPI_SS_CTRL 0x4001800cu
 #define PADS_BANK0(pin) (0x4001c004u + 4u * (pin))
 
+/* What a pin is: its pad, and the function it is given to (2.19.2). */
+#define PAD_OUTPUT 0x52u    /* 4 mA, Schmitt trigger, no pull */
+#define PAD_PULLED_UP 0x4au /* input, Schmitt trigger */
+#define PAD_BUS_KEEP (1u << 3 | 1u << 2) /* both pulls, in addition */
+#define FUNCTION_SIO 5u
+#define FUNCTION_PIO0 6u
+#define FUNCTION_USB 8u
+#define FUNCTION_NONE 31u /* and all bits of FUNCSEL */
+#define PIN_OUTPUT_OFF (2u << 12)
+#define PIN_INPUT_HIGH (3u << 16)
+
 #define XOSC_CTRL 0x40024000u
 #define XOSC_STATUS 0x40024004u
 #define XOSC_STARTUP 0x4002400cu

@@ -1,6 +1,6 @@
 /*
- * Endpoint 0: the requests of USB 2.0 (9.4) that a device with one configuration has to know, those of a CDC-ACM serial
- * port (PSTN 1.2, 6.3), and the two of picotool's reset interface. What is not known is refused by a stall.
+ * Endpoint 0: the requests of USB 2.0 (9.4) that a device with one configuration has to know, and those of a CDC-ACM serial
+ * port (PSTN 1.2, 6.3). What is not known is refused by a stall.
  */
 #include "usb_wire.h"
 

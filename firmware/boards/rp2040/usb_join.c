@@ -9,11 +9,6 @@
 
 #define B0_OR_B1 1u
 #define DATA_PLUS 15u
-#define FUNCTION 31u /* of a pin; 31 is none */
-#define FUNCTION_USB 8u
-#define OUTPUT_OFF (2u << 12)
-#define INPUT_HIGH (3u << 16)
-#define BUS_KEEP (1u << 3 | 1u << 2) /* both pulls */
 #define CONNECTED (1u << 16)
 #define LINE_STATE (3u << 2) /* 0: the host resets */
 #define PULL_UP (1u << 1)
@@ -29,8 +24,8 @@ static void force_idle(void)
 {
     function = REGISTER(IO_BANK0_CTRL(DATA_PLUS));
     pad = REGISTER(PADS_BANK0(DATA_PLUS));
-    REGISTER(PADS_BANK0(DATA_PLUS)) = pad | BUS_KEEP;
-    REGISTER(IO_BANK0_CTRL(DATA_PLUS)) = FUNCTION_USB | OUTPUT_OFF | INPUT_HIGH;
+    REGISTER(PADS_BANK0(DATA_PLUS)) = pad | PAD_BUS_KEEP;
+    REGISTER(IO_BANK0_CTRL(DATA_PLUS)) = FUNCTION_USB | PIN_OUTPUT_OFF | PIN_INPUT_HIGH;
     SET_BITS(USB_PHY_DIRECT) = PULL_UP;
     SET_BITS(USB_PHY_OVERRIDE) = PULL_UP_OVERRIDE;
     REGISTER(USB_MUXING) = TO_PADS;
@@ -63,7 +58,7 @@ void join_abandon(void)
 void join_begin(void)
 {
     join_abandon();
-    if (REGISTER(SYSINFO_CHIP_ID) >> 28 != B0_OR_B1 || (REGISTER(IO_BANK0_CTRL(DATA_PLUS)) & FUNCTION) != FUNCTION)
+    if (REGISTER(SYSINFO_CHIP_ID) >> 28 != B0_OR_B1 || (REGISTER(IO_BANK0_CTRL(DATA_PLUS)) & FUNCTION_NONE) != FUNCTION_NONE)
         return;
     state = JOIN_RESET;
     looks = 0;

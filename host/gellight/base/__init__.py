@@ -6,6 +6,8 @@ allowed.py   what a pydantic model allows, in a user's words
 writing.py   files written whole or not at all, flushed to the disk
 locking.py   locks on files, on Windows too
 mailbox.py   keeps the newest item, from thread to thread
+logs.py      what a service says: lines for people, or JSON
+turns.py     a lock whose users take turns
 holders.py   who else has a device open
 service_manager.py   what systemd is told of a service
 """

@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError
 
 from gellight.base.allowed import StrictModel, allowed, nearest
 from gellight.base.errors import ConfigError
+from gellight.base.logs import LogForm
 
 PREFIX = "GELLIGHT_"
 Values = dict[str, dict[str, object]]
@@ -95,7 +96,7 @@ class ReconstructionSettings(StrictModel):
     )
     light_groups: Literal["triples", "singles"] = Field(
         default="triples",
-        description="exposures of photometric stereo: 4 of a red, a green and a blue LED each, or 12 of one LED",
+        description="exposures of photometric stereo: 4 of a red, a green and a blue LED each, or one of each LED",
     )
     frames_per_light: int = Field(
         default=1, ge=1, le=64, description="frames averaged in each exposure of photometric stereo"
@@ -136,7 +137,26 @@ class WatchSettings(StrictModel):
 class DashboardSettings(StrictModel):
     """The page."""
 
-    port: int = Field(default=8420, ge=0, le=65535, description="port on 127.0.0.1; 0: any free one")
+    port: int = Field(default=8420, ge=0, le=65535, description="port; 0: any free one")
+    host: str = Field(
+        default="127.0.0.1",
+        min_length=1,
+        description="address to listen on; other computers reach any other one, such as 0.0.0.0, and need the token",
+    )
+    token: str = Field(
+        default="",
+        pattern="^([A-Za-z0-9_-]{16,200})?$",
+        description="what a browser has to know, at least 16 letters, digits, `-` and `_`; empty: one is drawn at each "
+        "start where `host` is not of this computer alone",
+    )
+
+
+class ServiceSettings(StrictModel):
+    """A sensor that runs without anybody watching."""
+
+    log: LogForm = Field(
+        default="text", description="what is said on standard error: lines for people, or one JSON object a line"
+    )
 
 
 class StreamSettings(StrictModel):
@@ -168,6 +188,7 @@ class Settings(StrictModel):
     lighting: LightingSettings = Field(default_factory=LightingSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
+    service: ServiceSettings = Field(default_factory=ServiceSettings)
     stream: StreamSettings = Field(default_factory=StreamSettings)
 
 

@@ -10,6 +10,7 @@ import tomli_w
 from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gellight.base.errors import BundleError
+from gellight.ring.wire import MOST_LEDS
 
 SCHEMA_VERSION = 1
 MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"
@@ -88,8 +89,8 @@ class Manifest(BaseModel):
         missing = {REFERENCE, METRICS, self.network} - set(self.files)
         if missing:
             raise ValueError(f"[files] does not list {', '.join(sorted(missing))}")
-        if self.led and len(self.led) != 12:
-            raise ValueError(f"led has {len(self.led)} entries, the ring has 12")
+        if self.led and not 3 <= len(self.led) <= MOST_LEDS:
+            raise ValueError(f"led has {len(self.led)} entries, a ring has 3 to {MOST_LEDS}")
         return self
 
     @property

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.bundle.limits import Limits
+from gellight.ring.wire import MOST_LEDS
 from gellight.training.training import TrainingOptions
 
 RING_COLOURS = "RRRRGGGGBBBB"
@@ -48,9 +49,10 @@ class RoutineOptions:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} = {value}: give the size of the tool in mm, greater than 0")
-        if not re.fullmatch("[RGB]{12}", self.led_colours) or len(set(self.led_colours)) < 3:
+        if not re.fullmatch(f"[RGB]{{3,{MOST_LEDS}}}", self.led_colours) or len(set(self.led_colours)) < 3:
             raise InputError(
-                f"led_colours = {self.led_colours!r}: the ring has 12 LEDs, give a letter for each: R, G and B"
+                f"led_colours = {self.led_colours!r}: give a letter for each LED of the ring, R, G or B, each at least "
+                f"once, {MOST_LEDS} at most"
             )
         least = {"presses": LEAST_PRESSES, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
         for name, count in least.items():

@@ -36,6 +36,12 @@ def prepare(run: CalibrationRun) -> None:
     _lock(camera)
     lights, levels = None, None
     if camera.ring is not None:
+        if camera.ring.led_count != len(options.led_colours):
+            raise InputError(
+                f"the board drives {camera.ring.led_count} LEDs, led_colours = {options.led_colours!r} has "
+                f"{len(options.led_colours)}: give led_colours under [geometry] in gellight.toml, or the board its "
+                "number of LEDs with `gellight ring configure --leds`"
+            )
         lights = led_check.check_lights(run, full_colours(options.led_colours))
         levels = _balanced(run)
     elif camera.controls is not None:
@@ -70,7 +76,7 @@ def led_settings(levels: list[list[int]] | None) -> tuple[LedSetting, ...]:
 
 
 def full_colours(ring: str, levels: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
-    """(12, 3) a ring of LEDs of these colours, such as "RRRRGGGGBBBB", each at its colour's share of brightness."""
+    """(n, 3) a ring of LEDs of these colours, such as "RRRRGGGGBBBB", each at its colour's share of brightness."""
     lit = np.array([[float(colour == channel) for channel in "RGB"] for colour in ring])
     return np.asarray(np.rint(255 * lit * np.array(levels)).astype(np.uint8))
 
@@ -93,7 +99,7 @@ def _brightest(run: CalibrationRun) -> float:
 
 
 def _balanced(run: CalibrationRun) -> NDArray[np.uint8]:
-    """Dim the brighter colours until the means of the channels agree, and expose; (12, 3) levels.
+    """Dim the brighter colours until the means of the channels agree, and expose; (n, 3) levels.
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
     """

@@ -49,7 +49,7 @@ class PressRecord(PictureRecord, Circle):
     def press(self, folder: Path) -> Press:
         """Return the press as it is trained on; folder: that of the calibration."""
         x, y, radius = self.center_x_px, self.center_y_px, self.contact_radius_px
-        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius)
+        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=True)
 
     def circle(self) -> dict[str, float]:
         """Return the three numbers of the circle by name."""

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from gellight.cli.advice import activation
+from gellight.cli.one_sensor import Running, follow, published, served, table
 from gellight.cli.options import AsJson, simulated_settings, with_options
-from gellight.cli.run import Running, follow, published, served, table
 from gellight.daemon.assembly import open_session
 
 FRAME_TIMEOUT_S = 20.0

@@ -1,5 +1,6 @@
 """How a command ends: its exit status, and SIGTERM, which ends every verb as Ctrl-C does: LEDs dark, children gone."""
 
+import logging
 import signal
 import sys
 import traceback
@@ -9,6 +10,7 @@ from enum import IntEnum
 from types import FrameType
 
 from gellight.base.errors import GellightError
+from gellight.base.logs import say
 from gellight.cli.advice import typeable
 
 
@@ -50,7 +52,7 @@ def end(command: Callable[[], object]) -> None:
     try:
         command()
     except GellightError as error:
-        print(f"gellight: {typeable(str(error))}", file=sys.stderr)
+        say(f"gellight: {typeable(str(error))}", level=logging.ERROR)
         sys.exit(_interrupted_or(Ending.REFUSED))
     except KeyboardInterrupt:
         sys.exit(_interrupted_or(Ending.INTERRUPTED))
@@ -58,7 +60,7 @@ def end(command: Callable[[], object]) -> None:
         # typer knows Ctrl-C alone
         sys.exit(_interrupted_or(Ending.INTERRUPTED) if error.code == Ending.INTERRUPTED else error.code)
     except Exception:
-        traceback.print_exc()
+        say(traceback.format_exc().rstrip(), level=logging.CRITICAL)
         sys.exit(Ending.FAULT)
 
 

@@ -12,8 +12,8 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
+from gellight.cli.one_sensor import WAIT_S, Running, published, served
 from gellight.cli.options import AsJson, Seconds, with_options
-from gellight.cli.run import WAIT_S, Running, published, served
 from gellight.daemon.assembly import open_session
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import EndOfStream

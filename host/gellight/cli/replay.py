@@ -7,8 +7,8 @@ from urllib.parse import quote
 import typer
 
 from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import Running, run_sensor
 from gellight.cli.options import with_options
-from gellight.cli.run import Running, run_sensor
 
 
 @with_options

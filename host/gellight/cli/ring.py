@@ -15,7 +15,7 @@ from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
 from gellight.ring.boards import BOARDS, check_wiring, find_board, wired_as
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
-from gellight.ring.protocol import ACTIVE_LOW, NO_PIN, Configuration
+from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
 from gellight.ring.wire import MOST_LEDS
 
 app = typer.Typer(help="The light ring by hand.", no_args_is_help=True)
@@ -180,6 +180,10 @@ def configure(
     switch_pin: Annotated[
         int | None, typer.Option(help="GPIO of a load switch of the LEDs, plus 128 if low closes it; 255: none")
     ] = None,
+    supply_ma: Annotated[
+        int | None,
+        typer.Option(help="current limit of LEDs with a supply of their own, mA, 100 to 2000; 0: USB, 450 mA"),
+    ] = None,
     hottest: Annotated[
         int | None, typer.Option(help="°C of the chip above which the LEDs are dimmed, 40 to 85")
     ] = None,
@@ -197,6 +201,8 @@ def configure(
                  "switch_pin": switch_pin, "hottest_c": hottest, "led_count": leds,
                  "colour_order": _member(ColourOrder, order)}  # fmt: skip
         given |= {"output_pin": NO_PIN} if output == "none" else {"output_at": _member(OutputAt, output)}
+        if supply_ma is not None:
+            given |= {"external_supply": int(supply_ma > 0), "limit_ma": supply_ma or CURRENT_CAP_MA}
         for name, value in given.items():
             changed = changed if value is None else replace(changed, **{name: value})  # type: ignore[arg-type]
         check_wiring(changed)

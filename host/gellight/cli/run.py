@@ -1,100 +1,24 @@
-"""`gellight run`: a real sensor with its dashboard, through unplugging and plugging in."""
+"""`gellight run`: one or several real sensors with their dashboard, through unplugging and plugging in."""
 
-import json
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
-from functools import partial
-from math import inf
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gellight.base.errors import CameraError
-from gellight.base.service_manager import ServiceManager
-from gellight.base.settings import Settings, load_settings
-from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
-from gellight.cli.advice import typeable
-from gellight.cli.ending import until_interrupted
+from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import Running, run_sensor
 from gellight.cli.options import with_options
-from gellight.daemon.assembly import open_session
-from gellight.daemon.calibration_service import CalibrationService
-from gellight.daemon.daemon import Daemon
-from gellight.dashboard.server import DashboardServer
-from gellight.frames.camera import EndOfStream
-from gellight.opening import REAL
-from gellight.stream.foxglove import FoxgloveServer
-from gellight.stream.network import LAN_PORT
-from gellight.stream.publisher import Publisher, name_of_sensor
-from gellight.stream.ros2 import Ros2Publisher
-
-STATUS_S = 1.0
-WAIT_S = 0.5
-
-
-@dataclass(frozen=True)
-class Running:
-    """How a sensor runs."""
-
-    calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="that of the sensor")] = (
-        None
-    )
-    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")] = (
-        None
-    )
-    mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
-    ] = None
-    sequence: Annotated[
-        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
-    ] = None
-    light_mode: Annotated[
-        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
-    ] = None
-    publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
-        None
-    )
-    name: Annotated[str | None, typer.Option(help="Name to publish under.", show_default="that of the sensor")] = None
-    lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
-    zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
-    ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
-    foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
-    frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
-
-    def flags(self) -> dict[str, object]:
-        """Return the settings that were given as options.
-
-        A run of a number of frames is for programs, several of which may run at once: its port is a free one.
-        """
-        port = 0 if self.frames and self.port is None else self.port
-        return {
-            "sensor.calibration": self.calibration,
-            "dashboard.port": port,
-            "reconstruction.mode": self.mode,
-            "lighting.sequence": self.sequence,
-            "lighting.light_mode": self.light_mode,
-            "stream.enabled": self.publish,
-            "stream.name": self.name,
-            "stream.lan": self.lan,
-            "stream.zenoh_config": self.zenoh_config,
-            "stream.ros2": self.ros2,
-            "stream.foxglove": self.foxglove,
-        }
-
-    def ended_by_hand(self) -> AbstractContextManager[None]:
-        """Return what takes Ctrl-C and SIGTERM for the proper end, unless a number of frames was asked for."""
-        return until_interrupted(not self.frames)
+from gellight.cli.several_sensors import run_several
 
 
 @with_options
 def command(
     running: Running,
     sensor: Annotated[
-        str | None,
-        typer.Option(help="auto, sensor://NAME, v4l2:///dev/..., sim://", show_default="as in the settings, or auto"),
+        list[str] | None,
+        typer.Option(
+            help="auto, sensor://NAME, v4l2:///dev/..., sim://; several times for several sensors",
+            show_default="as in the settings, or auto",
+        ),
     ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
     as_json: Annotated[
@@ -105,121 +29,9 @@ def command(
 
     While it is unplugged the status is served, and the sensor is looked for.
     """
-    run_sensor(load_settings({"sensor.url": sensor, **running.flags()}), running, dashboard=dashboard, as_json=as_json)
-
-
-def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
-    """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
-    with (
-        running.ended_by_hand(),
-        open_session(settings, every=True) as daemon,
-        served(daemon, settings, dashboard),
-        published(daemon, settings),
-    ):
-        manager = ServiceManager()
-        manager.ready()
-        summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
-        print(json.dumps(summary) if as_json else table(summary))
-
-
-def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -> None:
-    """Print the status, and tell the service manager, where there is one, that the sensor works."""
-    manager.alive(int(str(status["frames"])), away=status["error"] is not None)
-    print_status(status, as_json)
-
-
-def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
-    """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
-    if bundle.identity != load_bundle(SYNTHETIC).identity:
-        return
-    changed, told = ", ".join(settings.geometry.overrides()), ""
-    if settings.sensor.url.startswith(REAL):
-        told = "the simulated sensor: calibrate yours with `gellight calibrate` before you trust its depth"
-    elif settings.sensor.url.startswith("sim://") and changed:
-        told = (
-            f"the paper's sensor, the settings change its {changed}: make one with `gellight calibrate --auto --sensor "
-            "sim://` before you trust the depth"
-        )
-    if told:
-        print(typeable(f"gellight: the bundle `synthetic` is of {told}"), file=sys.stderr)
-
-
-@contextmanager
-def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
-    """Publish the frames to other programs, unless the settings say no; to ROS 2 and Foxglove where they say so."""
-    chosen = settings.stream
-    config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
-    with ExitStack() as stack:
-        if chosen.enabled:
-            publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
-            there = f"zenoh://<this computer>:{LAN_PORT}/{publisher.name}" if chosen.lan else publisher.name
-            print(f"publishing: gellight.subscribe({there!r})", file=sys.stderr, flush=True)
-        name = chosen.name or name_of_sensor(daemon.camera)
-        if chosen.ros2:
-            topics = stack.enter_context(Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain))
-            print(f"ROS 2 topics: {topics.prefix}/...", file=sys.stderr, flush=True)
-        if chosen.foxglove:
-            view = stack.enter_context(FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan))
-            print(f"Foxglove: open {view.url}", file=sys.stderr, flush=True)
-        yield
-
-
-@contextmanager
-def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[str]:
-    """Serve the dashboard, if wanted, and yield its address, which is empty without one."""
-    warn_of_foreign_bundle(daemon.bundle, settings)
-    if not wanted:
-        yield ""
-        return
-    with (
-        CalibrationService(daemon, led_colours=settings.geometry.led_colours) as service,
-        DashboardServer(daemon, port=settings.dashboard.port, calibration=service) as server,
-    ):
-        print(f"dashboard: {server.url}   (Ctrl-C stops)", file=sys.stderr, flush=True)
-        yield server.url
-
-
-def follow(
-    daemon: Daemon, frames: int, show: Callable[[Mapping[str, object]], None] | None = None, patience_s: float = inf
-) -> dict[str, object]:
-    """Follow the tactile frames until `frames` came (0: for ever); return the status with the figures of the run.
-
-    show: is given the status every second. Raises what ends the run, and CameraError after `patience_s` without a
-    frame: a sensor that is unplugged is waited for. The images of a folder end it when they are used up.
-    """
-    count, sequence, deepest_mm, shown_s = 0, -1, 0.0, 0.0
-    begun_s = frame_s = time.monotonic()
-    while not frames or count < frames:
-        try:
-            frame = daemon.next_frame(sequence, WAIT_S)
-        except EndOfStream:
-            break
-        except TimeoutError:
-            if time.monotonic() - frame_s > patience_s:
-                raise CameraError(f"no frame for {patience_s:g} s: check the camera and start again") from None
-        else:
-            sequence, count, frame_s = frame.camera_frame.sequence, count + 1, time.monotonic()
-            deepest_mm = max(deepest_mm, frame.contact.indentation_mm)
-            if count == frames:
-                daemon.check(frame)  # a short run may end before the first check that runs beside it
-        if show and time.monotonic() - shown_s >= STATUS_S:
-            shown_s = time.monotonic()
-            show(daemon.status())
-    fps = round(count / (time.monotonic() - begun_s), 2)
-    return {**daemon.status(), "frames": count, "fps": fps, "indentation_mm": round(deepest_mm, 4)}
-
-
-def print_status(status: Mapping[str, object], as_json: bool) -> None:
-    """Print the status: JSON to standard output, or one line for people on a terminal."""
-    if as_json:
-        print(json.dumps(status), flush=True)
-    elif status["error"]:
-        print(f"gellight: {status['error']}", file=sys.stderr, flush=True)
-    elif sys.stderr.isatty():
-        print(f"\r{status['frames']} frames, {status['fps']} frames/s, age {status['frame_age_ms']} ms, "
-              f"{status['lost']} lost", end="", file=sys.stderr, flush=True)  # fmt: skip
-
-
-def table(summary: Mapping[str, object]) -> str:
-    """Return the statistics as lines for people."""
-    return "\n".join(f"{name:16} {value}" for name, value in summary.items())
+    urls: list[str | None] = [*(sensor or [])] or [None]
+    each = [load_settings({"sensor.url": url, **running.flags()}) for url in urls]
+    if len(each) == 1:
+        run_sensor(each[0], running, dashboard=dashboard, as_json=as_json)
+    else:
+        run_several(each, running, dashboard=dashboard, as_json=as_json)

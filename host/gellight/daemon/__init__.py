@@ -4,6 +4,7 @@ daemon.py               Daemon: the running sensor, whose bundle, zero and light
 frame_threads.py        the threads that capture and reconstruct; the daemon's camera for a second reader
 setting.py              how a sensor is set and lit, and how to set it the same again
 assembly.py             puts a daemon together as the settings say
+switched_camera.py      what stands in front of the sensor, replaced when the mode changes
 modes.py                network, photometric or hybrid
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard

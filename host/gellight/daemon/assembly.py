@@ -1,15 +1,20 @@
 """Puts a running sensor together: camera, calibration, reconstruction and, where it can be, the self-check."""
 
-from gellight.base.settings import Settings
+from typing import get_args
+
+from gellight.base.errors import InputError
+from gellight.base.settings import ReconstructionSettings, Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.bundle.store import BundleStore
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.daemon import Daemon, Equipment
 from gellight.daemon.installing import bundle_of
 from gellight.daemon.modes import frame_path, tactile_camera
+from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import SensorWatch
 
+MODES = get_args(ReconstructionSettings.model_fields["mode"].annotation)
 AUTO = "auto"
 """Setting of the calibration that stands for whichever bundle belongs to the sensor."""
 
@@ -25,21 +30,46 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
     camera = open_camera(settings.sensor.url, geometry=settings.geometry.overrides(), bundle=bundle)
     try:
         bundle.check_fits(camera.url, camera.image_shape)
-        mode, changing = settings.reconstruction.mode, bool(settings.lighting.sequence)
-        judge = None if mode == "network" and changing else camera.selfcheck(bundle.pixel_size_mm)
-        camera = tactile_camera(camera, bundle, settings.reconstruction, settings.lighting)
-        watched = settings.watch.enabled and mode == "network" and not changing
+        mode = settings.reconstruction.mode
+        judge = None if mode == "network" and settings.lighting.sequence else camera.selfcheck(bundle.pixel_size_mm)
+        first = equipment(bundle, settings)
+        camera = SwitchedCamera(camera, first.equip)
         return Daemon(
             camera,
-            path_for(bundle, settings),
+            first.rebuild(bundle),
             selfcheck=judge,
-            rebuild=lambda replacement: path_for(replacement, settings),
-            watch=SensorWatch(bundle, rezero=settings.watch.rezero) if watched else None,
+            rebuild=first.rebuild,
+            watch=SensorWatch(bundle, rezero=settings.watch.rezero) if first.watched else None,
+            equipment=lambda used, other: equipment(used, in_mode(settings, other)),
             every=every,
         )
     except BaseException:
         camera.close()
         raise
+
+
+def equipment(bundle: Bundle, settings: Settings) -> Equipment:
+    """Return what a sensor with `bundle` needs to run as `settings` say."""
+    changing = settings.lighting.sequence or settings.reconstruction.mode != "network"
+    return Equipment(
+        equip=lambda camera: tactile_camera(camera, bundle, settings.reconstruction, settings.lighting),
+        rebuild=lambda replacement: path_for(replacement, settings),
+        watched=settings.watch.enabled and not changing,
+    )
+
+
+def in_mode(settings: Settings, mode: str) -> Settings:
+    """Return the settings with another mode; InputError for one that is not known.
+
+    A light mode that moves a sequence on is that of photometric mode, and means nothing in the others without one.
+    """
+    if mode not in MODES:
+        raise InputError(f"there is no mode {mode!r}: choose one of {', '.join(MODES)}")
+    reconstruction = settings.reconstruction.model_copy(update={"mode": mode})
+    lighting = settings.lighting
+    if mode != "photometric" and not lighting.sequence:
+        lighting = lighting.model_copy(update={"light_mode": "hold"})
+    return settings.model_copy(update={"reconstruction": reconstruction, "lighting": lighting})
 
 
 def chosen_bundle(settings: Settings) -> Bundle:

@@ -14,6 +14,7 @@ from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.setting import Setting
+from gellight.daemon.switched_camera import Equip, SwitchedCamera
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
@@ -60,6 +61,18 @@ class _InUse:
         return replace(felt, provenance=provenance)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Equipment:
+    """What a sensor needs to run in one mode."""
+
+    equip: Equip
+    """puts in front of the camera what the mode needs"""
+    rebuild: Callable[[Bundle], FramePath]
+    """makes the frame path of a bundle"""
+    watched: bool
+    """whether the watch can look at the frames"""
+
+
 class Daemon:
     """Runs a camera and a reconstructor; a context manager that stops its threads and closes the camera."""
 
@@ -71,14 +84,17 @@ class Daemon:
         selfcheck: FrameJudge | None = None,
         rebuild: Callable[[Bundle], FramePath] = Reconstructor,
         watch: SensorWatch | None = None,
+        equipment: Callable[[Bundle, str], Equipment] | None = None,
         every: bool = False,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
 
         `rebuild` makes the reconstructor of a bundle that replaces the running one. `watch` looks at what comes and
-        says what has changed since the calibration. every: the pictures of files wait until `next_frame` asks for them.
+        says what has changed since the calibration. `equipment` says what another mode needs with a bundle;
+        without it the mode cannot be changed. every: the pictures of files wait until `next_frame` asks for them.
         """
         self._camera = camera
+        self._equipment = equipment
         self._rebuild = rebuild
         bundle = reconstructor.bundle
         self._in_use = _InUse(bundle=bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck)
@@ -90,7 +106,7 @@ class Daemon:
         self._threads = FrameThreads(camera, lambda frame: self._in_use.reconstruct(frame), every=every)
         if selfcheck:
             self._threads.also(self.check, SELFCHECK_PERIOD_S)
-        if watch:
+        if watch or equipment:
             self._threads.also(self._watch_now_and_then, PERIOD_S)
 
     def __enter__(self) -> Self:
@@ -217,19 +233,45 @@ class Daemon:
             return True
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show (12, 3) uint8 RGB on the LEDs from now on, or the light of the bundle again (None).
+        """Show (n, 3) uint8 RGB on the n LEDs from now on, or the light of the bundle again (None).
 
-        Depth means something only under the light of the bundle. Raises InputError while a calibration goes on or
-        where the sensor has no ring, else as `Camera.adopt`.
+        Depth means something only under the light of the bundle. Raises InputError while a calibration goes on,
+        where the sensor has no ring or another number of LEDs, else as `Camera.adopt`.
         """
         with self._changing:
             if self._lent is not None:
                 raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
             if self._camera.ring is None:
                 raise InputError(f"{self._camera.url} has no light ring that can be driven")
+            if colours is not None and len(colours) != self._camera.ring.led_count:
+                raise InputError(
+                    f"{len(colours)} colours, the ring has {self._camera.ring.led_count} LEDs: give one each"
+                )
             if self.mode != "network":
                 raise InputError(f"the sensor runs in mode {self.mode}, which changes the light all the time")
             self._set(Setting(controls={}, colours=self.bundle.colours if colours is None else colours))
+
+    def change_mode(self, mode: str) -> None:
+        """Go on in another mode: network, photometric or hybrid. The sensor is lit as the bundle says, or as it needs.
+
+        Raises InputError while a calibration goes on, for an unknown mode, and for a sensor whose mode is fixed;
+        BundleError, CameraError or BoardError where the mode cannot be. Then it goes on as before.
+        """
+        with self._changing:
+            if self._lent is not None:
+                raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
+            if self._equipment is None or not isinstance(self._camera, SwitchedCamera):
+                raise InputError(f"the mode of {self._camera.url} cannot be changed while it runs")
+            if self._threads.ended:
+                raise CameraError(f"{self._camera.url} was stopped: its LEDs stay dark")
+            used = self._in_use
+            new = self._equipment(used.bundle, mode)
+            path = new.rebuild(used.bundle)
+            watch = SensorWatch(used.bundle) if new.watched else None
+            with self._threads.halted():
+                self._camera.switch(new.equip, used.bundle.controls, used.bundle.colours)
+                self._rebuild = new.rebuild
+                self._in_use = replace(used, reconstructor=path, watch=watch)
 
     def rezero(self, *, asked: bool = True) -> None:
         """Set the zero of the depth to the gel as it is now; the stream goes on.
@@ -315,7 +357,8 @@ class Daemon:
     def _watch_now_and_then(self, frame: TactileFrame) -> None:
         """Let the watch look at a frame, and let the zero follow slow drift."""
         watch = self.watch
-        assert watch is not None
+        if watch is None:  # in this mode
+            return
         watch.note(frame)
         with self._changing:  # nobody replaces the bundle or sets a zero between the question and the zero
             if self.watch is watch and not watch.refusal(asked=False):

@@ -11,10 +11,12 @@ sensor that was unplugged ends nothing: while it is away the status says so, and
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from gellight.base.errors import CameraError
 from gellight.base.mailbox import Mailbox
+from gellight.base.turns import Turns
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -55,6 +57,7 @@ class FrameThreads:
         """the sequence number after which a frame was asked for last"""
         self._newest = self._void = -1
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
+        self._capturing, self._reconstructing = Turns(), Turns()
         self._handing_on = threading.Lock()
         """held while a frame is delivered or the old ones are thrown away"""
         self._threads = [
@@ -106,6 +109,15 @@ class FrameThreads:
             self.captured.clear()
             self.delivered.clear()
 
+    @contextmanager
+    def halted(self) -> Iterator[None]:
+        """Let camera and reconstruction rest between two frames; no frame from before is reconstructed afterwards."""
+        with self._capturing, self._reconstructing:
+            try:
+                yield
+            finally:
+                self.throw_away()
+
     def note(self, name: str, problem: str | None) -> None:
         """Show what is wrong with something, and log it once; None: nothing any more."""
         if problem is None:
@@ -118,19 +130,23 @@ class FrameThreads:
     def _capture(self) -> None:
         try:
             while not self.ended:
-                try:
-                    frame = self._camera.read()
-                except ReconnectingError as error:
-                    self._leave(str(error))
-                    continue
-                self._away, self._newest = None, frame.sequence
-                self.statistics.note_captured(frame)
-                self._taken.clear()
-                self.captured.put(frame)
+                with self._capturing:
+                    self._capture_one()
                 while self._camera.waits and not (self.ended or self._taken.wait(POLL_S)):
                     pass
         except Exception as error:
             self._end(error, self.captured)
+
+    def _capture_one(self) -> None:
+        try:
+            frame = self._camera.read()
+        except ReconnectingError as error:
+            self._leave(str(error))
+            return
+        self._away, self._newest = None, frame.sequence
+        self.statistics.note_captured(frame)
+        self._taken.clear()
+        self.captured.put(frame)
 
     def _leave(self, why: str) -> None:
         if self._away is None:
@@ -147,7 +163,9 @@ class FrameThreads:
                 except TimeoutError:
                     continue
                 self._taken.set()
-                self._deliver(self._reconstruct_frame(frame))
+                with self._reconstructing:
+                    if frame.sequence > self._void:
+                        self._deliver(self._reconstruct_frame(frame))
         except Exception as error:
             self._end(error, self.captured, self.delivered)
             self._ended.set()

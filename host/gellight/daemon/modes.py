@@ -115,7 +115,8 @@ def _window_camera(camera: Camera, model: LightModel, groups: NDArray[np.uint8],
     if camera.ring is None:
         raise CameraError(f"{camera.url} has no light ring that can be driven: use --mode network")
     timing = timing_of(camera)
-    left_s = timing.period_s - timing.readout_s - settle_s(timing, clock_error_s(light_mode))
+    settle = settle_s(timing, clock_error_s(light_mode), leds=camera.ring.led_count)
+    left_s = timing.period_s - timing.readout_s - settle
     longest_us = max(left_s, timing.exposure_s) * 1e6
     exposure = bright_exposure_us(camera, model, longest_us=longest_us)
     if exposure is not None:

@@ -43,7 +43,7 @@ def _tools(daemon: Daemon) -> tuple[Need, ...]:
 def _light(daemon: Daemon) -> Need:
     if daemon.camera.ring is None:
         return Need(name="light", state="yours", text="it cannot be driven from here: keep it as it is")
-    return Need(name="light", state="ready", text="the ring of 12 LEDs answers")
+    return Need(name="light", state="ready", text=f"the ring of {daemon.camera.ring.led_count} LEDs answers")
 
 
 def _camera(daemon: Daemon) -> Need:

@@ -1,1 +1,1 @@
-"""The dashboard: a page on this machine that shows what the sensor feels, live, and lets a visitor press."""
+"""The dashboard: a page that shows what the sensor feels, live, and lets a visitor press; `access.py`: to whom."""

@@ -3,19 +3,16 @@
 Flow control is by credits: the page grants as many frames as it is ready to draw, one frame is sent for each credit,
 and it is always the newest. Nothing is queued, so a slow page sees fewer frames, never old ones, and slows nobody else.
 
-A request whose Host is not this machine, or which comes from the page of another site (Origin), is refused; so a
-foreign web page in the same browser cannot reach the sensor.
+Who may connect: see access.py.
 """
 
 import asyncio
 import json
 import logging
 import time
-from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
@@ -23,6 +20,7 @@ from pydantic import ValidationError
 from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
+from gellight.dashboard.access import guard
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
@@ -45,7 +43,6 @@ MAX_COMMAND_BYTES = 4096
 STAGE_THREADS = 2
 """so that an object can be released while another is computed"""
 CALIBRATING = "a calibration is running, and only its own presses may touch the gel: finish or stop it in the wizard"
-LOOPBACK_NAMES = {"127.0.0.1", "localhost", "::1"}
 
 
 @dataclass(eq=False)
@@ -83,10 +80,14 @@ class Dashboard:
         self._worker = ThreadPoolExecutor(STAGE_THREADS, thread_name_prefix="dashboard-commands")
         self._newest_command = -1
 
-    def application(self) -> web.Application:
-        """Return the aiohttp application: page, `/status`, `/ws`, `/metrics`, `/health`, and the wizard's."""
-        app = web.Application(middlewares=[only_this_machine])
+    def application(self, token: str = "") -> web.Application:
+        """Return the aiohttp application: page, `/status`, `/ws`, `/metrics`, `/health`, and the wizard's.
+
+        token: what a request has to bring; see access.py.
+        """
+        app = web.Application(middlewares=[guard(token)])
         app.router.add_get("/ws", self._serve_client)
+        app.router.add_get("/sensors", _show_no_others)
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
         self._wizard.add_routes(app)
@@ -280,22 +281,6 @@ async def _answer_error(client: Client, command: str | None, message: str) -> No
     await client.socket.send_json({"type": "error", "command": command, "message": message})
 
 
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-
-
-@web.middleware
-async def only_this_machine(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse other hosts' names and other sites' pages; tell the browser to load nothing from elsewhere."""
-    host = request.headers.get("Host", "")
-    if urlsplit(f"//{host}").hostname not in LOOPBACK_NAMES:
-        raise web.HTTPForbidden(text=f"Host {host!r} is not this machine: open http://127.0.0.1 with the port shown")
-    origin = request.headers.get("Origin")
-    if origin is not None and origin != f"http://{host}":
-        raise web.HTTPForbidden(text=f"Origin {origin!r} is another site: open the dashboard's own page")
-    response = await handler(request)
-    if not response.prepared:
-        policy = f"default-src 'self'; img-src 'self' blob:; connect-src 'self' ws://{host}"
-        response.headers.setdefault("Content-Security-Policy", policy)
-        response.headers["X-Content-Type-Options"] = "nosniff"
-        response.headers.setdefault("Cache-Control", "no-cache")
-    return response
+async def _show_no_others(request: web.Request) -> web.Response:
+    """Say that there is no other sensor to choose; see chooser.py for several."""
+    return web.json_response([])

@@ -1,9 +1,12 @@
-"""The dashboard's server: a thread that serves the page on 127.0.0.1, and nowhere else."""
+"""The dashboard's server: a thread that serves the page, on 127.0.0.1 unless another address is given."""
 
 import asyncio
 import errno
 import logging
+import secrets
+import socket
 import threading
+from collections.abc import Callable
 from typing import Self
 
 from aiohttp import web
@@ -11,6 +14,7 @@ from aiohttp import web
 from gellight.base.errors import ServerError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
+from gellight.dashboard.access import is_loopback
 from gellight.dashboard.application import Dashboard
 
 logger = logging.getLogger(__name__)
@@ -19,16 +23,23 @@ HOST = "127.0.0.1"
 DEFAULT_PORT = 8420
 
 
-class DashboardServer:
-    """Runs the dashboard in a thread of its own; a context manager."""
+class PageServer:
+    """Runs a web application in a thread of its own; a context manager."""
 
     def __init__(
-        self, source: Daemon, *, port: int = DEFAULT_PORT, calibration: CalibrationService | None = None
+        self,
+        application: Callable[[str], web.Application],
+        *,
+        port: int = DEFAULT_PORT,
+        host: str = HOST,
+        token: str = "",
     ) -> None:
-        """Serve `source` on 127.0.0.1, with the wizard where there is a `calibration`; port 0 takes any free one."""
-        self._calibration = calibration
-        self._source = source
-        self._port = port
+        """Serve what `application` makes, given the token that every request has to bring; port 0 takes any free one.
+
+        token: by default one is drawn where other computers reach `host`, and none is needed where they do not.
+        """
+        self._application, self._port, self._host = application, port, host
+        self._token = token or ("" if is_loopback(host) else secrets.token_urlsafe(24))
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
@@ -37,8 +48,10 @@ class DashboardServer:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
-        return f"http://{HOST}:{self._port}/"
+        """Where the page is, with the token where one is needed."""
+        everywhere = self._host in ("0.0.0.0", "::")
+        shown = socket.gethostname() if everywhere else f"[{self._host}]" if ":" in self._host else self._host
+        return f"http://{shown}:{self._port}/" + (f"?token={self._token}" if self._token else "")
 
     def start(self) -> Self:
         """Listen; ServerError where the port cannot be had."""
@@ -75,29 +88,45 @@ class DashboardServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        runner = web.AppRunner(
-            Dashboard(self._source, self._calibration).application(), access_log=None, shutdown_timeout=1.0
-        )
+        runner = web.AppRunner(self._application(self._token), access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         try:
-            self._port = await _listen(runner, self._port)
+            self._port = await _listen(runner, self._host, self._port)
             self._ready.set()
             await self._stop.wait()
         finally:
             await runner.cleanup()
 
 
-async def _listen(runner: web.AppRunner, port: int) -> int:
+class DashboardServer(PageServer):
+    """Serves the dashboard of one sensor."""
+
+    def __init__(
+        self,
+        source: Daemon,
+        *,
+        port: int = DEFAULT_PORT,
+        calibration: CalibrationService | None = None,
+        host: str = HOST,
+        token: str = "",
+    ) -> None:
+        """Serve `source`, with the wizard where there is a `calibration`; host, port, token: see `PageServer`."""
+        super().__init__(Dashboard(source, calibration).application, port=port, host=host, token=token)
+
+
+async def _listen(runner: web.AppRunner, host: str, port: int) -> int:
     try:
-        await web.TCPSite(runner, HOST, port).start()
+        await web.TCPSite(runner, host, port).start()
     except OSError as error:
-        raise ServerError(_cannot_listen(error, port)) from error
+        raise ServerError(_cannot_listen(error, host, port)) from error
     return int(runner.addresses[0][1])
 
 
-def _cannot_listen(error: OSError, port: int) -> str:
+def _cannot_listen(error: OSError, host: str, port: int) -> str:
     if error.errno == errno.EADDRINUSE:
-        return f"port {port} of {HOST} is in use by another program: stop it, or choose another port with --port"
+        return f"port {port} of {host} is in use by another program: stop it, or choose another port with --port"
     if error.errno == errno.EACCES:
-        return f"port {port} of {HOST} needs root: choose one above 1023 with --port"
-    return f"cannot listen on port {port} of {HOST} ({error}): choose another port with --port"
+        return f"port {port} of {host} needs root: choose one above 1023 with --port"
+    if error.errno == errno.EADDRNOTAVAIL or isinstance(error, socket.gaierror):
+        return f"{host} is no address of this computer: choose another one with --host, such as 127.0.0.1 or 0.0.0.0"
+    return f"cannot listen on port {port} of {host} ({error}): choose another port with --port"

@@ -1,14 +1,13 @@
 """The base of cameras that stand in front of another camera and change what is read from it."""
 
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
+from gellight.base.turns import Turns
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
@@ -39,17 +38,11 @@ class CameraWrapper(Camera):
     def __init__(self, camera: Camera) -> None:
         """Take over `camera`."""
         self._camera = camera
-        self._using, self._next_user = threading.Lock(), threading.Lock()
+        self._turns = Turns()
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _alone(self) -> Turns:
         """Use camera and ring alone. Threads take turns, so `adopt` need not wait for a pause of who reads."""
-        with self._next_user:
-            self._using.acquire()
-        try:
-            yield
-        finally:
-            self._using.release()
+        return self._turns
 
     @property
     def picture_files(self) -> Mapping[str, bytes]:
@@ -72,6 +65,9 @@ class CameraWrapper(Camera):
     def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
         """Set and light the camera inside."""
         self._camera.adopt(controls, colours)
+
+    def release(self) -> None:
+        """Give back what was set and lit for this wrapper; the camera inside stays open."""
 
     def close(self) -> None:
         """Close the camera inside, with its LEDs dark."""

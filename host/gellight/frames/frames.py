@@ -84,6 +84,8 @@ class CameraFrame:
     """start of the exposure on the clock of `time.monotonic`"""
     sequence: int
     """counts the frames the camera took; a gap is a lost frame, a repetition is the same frame again"""
+    estimated: bool = False
+    """the camera did not tell when it took this frame: `time_s` is too early by some periods, never too late"""
     source: str = ""
     """where the frame came from, for messages: a file name or the URL of the camera"""
     light: NDArray[np.uint8] | None = None
@@ -244,6 +246,8 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
+    flags: tuple[str, ...] = ()
+    """what was done to the maps beyond the usual; `levelled`: a tilt of the whole surface was taken off"""
     provenance: Provenance | None = None
     """None where no daemon ran, as for the images of `gellight reconstruct`"""
 

@@ -1,6 +1,7 @@
 """Arrays in, depth out; no device.
 
 pipeline.py      Reconstructor: the way from a camera frame to a tactile frame
+sequence_path.py that way under a changing light
 numpy_path.py    that way in NumPy, SciPy and OpenCV
 stages.py        the names and times of its stages, and the frame at its end
 gelnet.py        difference image to gradient map, pixel by pixel; which pixels are touched
@@ -8,6 +9,7 @@ linearised.py    the same from the network and its Jacobian at the means of cell
 network_session.py  the network in ONNX Runtime
 jacobian.py      the network that also answers its Jacobian, made from the file of the bundle
 at_rest.py       where the gel is at rest
+tilt.py          the tilt of the whole surface, taken off where rest is seen on three sides
 pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from gellight.base.errors import InputError
-from gellight.ring.protocol import ACTIVE_LOW, NO_PIN, Configuration
+from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_EXTERNAL_MA, CURRENT_CAP_MA, NO_PIN, Configuration
 from gellight.ring.wire import MOST_LEDS
 
 
@@ -21,6 +21,12 @@ class Board:
     """data, trigger and output as the board labels them"""
 
 
+# Pins by the boards' headers in Raspberry Pi's pico-sdk (src/boards/include/boards), labels by TinyGo's pin tables:
+#   pico.h                   LED 25
+#   pico_w.h                 no plain LED: it hangs at the radio (CYW43_WL_GPIO_LED_PIN)
+#   seeed_xiao_rp2040.h      LED 25, the blue one, lit when low (..._LED_PIN_INVERTED); GPIO 2, 3, 4 are D8, D10, D9
+#   adafruit_qtpy_rp2040.h   no plain LED; GPIO 3, 4, 6 are MO, MI, SCK; WS2812 at 12, its power at 11
+#   waveshare_rp2040_zero.h  no plain LED; WS2812 at 16
 BOARDS = {
     "pico": Board(name="Raspberry Pi Pico", data_pin=2, trigger_pin=3, output_pin=4, status_pin=25,
                   printed="GP2, GP3, GP4"),
@@ -51,11 +57,14 @@ def wired_as(configuration: Configuration, board: Board, *, output: bool) -> Con
 
 
 def check_wiring(configuration: Configuration) -> None:
-    """Raise InputError where the board would refuse the pins, the number of LEDs or its limit of heat, and say why."""
+    """Raise InputError where the board would refuse the pins, the number of LEDs or its limits, and say why."""
     if not 40 <= configuration.hottest_c <= 85:
         raise InputError(f"{configuration.hottest_c} °C: the board takes 40 to 85 as the limit of its chip")
     if not 1 <= configuration.led_count <= MOST_LEDS:
         raise InputError(f"{configuration.led_count} LEDs: the board drives 1 to {MOST_LEDS}")
+    most_ma = CURRENT_CAP_EXTERNAL_MA if configuration.external_supply else CURRENT_CAP_MA
+    if not 100 <= configuration.limit_ma <= most_ma:
+        raise InputError(f"{configuration.limit_ma} mA: the board takes a current limit of 100 to {most_ma} mA")
     pins = {"data": configuration.data_pin, "trigger": configuration.trigger_pin}
     if configuration.output_pin != NO_PIN:
         pins["output"] = configuration.output_pin

@@ -204,6 +204,11 @@ class LightRing(BoardLink):
         with self._lighting:
             if colours is None:
                 self.blank()
+            elif len(colours) != self.led_count:
+                raise BoardError(
+                    f"the board drives {self.led_count} LEDs, this light has {len(colours)}: calibrate with this ring, "
+                    "or give the board its number of LEDs with `gellight ring configure --leds`"
+                )
             reply = self.set_leds(np.zeros((self.led_count, 3), np.uint8) if colours is None else colours)
             if colours is not None and reply.scale != protocol.FULL_SCALE:
                 self._refuse_scaled(reply.scale)

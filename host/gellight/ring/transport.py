@@ -2,16 +2,19 @@
 
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://WHICH``: the port of the board with this serial number or
 product string, or ``serial://`` of the only one there is. ``usb://`` or ``usb://WHICH``: the same endpoints through
-pyusb, without a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own.
+pyusb, without a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own;
+``sim://?leds=8``: one that is configured for so many LEDs.
 """
 
 import errno
 import logging
+import re
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gellight.base.errors import BoardError
 from gellight.base.holders import holders_text
 from gellight.ring import usb_numbers as numbers
+from gellight.ring.wire import LED_COUNT
 
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
@@ -39,17 +42,19 @@ class Transport(Protocol):
 def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
-    if scheme == "sim" and not rest:
+    if scheme == "sim" and re.fullmatch(r"(\?leds=\d{1,2})?", rest):
         from gellight.ring.emulator.child import SimulatedBoard
 
-        return SimulatedBoard()
+        return SimulatedBoard(leds=int(rest.removeprefix("?leds=") or LED_COUNT))
     if scheme == "serial" and rest != url:
         return SerialTransport(find_port(rest), url=url)
     if scheme == "usb" and rest != url:
         return UsbTransport(rest, url=url)
     if "://" not in url and url:
         return SerialTransport(url, url=url)
-    raise BoardError(f"{url!r} names no board: give /dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")
+    raise BoardError(
+        f"{url!r} names no board: give /dev/ttyACM0, serial://, serial://NUMBER, usb://, sim:// or sim://?leds=8"
+    )
 
 
 def board_ports() -> "list[ListPortInfo]":

@@ -5,6 +5,8 @@ sensor_camera.py   the camera of a real sensor, found again after it was unplugg
 connection.py      its camera and ring while they are there
 set_and_light.py   sets and lights a sensor, and returns frames that show it
 series_cameras.py  cameras that light the ring: series of exposures
+window_camera.py   a window that slides over the frames of a light sequence
+bandwidth.py       whether the cameras of several sensors fit on their USB buses
 opencv_camera.py   the fallback by OpenCV
 doctor.py          what stands between this computer and good frames
 sensor_checks.py   what stands between a sensor and good frames

@@ -160,7 +160,7 @@ def check_ring_clock(ring: LightRing, surroundings: Surroundings) -> Finding:
 def check_leds(ring: LightRing, camera: V4l2Camera) -> Finding:
     """Light the ring and look whether the camera sees it."""
     dark = _mean_grey(camera)
-    ring.light(np.full((12, 3), TEST_BRIGHTNESS, np.uint8))
+    ring.light(np.full((ring.led_count, 3), TEST_BRIGHTNESS, np.uint8))
     lit = _mean_grey(camera)
     ring.blank()
     text = f"the picture is {dark:.1f} grey levels with dark LEDs, {lit:.1f} with all lit at {TEST_BRIGHTNESS} of 255"

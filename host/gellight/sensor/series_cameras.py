@@ -113,11 +113,15 @@ class SeriesCamera(RingCamera):
         self._taken += 1
         return as_series(opening, closing, frames, self._groups, number=self._taken, exposure_us=self._exposure_us)
 
-    def close(self) -> None:
-        """Give the ring back and close the camera."""
+    def release(self) -> None:
+        """Give the ring back."""
         hold, self._hold = self._hold, None
         if hold is not None:
             hold.__exit__()
+
+    def close(self) -> None:
+        """Give the ring back and close the camera."""
+        self.release()
         super().close()
 
 

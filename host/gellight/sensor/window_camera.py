@@ -33,6 +33,7 @@ class WindowCamera(CameraWrapper):
     def __init__(self, camera: SequencedCamera, groups: NDArray[np.uint8], *, exposure_us: float | None) -> None:
         """Take over `camera`, which shows `groups` (G, 12, 3) uint8, exposed `exposure_us` where that can be set."""
         super().__init__(camera)
+        self._sequence = camera
         self._groups, self._exposure_us = groups, exposure_us
         self._mode = camera.mode
         self._skipped = 0
@@ -53,6 +54,10 @@ class WindowCamera(CameraWrapper):
         with self._alone():
             super().adopt(controls, colours)
             self._begin()
+
+    def release(self) -> None:
+        """End the sequence."""
+        self._sequence.release()
 
     def read(self) -> ExposureSeries:
         """Return the next window; raises what the camera raises, and CameraError where no whole window comes."""

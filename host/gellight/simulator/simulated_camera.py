@@ -31,14 +31,15 @@ from gellight.frames.timing import CameraTiming
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
-from gellight.ring.wire import LED_COUNT
+from gellight.ring.wire import MOST_LEDS
 from gellight.simulator.gel_models import GelKind, gel_model
+from gellight.simulator.read_noise import ReadNoise
 from gellight.simulator.scene import Array, Press, Scene
 from gellight.simulator.selfcheck import SelfCheck
 from gellight.simulator.shutter import Shutter, row_weights
 from gellight.simulator.simulated_controls import SimulatedControls
 from gellight.simulator.stage import Stage
-from sim_reference.camera import CameraResponse, digitise
+from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 
 DARK_S = 5.0
@@ -70,7 +71,7 @@ class SimulatedCamera(Camera):
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)
         self._period_s = 1 / fps
-        self._rng = np.random.default_rng(seed)
+        self._noise = ReadNoise(np.random.default_rng(seed))
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
         self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
         self._sequence = 0
@@ -125,7 +126,7 @@ class SimulatedCamera(Camera):
         press = self._press = self._next_press()
         begun_s, weights, colours = self._expose()
         grey, truth = self._look(press, weights)
-        image = digitise(grey, self._scene.response.noise_grey, self._rng)
+        image = self._noise.digitise(grey, self._scene.response.noise_grey)
         self._sequence += 1
         return CameraFrame(image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours,
                            truth=truth)  # fmt: skip
@@ -238,19 +239,25 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
     model = gel_model(wanted.gel, wanted.resolution)
     scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
-    if wanted.board and len(scene.light) != LED_COUNT:
-        raise ConfigError(
-            f"the sensor has {len(scene.light)} LEDs, the board of the light ring drives {LED_COUNT}: "
-            "give as many led_colours, or use sim://?board=0 for steady light without a board"
-        )
+    if wanted.board:
+        check_drivable(len(scene.light))
     ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
 
 
+def check_drivable(leds: int) -> None:
+    """Raise ConfigError for more LEDs than the board of the light ring can drive."""
+    if leds > MOST_LEDS:
+        raise ConfigError(
+            f"the sensor has {leds} LEDs, the board of the light ring drives {MOST_LEDS} at most: give fewer "
+            "led_colours, or use sim://?board=0 for steady light without a board"
+        )
+
+
 def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
-    """Start a simulated board and light its LEDs with (12, 3) `colours`."""
+    """Start a simulated board with as many LEDs as (n, 3) `colours`, and light them."""
     # A busy computer may keep the emulator from the processor for a while; a real board always answers.
-    ring = LightRing(open_transport("sim://"), timeout_s=1.0)
+    ring = LightRing(open_transport(f"sim://?leds={len(colours)}"), timeout_s=1.0)
     try:
         ring.light(colours)
     except BaseException:

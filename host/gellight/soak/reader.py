@@ -19,7 +19,7 @@ def main(name: str) -> None:
             print("ready", flush=True)
             for felt in frames:
                 frame = felt.camera_frame
-                if frame.sequence <= last or frame.time_s <= last_s:
+                if frame.sequence <= last or frame.time_s < last_s:
                     print(f"bad frame {frame.sequence} at {frame.time_s:.6f} after {last} at {last_s:.6f}", flush=True)
                 last, last_s, count = frame.sequence, frame.time_s, count + 1
                 if count % EVERY == 0:

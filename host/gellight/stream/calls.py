@@ -1,4 +1,4 @@
-"""What another program may ask of a daemon: status, calibration, a light, a zero, a press into a simulated gel.
+"""What another program may ask of a daemon: status, calibration, a light, a mode, a zero, a press into a simulated gel.
 
 A call is JSON such as {"type": "press", "object": "BALL", "depth_mm": 0.8, "x_mm": 0, "y_mm": 0}. The answer is JSON
 too, but for `calibration`, whose answer is the content of a `.gelcal` file.
@@ -14,6 +14,7 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
 from gellight.daemon.daemon import Daemon
+from gellight.ring.wire import MOST_LEDS
 from gellight.stream.wire import Byte
 
 
@@ -30,10 +31,17 @@ class Calibration(StrictModel):
 
 
 class Light(StrictModel):
-    """Show these colours on the 12 LEDs; None: those of the bundle again."""
+    """Show these colours on the LEDs; None: those of the bundle again."""
 
     type: Literal["light"] = "light"
-    colours: Annotated[list[tuple[Byte, Byte, Byte]], Field(min_length=12, max_length=12)] | None
+    colours: Annotated[list[tuple[Byte, Byte, Byte]], Field(min_length=1, max_length=MOST_LEDS)] | None
+
+
+class Mode(StrictModel):
+    """Go on in another mode: network, photometric or hybrid."""
+
+    type: Literal["mode"] = "mode"
+    mode: str
 
 
 class Zero(StrictModel):
@@ -58,7 +66,7 @@ class Release(StrictModel):
     type: Literal["release"] = "release"
 
 
-Call = Status | Calibration | Light | Zero | Press | Release
+Call = Status | Calibration | Light | Mode | Zero | Press | Release
 _CALLS: TypeAdapter[Call] = TypeAdapter(Annotated[Call, Field(discriminator="type")])
 
 
@@ -80,6 +88,8 @@ def answer(daemon: Daemon, call: Call) -> bytes:
             return packed_bundle(daemon.zeroed_bundle)
         case Light():
             daemon.light(None if call.colours is None else np.array(call.colours, np.uint8))
+        case Mode():
+            daemon.change_mode(call.mode)
         case Zero():
             daemon.rezero()
         case Press() | Release():

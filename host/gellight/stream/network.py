@@ -10,9 +10,11 @@ import logging
 import os
 import socket
 import sys
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import quote, unquote, urlsplit
 
 import zenoh
 
@@ -20,7 +22,10 @@ from gellight.base.errors import StreamError
 from gellight.stream import shared_memory
 
 logger = logging.getLogger(__name__)
-LAN_PORT = 7447
+LAN_PORT, LAN_PORTS = 7447, 16
+"""where daemons listen for other computers: the first of so many ports that is free"""
+SCOUT_S = 1.5
+"""so long daemons of other computers have to answer; zenoh asks at once and again after a second"""
 CONNECT_MS = 3000
 
 
@@ -34,17 +39,58 @@ def name_of(key_expression: str) -> str:
     return unquote(key_expression.split("/")[1])
 
 
-def publishing_session(*, lan: bool, config: Path | None) -> tuple[zenoh.Session, str]:
+def publishing_session(*, lan: bool, config: Path | None, lan_port: int = LAN_PORT) -> tuple[zenoh.Session, str]:
     """Open a session that subscribers connect to; return it and its endpoint, a free port of 127.0.0.1.
 
-    lan: accept other machines too, on `LAN_PORT`. config: a file of zenoh's own settings, for TLS and access control.
-    Raises StreamError where a port is in use or the file is no configuration of zenoh.
+    lan: accept other machines too, on `lan_port`, and answer who looks for daemons by multicast. config: a file of
+    zenoh's own settings, for TLS and access control. Raises StreamError where a port is in use or the file is no
+    configuration of zenoh.
     """
     settings = _settings(config)
     own = f"tcp/127.0.0.1:{_free_port()}"
     said = json.loads(settings.get_json("listen/endpoints"))  # a list where the file says it, else zenoh's own, by mode
-    endpoints = [own, *([f"tcp/[::]:{LAN_PORT}"] if lan else []), *(said if isinstance(said, list) else [])]
-    return _opened(settings, {"mode": "peer", "listen/endpoints": endpoints, "listen/exit_on_failure": True}), own
+    endpoints = [own, *([f"tcp/[::]:{lan_port}"] if lan else []), *(said if isinstance(said, list) else [])]
+    given = {"mode": "peer", "listen/endpoints": endpoints, "listen/exit_on_failure": True}
+    alone: dict[str, list[str]] = {"router": [], "peer": []}  # found by others, and connecting to nobody
+    found = {"scouting/multicast/enabled": True, "scouting/multicast/autoconnect": alone} if lan else {}
+    return _opened(settings, {**given, **found}), own
+
+
+def free_lan_port() -> int:
+    """Return the first port for other computers that is free: several daemons may share them; else StreamError."""
+    for port in range(LAN_PORT, LAN_PORT + LAN_PORTS):
+        with suppress(OSError), socket.create_server(("", port)):
+            return port
+    raise StreamError(
+        f"the ports {LAN_PORT} to {LAN_PORT + LAN_PORTS - 1} are all in use: stop what uses them, or run without --lan"
+    )
+
+
+def found_by_multicast(wait_s: float = SCOUT_S) -> list[str]:
+    """Return an endpoint of each program of zenoh that answers on the local network; not all need be daemons."""
+    settings = zenoh.Config()
+    settings.insert_json5("scouting/multicast/enabled", "true")
+    found: dict[str, str] = {}
+    scout = zenoh.scout(what="peer", config=settings)
+    try:
+        until_s = time.monotonic() + wait_s
+        while (left_s := until_s - time.monotonic()) > 0:
+            hello = scout.try_recv()
+            if hello is None:
+                time.sleep(min(left_s, 0.02))
+                continue
+            outside = [endpoint for endpoint in map(str, hello.locators) if not _is_loopback(endpoint)]
+            # IPv6 addresses of one link cannot be used without naming the network card.
+            for endpoint in sorted(outside, key=lambda text: "[fe80" in text.lower()):
+                found.setdefault(str(hello.zid), endpoint)
+    finally:
+        scout.stop()  # type: ignore[no-untyped-call]  # zenoh does not annotate it
+    return sorted(found.values())
+
+
+def _is_loopback(endpoint: str) -> bool:
+    host = urlsplit(f"//{endpoint.partition('/')[2]}").hostname or ""
+    return host == "::1" or host.startswith("127.")
 
 
 def subscribing_session(endpoint: str, *, config: Path | None) -> zenoh.Session:
@@ -73,7 +119,7 @@ def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Sessio
     shared = sys.platform != "linux" or os.access(shared_memory.PLACE, os.W_OK)
     if not shared:
         logger.warning("%s cannot be written: frames go through the network, which costs more", shared_memory.PLACE)
-    both = {**given, "scouting/multicast/enabled": False, "transport/shared_memory/enabled": shared}
+    both = {"scouting/multicast/enabled": False, **given, "transport/shared_memory/enabled": shared}
     for name, value in both.items():
         settings.insert_json5(name, json.dumps(value))
     try:

@@ -21,7 +21,7 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import TactileFrame
 from gellight.stream.calls import answer, read_call
 from gellight.stream.frame_thread import POLL_S, sending
-from gellight.stream.network import close, key, publishing_session
+from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
 from gellight.stream.shared_memory import SharedMemory
 from gellight.stream.wire import MOST_DETAILS, encode
@@ -51,13 +51,16 @@ class Publisher:
         """zenoh withdraws what nobody holds"""
         self.name = ""
         """under which it is published"""
+        self.lan_port = 0
+        """where other computers connect to; 0: they cannot"""
         self.frames = 0
         """that were published"""
 
     def __enter__(self) -> Self:
         """Announce the sensor and start; raises StreamError, and then nothing is left behind."""
         with ExitStack() as stack:
-            session, endpoint = publishing_session(lan=self._lan, config=self._config)
+            self.lan_port = free_lan_port() if self._lan else 0
+            session, endpoint = publishing_session(lan=self._lan, config=self._config, lan_port=self.lan_port)
             stack.callback(close, session)
             self.name = name = stack.enter_context(self._announced(endpoint)).name
             publisher = session.declare_publisher(

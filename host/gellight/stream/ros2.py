@@ -18,6 +18,7 @@ import zenoh
 
 from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
 from gellight.recording.ros_messages import CAMERA_INFO, DIAGNOSTICS, IMAGE, POINT, POINTS
 from gellight.stream.frame_thread import sending
@@ -56,12 +57,23 @@ class Topic:
 class Ros2Publisher:
     """Publishes a daemon that runs as a node of ROS 2; a context manager."""
 
-    def __init__(self, daemon: Daemon, router: str, *, name: str, domain: int = 0) -> None:
-        """Publish by the router at `router`, such as tcp/localhost:7447. name: of the sensor. domain: ROS_DOMAIN_ID."""
+    def __init__(
+        self,
+        daemon: Daemon,
+        router: str,
+        *,
+        name: str,
+        domain: int = 0,
+        distance_mm: float = RingGeometry.camera_height_mm,
+    ) -> None:
+        """Publish by the router at `router`, such as tcp/localhost:7447. name: of the sensor. domain: ROS_DOMAIN_ID.
+
+        distance_mm: from the gel to the camera, which the focal length of `camera_info` goes by.
+        """
         self._daemon, self._router, self._domain = daemon, router, domain
         self._name = topic_name(name)
         self.prefix = f"/{self._name}"
-        self._messages = RosTopics(daemon, self._name)
+        self._messages = RosTopics(daemon, self._name, distance_mm)
         self._count, self._diagnosed_s = 0, 0.0
         self._until = ExitStack()
 

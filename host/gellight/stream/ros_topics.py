@@ -1,7 +1,7 @@
 """What a sensor says in messages of ROS 2: the topics, their types, and how each is made of a tactile frame.
 
     image_raw     sensor_msgs/Image          rgb8, frame NAME_camera
-    camera_info   sensor_msgs/CameraInfo     size only: K is 0, which means "not calibrated"
+    camera_info   sensor_msgs/CameraInfo     plumb_bob; see reconstruction/lens/intrinsics.py
     depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
     points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
     contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
@@ -18,6 +18,8 @@ import numpy as np
 
 from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.lens.intrinsics import intrinsics
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import DepthKind, depth_image
 from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, POINT, POINTS, CdrWriter, RosImage
 from gellight.report.point_cloud import points_of
@@ -33,9 +35,12 @@ Encode = Callable[[TactileFrame], bytes]
 class RosTopics:
     """The messages of one daemon."""
 
-    def __init__(self, daemon: Daemon, name: str) -> None:
-        """Describe `daemon`; name: of the sensor, as ROS allows it, for the names of coordinate frames."""
-        self._daemon, self._name = daemon, name
+    def __init__(self, daemon: Daemon, name: str, distance_mm: float = RingGeometry.camera_height_mm) -> None:
+        """Describe `daemon`; name: of the sensor, as ROS allows it, for the names of coordinate frames.
+
+        distance_mm: from the gel to the camera, which the focal length of `camera_info` goes by.
+        """
+        self._daemon, self._name, self._distance_mm = daemon, name, distance_mm
         self.of_frames: dict[str, tuple[str, Encode]] = {
             "image_raw": (IMAGE, self._image),
             "camera_info": (CAMERA_INFO, self._camera_info),
@@ -57,8 +62,12 @@ class RosTopics:
     def _camera_info(self, frame: TactileFrame) -> bytes:
         height, width = frame.depth_mm.shape
         writer = CdrWriter().header(taken_s(frame), f"{self._name}_camera").put("I", height, width)
-        writer.string("").put("I", 0)  # no distortion model and no coefficients
-        return writer.put("d", *[0.0] * (9 + 9 + 12)).put("I", *[0] * 6).put("B", 0).finish()
+        camera = intrinsics(self._daemon.bundle, self._distance_mm)
+        matrix = camera.matrix.ravel().tolist()
+        writer.string("plumb_bob").put("I", 5).put("d", *camera.distortion, 0.0, 0.0, 0.0)
+        projected = np.column_stack([camera.matrix, np.zeros(3)]).ravel().tolist()
+        writer.put("d", *matrix, *np.eye(3).ravel().tolist(), *projected)
+        return writer.put("I", *[0] * 6).put("B", 0).finish()
 
     def _points(self, frame: TactileFrame) -> bytes:
         assert frame.provenance is not None

@@ -69,6 +69,10 @@ class Sensor(FrameSource):
         """Show colours on the LEDs, or the light of the bundle again (None); see `Daemon.light`."""
         self.daemon.light(colours)
 
+    def mode(self, mode: str) -> None:
+        """Go on in another mode; see `Daemon.change_mode`."""
+        self.daemon.change_mode(mode)
+
     def zero(self) -> None:
         """Set the zero of the depth; see `Daemon.rezero`."""
         self.daemon.rezero()

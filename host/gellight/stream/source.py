@@ -100,6 +100,10 @@ class FrameSource(ABC):
         """Show (12, 3) uint8 RGB on the LEDs, or the light of the bundle again (None); depth needs the latter."""
 
     @abstractmethod
+    def mode(self, mode: str) -> None:
+        """Go on in another mode: network, photometric or hybrid; InputError where that cannot be."""
+
+    @abstractmethod
     def zero(self) -> None:
         """Set the zero of the depth to the gel as it is now: nothing touches it; InputError where that is not so."""
 

@@ -3,8 +3,9 @@
 import json
 import threading
 import weakref
+from contextlib import suppress
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 import numpy as np
 import zenoh
@@ -15,8 +16,8 @@ from gellight.base.errors import InputError, StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
-from gellight.stream.calls import Calibration, Call, Light, Press, Release, Status, Zero
-from gellight.stream.network import LAN_PORT, close, key, name_of, subscribing_session
+from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
+from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import RunningDaemon, running
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
@@ -25,6 +26,8 @@ TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
 """of zenoh, by the scheme of a URL"""
 LISTENER_S = 2.0
 """that the function of a listener may take at the end"""
+LOOK_S = 2.0
+"""a daemon on the local network says at once what it publishes"""
 ANSWER_S = 10.0
 """a call that changes the light waits for the board"""
 
@@ -34,14 +37,19 @@ def subscribe(
 ) -> "Subscription":
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
-    `target` is `auto` (the only daemon of this user on this computer), the name of a sensor, or
-    `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with --lan; zenoh+tls:// where it is encrypted.
+    `target` is `auto` (the only daemon of this user on this computer, else the only one on the local network that runs
+    with --lan), the name of a sensor, looked for in the same way, or `zenoh://HOST[:PORT][/NAME]` on another computer,
+    whose daemon runs with --lan; zenoh+tls:// where it is encrypted.
     every: give every frame and not only the newest. config: a file of zenoh's own settings, for TLS and access
     control. Raises StreamError with the remedy.
     """
     path = Path(config) if config is not None else None
     if "://" in target:
         endpoint, name = _parsed(target)
+    elif target == "auto" and not running():
+        endpoint, name = _on_the_lan("", path)
+    elif target != "auto" and target not in [daemon.name for daemon in running()]:
+        endpoint, name = _on_the_lan(target, path)
     else:
         found = _running(target)
         endpoint, name = found.endpoint, found.name
@@ -56,12 +64,37 @@ def subscribe(
 def _running(target: str) -> RunningDaemon:
     found = [daemon for daemon in running() if target in ("auto", daemon.name)]
     names = ", ".join(daemon.name for daemon in running())
-    if not found:
-        there = f"there are {names}" if names else "start one with `gellight run`"
-        raise StreamError(f"no daemon publishes {'a sensor' if target == 'auto' else target} on this computer: {there}")
-    if len(found) > 1:
+    if len(found) != 1:
         raise StreamError(f"several daemons publish ({names}): name one of them")
     return found[0]
+
+
+def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
+    """Return endpoint and name of the only daemon that runs with --lan here or elsewhere; `wanted`: its name, or ""."""
+    places: list[tuple[str, str]] = []
+    for endpoint in found_by_multicast():
+        with suppress(StreamError):  # a program of zenoh that is no daemon, or one that lets in nobody
+            session = subscribing_session(endpoint, config=config)
+            try:
+                places += [(endpoint, name) for name in present(session) if wanted in ("", name)]
+            finally:
+                close(session)
+    if len(places) == 1:
+        return places[0]
+    here = ", ".join(daemon.name for daemon in running())
+    if places:
+        urls = ", ".join(f"zenoh://{place.partition('/')[2]}/{quote(name)}" for place, name in places)
+        raise StreamError(f"several daemons publish on the local network: give one of {urls}")
+    there = f"there are {here}" if here else "start one with `gellight run`, on another computer with --lan"
+    raise StreamError(
+        f"no daemon publishes {wanted or 'a sensor'} on this computer or, with --lan, on the local network: {there}"
+    )
+
+
+def present(session: zenoh.Session) -> list[str]:
+    """Return the names of the sensors that the other side of a session publishes."""
+    replies = session.liveliness().get("gellight/*/alive", timeout=LOOK_S)
+    return sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
 
 
 def _parsed(url: str) -> tuple[str, str]:
@@ -164,6 +197,10 @@ class Subscription(FrameSource):
     def light(self, colours: NDArray[np.uint8] | None) -> None:
         """Show colours on the LEDs, or the light of the bundle again (None); see `Daemon.light`."""
         self._ask(Light(colours=None if colours is None else [tuple(led) for led in np.asarray(colours).tolist()]))
+
+    def mode(self, mode: str) -> None:
+        """Go on in another mode; see `Daemon.change_mode`."""
+        self._ask(Mode(mode=mode))
 
     def zero(self) -> None:
         """Set the zero of the depth; see `Daemon.rezero`."""

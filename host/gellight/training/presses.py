@@ -21,6 +21,10 @@ from gellight.frames.image_files import read_image
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
+RIM = 0.9
+"""of the contact radius: beyond it, within a circle that was drawn by hand, the gel has left the ball already"""
+QUALITY = "quality"
+"""optional column: how well the pattern of a ball fits, of a circle that `detect` found"""
 REFUSED = "refused"
 """optional column: why an image is not used; such a row has no circle"""
 Floats = NDArray[np.float32]
@@ -56,6 +60,8 @@ class Press:
     contact_radius_px: float
     dots: Dots | None = None
     """the marker dots of the gel, where it has some"""
+    found: bool = False
+    """whether `detect` found the circle; else a hand may have drawn it"""
 
     def picture(self) -> NDArray[np.uint8]:
         """Read its image, (H, W, 3) RGB with the dots filled; InputError where it cannot be read."""
@@ -73,6 +79,8 @@ class TableOptions:
 
     inset_px: float = 1.0
     """the outermost ring of the contact circle is left out: there a label that is a pixel off is wrong most"""
+    rim_share: float = 1.0
+    """of the pixels beyond `RIM` of a contact radius that a hand may have drawn, how many are learnt from"""
     flat_share: float = 0.3
     """untouched pixels, as a share of the contact pixels, with gradient 0"""
     flat_distance: float = 1.9
@@ -122,7 +130,9 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
         if not name:
             raise InputError(f"{where}: column image is empty: give the name of the image beside the csv")
         x, y, radius = (_number(row, column, where) for column in COLUMNS[1:])
-        press = Press(image=path.parent / name, center_x_px=x, center_y_px=y, contact_radius_px=radius, dots=dots)
+        found = bool((row.get(QUALITY) or "").strip())
+        circle = {"center_x_px": x, "center_y_px": y, "contact_radius_px": radius}
+        press = Press(image=path.parent / name, **circle, found=found, dots=dots)
         _check_circle(press, ball, image_shape, where)
         _check_apart(press, seen, where)
         seen[press] = line
@@ -299,6 +309,9 @@ def _press_rows(
             f"{press.image}: no pixel is left of a contact circle of {press.contact_radius_px:g} px after an inset "
             f"of {options.inset_px:g} px: press deeper or remove the line"
         )
+    if options.rim_share < 1 and not press.found:
+        rim = distance.ravel()[contact] > RIM * press.contact_radius_px
+        contact = contact[~rim | (random.random(len(contact)) < options.rim_share)]
     far = np.flatnonzero(_flat(press, presses, distance, options))
     flat = random.choice(far, min(len(far), round(options.flat_share * len(contact))), replace=False)
     gradient = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]

@@ -27,6 +27,8 @@ from gellight.training.trainer import TrainerName, chosen_trainer
 
 Floats = NDArray[np.float32]
 RECIPES = ("fast", "thorough", "paper")
+HAND_DRAWN = TableOptions(rim_share=0.25)
+"""what is learnt from presses whose circles a hand may have drawn"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,9 +127,9 @@ def fit(
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
     (`gel_at_rest`). refine: refit the circles together with the light first (`labelling.refinement`); the metrics then
-    say by how much. view: how the images were made from pictures as taken. extra_files: more of the bundle.
-    extra_metrics: more of them, ready for JSON.
-    Raises InputError, TrainingError or BundleError; then `out` is as it was.
+    say by how much. The rim of circles whose radius no light decided weighs less, unless `table_options` say otherwise.
+    view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
+    them, ready for JSON. Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
@@ -136,7 +138,7 @@ def fit(
         presses, metrics["refinement"] = refined.presses, refined.record()
     drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
-    table = build_table(presses, reference.image, ball, table_options or TableOptions(), follow_light=follow)
+    table = build_table(presses, reference.image, ball, table_options or HAND_DRAWN, follow_light=follow)
     network, record = train(table, options or TrainingOptions(), progress=progress, check=check)
     return write_bundle(
         out,

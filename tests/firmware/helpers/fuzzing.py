@@ -1,6 +1,7 @@
-"""Build and run the fuzzers: `python tests/firmware/helpers/fuzzing.py SECONDS [SEED [control]]` for a long run.
+"""Build and run the fuzzers: `python tests/firmware/helpers/fuzzing.py SECONDS [SEED [control|flash]]` for a long run.
 
-The core gets stories (firmware/fuzz/target.c), endpoint 0 of the USB device control transfers (firmware/fuzz/control).
+The core gets stories (firmware/fuzz/target.c), endpoint 0 of the USB device control transfers (firmware/fuzz/control),
+the configuration records that were spoilt and saves that lose power (firmware/fuzz/flash).
 
 libFuzzer where clang has it, firmware/fuzz/driver.c where not: both are guided by coverage, and change stories by
 firmware/fuzz/mutator.c. Inputs that reach new code are added to build/fuzz. With `--keep` in place of SECONDS,
@@ -34,14 +35,18 @@ def _command(compiler: list[str], checkout: Path, target: Path, what: str, *flag
         folders = [firmware / "fuzz/control", firmware / "boards/rp2040", firmware / "core"]
         files = [folders[0] / "target.c", *(folders[1] / name for name in ("usb_control.c", "usb_descriptors.c"))]
         flags = (*flags, "-D_DEFAULT_SOURCE", "-Wno-int-to-pointer-cast")
+    elif what == "flash":
+        folders = [firmware / "fuzz/flash", firmware / "core"]
+        files = [folders[0] / "target.c", *(folders[1] / name for name in ("config.c", "crc.c"))]
     else:
         folders = [firmware / name for name in ("fuzz", "boards/host", "core")]
         files = [file for folder in folders for file in sorted(folder.glob("*.c")) if file.name != "driver.c"]
+        flags = (*flags, "-DBOARD_LIGHTS=16u", "-DBOARD_OUTPUT_BYTES=16384u")  # clearing more is most of the time
     return [*compiler, *FLAGS, *flags, *(f"-I{folder}" for folder in folders), *map(str, files), "-o", str(target)]
 
 
 def compile_fuzzer(target: Path, checkout: Path = CHECKOUT, *, what: str = "core") -> Fuzzer:
-    """Build the fuzzer of the `core` or of `control` transfers, under the sanitizers of the compiler at hand."""
+    """Build the fuzzer of the `core`, `control` transfers or the `flash`, under the sanitizers at hand."""
     clang, found = shutil.which("clang"), shutil.which("gcc") or shutil.which("cc")
     if clang:
         command = _command([clang], checkout, target, what, "-fsanitize=fuzzer,address,undefined")

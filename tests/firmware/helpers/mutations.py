@@ -19,7 +19,7 @@ BOARD, CORE = "firmware/boards/rp2040", "firmware/core"
 IMAGE = (
     Mutation("PIO left in reset", f"{BOARD}/clock.c", "RESET_PADS_BANK0 | RESET_PIO0", "RESET_PADS_BANK0"),
     Mutation("wrong divider", f"{BOARD}/light.c", "#define CLOCK_DIVIDER 10u", "#define CLOCK_DIVIDER 11u"),
-    Mutation("pin not given to the PIO", f"{BOARD}/light.c", "(data_pin)) = 6;", "(data_pin)) = 5;"),
+    Mutation("pin not given to the PIO", f"{BOARD}/light.c", "(data_pin)) = FUNCTION_PIO0;", "(data_pin)) = FUNCTION_SIO;"),
     Mutation("pin is no output", f"{BOARD}/light.c", "REGISTER(PIO0_SM0_INSTR) = 0xe081;", ""),
     Mutation("wrong autopull", f"{BOARD}/light.c", "(bits & 31u) << 25", "(bits - bits) << 25"),
     Mutation("shift register not emptied", f"{BOARD}/light.c", "REGISTER(PIO0_CTRL) = 1u << 4 | 1u << 8;", ""),
@@ -93,7 +93,7 @@ IMAGE = (
     Mutation("pull-up falls while idle is forced", f"{BOARD}/usb_join.c", "    SET_BITS(USB_PHY_OVERRIDE) = PULL_UP_OVERRIDE;\n", ""),
     Mutation("lines left at the pads", f"{BOARD}/usb_join.c", "    REGISTER(USB_MUXING) = TO_PHY;\n", ""),
     Mutation("GPIO15 kept", f"{BOARD}/usb_join.c", "    REGISTER(IO_BANK0_CTRL(DATA_PLUS)) = function;\n", ""),
-    Mutation("GPIO15 taken where it is in use", f"{BOARD}/usb_join.c", "(REGISTER(IO_BANK0_CTRL(DATA_PLUS)) & FUNCTION) != FUNCTION", "0"),
+    Mutation("GPIO15 taken where it is in use", f"{BOARD}/usb_join.c", "(REGISTER(IO_BANK0_CTRL(DATA_PLUS)) & FUNCTION_NONE) != FUNCTION_NONE", "0"),
     Mutation("GPIO15 taken on silicon that needs it not", f"{BOARD}/usb_join.c", "REGISTER(SYSINFO_CHIP_ID) >> 28 != B0_OR_B1", "0"),
     Mutation("load switch upside down", f"{BOARD}/pins.c", "closed != switch_low ?", "closed ?"),
     Mutation("load switch not driven", f"{BOARD}/pins.c", "    load_switch = prepare_switch(configuration->switch_pin, &switch_low);\n", ""),

@@ -17,7 +17,11 @@ CHECKOUT = Path(__file__).parents[3]
 BOARD, CORE = CHECKOUT / "firmware/boards/rp2040", CHECKOUT / "firmware/core"
 COMPILER = ["arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb", "-std=c11", "-Os", "-ffreestanding", "-fno-builtin",
             "-fno-common", f"-I{BOARD}", f"-I{CORE}", "-fcallgraph-info=su", "-c"]  # fmt: skip
-PRIORITIES = (("light_interrupt",), ("trigger_interrupt",), ("usb_interrupt", "tick_interrupt"))
+PRIORITIES = (
+    ("light_interrupt",),
+    ("trigger_interrupt", "pulse_interrupt"),
+    ("usb_interrupt", "tick_interrupt", "join_interrupt"),
+)
 """highest first (`clock_start` sets them); those of one priority never interrupt each other"""
 EXCEPTION_FRAME_BYTES = 8 * 4 + 4
 """eight registers, and a word where the stack was not aligned to eight bytes"""

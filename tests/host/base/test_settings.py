@@ -230,7 +230,7 @@ class TestCommand:
 
     def test_show_json(self) -> None:
         shown = json.loads(self.run("show", "--json"))
-        assert shown["settings"]["dashboard"] == {"port": 8001}
+        assert shown["settings"]["dashboard"]["port"] == 8001
         assert shown["origins"]["dashboard.port"] == "environment variable GELLIGHT_DASHBOARD_PORT"
 
     def test_schema_is_json_schema_of_all_sections(self) -> None:

@@ -226,7 +226,7 @@ def test_a_changed_file_is_named_with_both_sums(bundle: Path, name: str) -> None
         ('sensor = "linear"', 'sensor = ""', "sensor"),
         ('"metrics.json"', '"../metrics.json"', "leaves the bundle"),
         ('network = "network.onnx"', 'network = "other.onnx"', "does not list other.onnx"),
-        ("led = []", 'led = [{colour = "R", rgb = [1, 2, 3]}]', "led has 1 entries, the ring has 12"),
+        ("led = []", 'led = [{colour = "R", rgb = [1, 2, 3]}]', "led has 1 entries, a ring has 3 to 24"),
     ],
 )
 def test_a_wrong_manifest_is_refused(bundle: Path, old: str, new: str, message: str) -> None:

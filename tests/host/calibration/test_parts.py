@@ -213,14 +213,14 @@ def test_a_limit_that_no_calibration_could_reach_is_refused(limit: float) -> Non
         Limits(depth_mm=limit)
 
 
-@pytest.mark.parametrize("colours", ["RGBRGBRGBRGB", "BBBBGGGGRRRR"])
+@pytest.mark.parametrize("colours", ["RGBRGBRGBRGB", "BBBBGGGGRRRR", "RGB", "RGBBBBGR", "RGB" * 8])
 def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
     lit = full_colours(RoutineOptions(out=Path("b"), led_colours=colours).led_colours, (1.0, 0.5, 0.2))
     assert [led.colour for led in led_settings(lit.tolist())] == list(colours)
     assert {tuple(rgb) for rgb in lit.tolist()} == {(255, 0, 0), (0, 128, 0), (0, 0, 51)}
 
 
-@pytest.mark.parametrize("colours", ["RGB", "RRRRRRRRRRRR", "RRRRGGGGBBBW"])
+@pytest.mark.parametrize("colours", ["RG", "RRRRRRRRRRRR", "RRRRGGGGBBBW", "RGB" * 9])
 def test_a_ring_that_cannot_be_is_refused(colours: str) -> None:
-    with pytest.raises(InputError, match="the ring has 12 LEDs, give a letter for each"):
+    with pytest.raises(InputError, match="give a letter for each LED of the ring"):
         RoutineOptions(out=Path("b"), led_colours=colours)

@@ -116,6 +116,31 @@ def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated:
     assert max(map(abs, turned)) < 12
 
 
+def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path) -> None:
+    """A short rehearsal: board, LED check, light and bundle go by led_colours, whose colours are not equally many."""
+    ring = {**GEOMETRY, "led_colours": "RRRGGGBB"}
+    with open_camera(LIT, geometry=ring) as sensor:
+        assert isinstance(sensor, SimulatedCamera)
+        tools = options(tmp_path, led_colours="RRRGGGBB")
+        routine = Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage), install=lambda _: None)
+        snapshot = finished(routine)
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    assert snapshot["verdict"]["passed"]
+    lights = snapshot["figures"]["prepare"]["lights"]
+    assert "".join(led["seen_colour"] for led in lights["leds"]) == "RRRGGGBB"
+    assert [group["leds"] for group in lights["groups"]] == [[0, 3, 6], [1, 4, 6], [2, 5, 7]]
+    bundle = load_bundle(tmp_path / "bundle")
+    assert [led.colour for led in bundle.manifest.led] == list("RRRGGGBB")
+
+
+def test_a_board_of_another_number_of_leds_is_told(tmp_path: Path) -> None:
+    with open_camera(LIT, geometry={**GEOMETRY, "led_colours": "RRRGGGBB"}) as sensor:
+        assert isinstance(sensor, SimulatedCamera)
+        hand = VirtualHand(sensor.stage)
+        snapshot = finished(Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand, install=lambda _: None))
+    assert "the board drives 8 LEDs, led_colours = 'RRRRGGGGBBBB' has 12" in snapshot["problem"]
+
+
 def test_a_sensor_that_is_unplugged_later_comes_back_as_it_was_prepared(
     calibrated: tuple[Path, dict[str, Any]],
 ) -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.base.settings import load_settings
-from gellight.cli import run as run_verb
+from gellight.cli import one_sensor as run_verb
 from gellight.cli.options import simulated_settings
 from gellight.daemon import assembly
 from gellight.opening import open_camera

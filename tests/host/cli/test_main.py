@@ -14,7 +14,7 @@ from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli import main
 from gellight.cli.lazy import LazyVerb
-from gellight.cli.run import warn_of_foreign_bundle
+from gellight.cli.one_sensor import warn_of_foreign_bundle
 from tests.helpers.children import run
 from tests.helpers.verbs import verbs
 

@@ -72,9 +72,23 @@ def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard)
     assert (kept.colour_order, kept.output_pin, kept.output_at, kept.status_pin) == (1, 4, 1, 0x80 + 25)
 
 
+def test_configure_saves_load_switch_supply_and_limit_of_heat(board: BenchBoard) -> None:
+    done = gellight("ring", "configure", "--switch-pin", "134", "--supply-ma", "1200", "--hottest", "50")
+    assert done.exit_code == 0, done.output
+    assert "load switch at GPIO 6, dimmed above 50 °C" in done.stdout
+    board.run(200_000)
+    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        kept = ring.configuration()
+        assert ring.status().limit_ma == 1200
+    assert (kept.switch_pin, kept.external_supply, kept.limit_ma, kept.hottest_c) == (0x80 + 6, 1, 1200, 50)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
+        (["--switch-pin", "131"], "GPIO 3 is chosen for trigger and switch"),
+        (["--hottest", "90"], "90 °C: the board takes 40 to 85"),
+        (["--supply-ma", "3000"], "takes a current limit of 100 to 2000 mA"),
         (["--board", "feather"], "choose pico, pico-w"),
         (["--data-pin", "3"], "GPIO 3 is chosen for data and trigger"),
         (["--leds", "25"], "the board drives 1 to 24"),

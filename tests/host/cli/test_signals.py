@@ -65,6 +65,8 @@ CASES = [
     (("demo", "--port", "0", "--no-browser"), UNTIL_THEN, printed("dashboard: ")),
     (("demo", "--port", "0", "--frames", "100000"), BEFORE_DONE, printed("dashboard: ")),
     (("run", "--sensor", "sim://?board=0", "--no-dashboard", "--json"), UNTIL_THEN, printed('"frames"')),
+    (("run", "--sensor", "sim://?board=0", "--sensor", "sim://", "--no-dashboard", "--json"), UNTIL_THEN,
+     printed('"frames"')),
     (("ring", "set", "ff0000", "--url", "sim://"), UNTIL_THEN, printed("lit")),
     (("ring", "sequence", "--url", "sim://"), UNTIL_THEN, printed("in turn")),
     (("sim",), UNTIL_THEN, printed("a simulated board at")),

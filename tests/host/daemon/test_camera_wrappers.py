@@ -8,11 +8,14 @@ import pytest
 
 from gellight.base.mailbox import Mailbox
 from gellight.daemon.frame_threads import SharedCamera
+from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import RestingCamera, RingCamera, SeriesCamera
+from gellight.sensor.window_camera import WindowCamera
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import RING
 
@@ -20,6 +23,11 @@ GROUPS = np.stack([RING.colours, RING.colours // 2])
 WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
     SharedCamera: lambda camera: SharedCamera(camera, Mailbox()),
     SequencedCamera: lambda camera: SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()),
+    WindowCamera: lambda camera: WindowCamera(
+        SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()), GROUPS, exposure_us=None
+    ),
+    PreparedCamera: lambda camera: PreparedCamera(camera, PictureSteps(image_width_px=48, image_height_px=32)),
+    SwitchedCamera: lambda camera: SwitchedCamera(camera, lambda sensor: sensor),
     RingCamera: lambda camera: RingCamera(camera, GROUPS, exposure_us=None, frames=1),
     SeriesCamera: lambda camera: SeriesCamera(camera, GROUPS, exposure_us=None, frames=1),
     RestingCamera: lambda camera: RestingCamera(
@@ -28,7 +36,9 @@ WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
 }
 ITS_OWN = {
     "read": set(WRAPPERS),
-    "timing": {SequencedCamera},  # what its labels go by
+    "timing": {SequencedCamera, WindowCamera},  # what its labels go by
+    "status": {SequencedCamera, WindowCamera},  # what became of the frames of the sequence, too
+    "picture_files": {PreparedCamera},  # what it does to the pictures
     "close": {SharedCamera},  # the daemon closes its camera
 }
 """what a wrapper does not pass on, and which wrappers do not"""

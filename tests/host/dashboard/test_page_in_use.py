@@ -1,12 +1,15 @@
 """The page in a real browser: what a visitor does reaches the stage, and what is lost is told and comes back."""
 
 import threading
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
 from gellight.dashboard.server import DashboardServer
+from gellight.frames.frames import Contact
 from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, draw
 from tests.helpers.dashboard_source import PIXEL_MM, WIDTH, FormulaSource, bump
 
@@ -178,3 +181,20 @@ def test_a_press_that_was_lost_with_the_server_blocks_no_later_one(
         page.get_by_test_id("object-WAVE").click()
         page.get_by_test_id("press-here").click()
         assert wait_for_calls(source, page, 2)[-1] == ("WAVE", 0.8, 0.0, 0.0)
+
+
+def test_a_frame_without_depth_shows_its_picture_and_no_figures(opened: Open, source: FormulaSource) -> None:
+    """As a light sequence gives them, under a light that the network does not know."""
+    page = opened()
+    draw(page, source, 0.5)
+    felt = bump(0.5, 0.0, 0.0)
+    nothing = Contact(mask=np.zeros_like(felt.contact.mask), area_mm2=np.nan, indentation_mm=np.nan, centroid_mm=None)
+    empty = {name: np.full_like(getattr(felt, name), np.nan) for name in ("depth_mm", "gradient_map", "normal_map")}
+    sequence = source.put(replace(felt, contact=nothing, **empty))
+    page.wait_for_function("sequence => gellight.sequence === sequence", arg=sequence)
+    expect(page.get_by_test_id("indentation")).to_have_text("–")
+    page.get_by_test_id("pause").click()
+    draw_after = source.put(bump(0.75, 0.0, 0.0))
+    page.get_by_test_id("pause").click()
+    page.wait_for_function("sequence => gellight.sequence === sequence", arg=draw_after)
+    expect(page.get_by_test_id("indentation")).to_have_text("0.750")

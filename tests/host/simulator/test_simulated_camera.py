@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
+from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.simulator.scene import Press
@@ -105,15 +105,6 @@ def test_an_impossible_press_is_refused_and_changes_nothing(press: tuple[str, fl
     with pytest.raises(InputError, match=words):
         stage.press(*press)
     assert stage.next_press() == Press("BALL", 0.5, 1.0, 1.0)
-
-
-def test_a_ring_of_other_than_twelve_leds_needs_no_board() -> None:
-    with pytest.raises(ConfigError, match=r"9 LEDs.*board=0"):
-        open_camera("sim://", geometry={"led_colours": "RRRGGGBBB"})
-    with open_camera("sim://?board=0&programme=0", geometry={"led_colours": "RRRGGGBBB"}) as camera:
-        light = camera.read().light
-    assert light is not None
-    assert light.shape == (9, 3)
 
 
 def test_a_closed_camera_gives_no_frame() -> None:

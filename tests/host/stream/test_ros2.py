@@ -35,6 +35,8 @@ def show(message):
     for name in ("height", "width", "encoding", "step", "point_step", "row_step"):
         if hasattr(message, name):
             told[name] = getattr(message, name)
+    if hasattr(message, "k"):
+        told |= {"k": list(message.k), "d": list(message.d), "p": list(message.p), "model": message.distortion_model}
     if hasattr(message, "data"):
         told["bytes"] = len(message.data)
         kind = "<f4" if told.get("encoding", "32FC1") == "32FC1" else "u1"
@@ -109,7 +111,10 @@ def test_the_contact_is_a_point_in_metres(port: int) -> None:
 
 def test_camera_info_and_diagnostics(port: int) -> None:
     told = read(port, "/left_finger/camera_info", "sensor_msgs/msg/CameraInfo")
-    assert (told["height"], told["width"]) == (48, 64)
+    assert (told["height"], told["width"], told["model"]) == (48, 64, "plumb_bob")
+    assert told["k"] == pytest.approx([400, 0, 31.5, 0, 200, 23.5, 0, 0, 1]), "a gel 40 mm away, 0.1 and 0.2 mm a pixel"
+    assert told["d"] == [0] * 5
+    assert told["p"] == pytest.approx([400, 0, 31.5, 0, 0, 200, 23.5, 0, 0, 0, 1, 0])
     told = read(port, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
     assert told["status"] == ["gellight: left_finger", "ok", 5]
 

@@ -175,3 +175,16 @@ def test_several_presses_of_one_image_are_learnt_from_and_divided_by_image(tmp_p
     for press in (one, other):  # what is flat for one press is not in the contact of the other
         away = np.hypot(table.rows[flat, 3] - press.center_x_px, table.rows[flat, 4] - press.center_y_px)
         assert np.sort(away)[2] > 1.9 * 15  # but for the middles of the balls, which are level
+
+
+def test_the_rim_of_a_circle_that_a_hand_drew_weighs_less(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    write_image(tmp_path / "b.png")
+    path = write_csv(tmp_path, "a.png,80,50,30,", "b.png,80,50,30,0.97", header=HEADER.strip() + ",quality\n")
+    drawn, found = read_presses(path, ball=BALL, image_shape=SHAPE)
+    options = TableOptions(flat_share=0.0, inset_px=0.0, rim_share=0.25)
+    table = build_table([drawn, found], np.zeros((*SHAPE, 3), np.float32), BALL, options)
+    distance = np.hypot(table.rows[:, 3] - 80, table.rows[:, 4] - 50)
+    rims, inner = ([((table.image == i) & part).sum() for i in (0, 1)] for part in (distance > 27, distance <= 27))
+    assert inner[0] == inner[1]
+    assert rims[0] == pytest.approx(0.25 * rims[1], rel=0.2)

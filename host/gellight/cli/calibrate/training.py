@@ -239,7 +239,19 @@ def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
         f"{len(trained['held_out_images'])} held-out images, each pixel alone: "
         f"{trained['held_out_normal_error_deg']['mean']:.2f} deg",
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
+        *radius_line(metrics.get("refinement")),
     ]
+
+
+def radius_line(refinement: Mapping[str, Any] | None) -> list[str]:
+    """Return how far the labelled contact radii and the light disagree; nothing where labels were not refined."""
+    if not refinement:
+        return []
+    share, sure = refinement["radius_of_light_over_label"], refinement["radius_by_light_images"]
+    used = (
+        f"the light's are used ({sure} images show them)" if sure else "too few images show them: the labels' are kept"
+    )
+    return [f"the light shows contact radii {100 * (share - 1):+.1f} % from the labels'; {used}"]
 
 
 def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:

@@ -18,7 +18,10 @@ export class Connection {
 
   #open() {
     this.#retryTimer = null;
-    const socket = new WebSocket(`ws://${location.host}/ws`);
+    const address = new URL("ws", location.href.split("#")[0]);
+    address.protocol = "ws:";
+    address.search = "";
+    const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.#retryMs = FIRST_RETRY_MS;

@@ -2,6 +2,7 @@
 
 import { Banners } from "./banners.js";
 import { Choices } from "./choices.js";
+import { offerSensors } from "./chooser.js";
 import { Connection } from "./connection.js";
 import { Contacts } from "./contacts.js";
 import { Detail, LEVELS, RELIEF } from "./detail.js";
@@ -289,6 +290,7 @@ onClick("reset-view", () => {
   surface?.orbit.reset();
 });
 offerFullScreen(element("full-screen"));
+offerSensors(element("sensors"));
 listenToKeys(() => {
   measure.clear();
   chooseMeasure(false);

@@ -19,6 +19,7 @@ from pydantic import BaseModel
 
 from gellight.base.errors import BoardError
 from gellight.ring.emulator.waveform import Light, LightTimeline
+from gellight.ring.wire import LED_COUNT, MOST_LEDS
 
 logger = logging.getLogger(__name__)
 START_S = 30.0
@@ -42,7 +43,7 @@ class Report(BaseModel):
     light_us: float | None = None
     """virtual time at which the LEDs latched"""
     colours: str = ""
-    """these colours, as 72 hexadecimal digits"""
+    """these colours, as 6 hexadecimal digits an LED"""
     faults: list[str] | None = None
     """what the firmware did wrong, at the end"""
 
@@ -58,12 +59,15 @@ class SimulatedBoard:
 
     url = "sim://"
 
-    def __init__(self, *, pty: bool = False, unique_id: bytes | None = None) -> None:
+    def __init__(self, *, pty: bool = False, unique_id: bytes | None = None, leds: int = LED_COUNT) -> None:
         """Start the board; with `pty` its bytes go through the terminal `path` instead of `read` and `write`.
 
         `unique_id` are the 8 bytes from which it makes its serial number; None: those of every simulated board.
+        `leds`: it is configured for so many. Raises BoardError where it does not start.
         """
-        self.timeline = LightTimeline()
+        if not 1 <= leds <= MOST_LEDS:
+            raise BoardError(f"{leds} LEDs: a board drives 1 to {MOST_LEDS}")
+        self.timeline = LightTimeline(leds)
         self.faults: list[str] = []
         self.path = ""
         self._passed: deque[tuple[float, float]] = deque([(time.monotonic(), 0.0)], KEPT_POINTS)
@@ -73,6 +77,7 @@ class SimulatedBoard:
         self._lock = threading.Condition()
         self._ours, theirs = socket.socketpair()
         how = ["--pty"] if pty else ["--socket", str(theirs.fileno())]
+        how += ["--leds", str(leds)]
         how += ["--unique-id", unique_id.hex()] if unique_id else []
         self._process = subprocess.Popen(
             [sys.executable, "-m", "gellight.ring.emulator.process", *how],
@@ -156,7 +161,7 @@ class SimulatedBoard:
             )
 
     def light_at(self, time_us: float) -> NDArray[np.uint8]:
-        """Return the (12, 3) colours that were latched at a virtual time, as far as is known now."""
+        """Return the (n, 3) colours that were latched at a virtual time, as far as is known now."""
         with self._lock:
             return self.timeline.at(time_us)
 

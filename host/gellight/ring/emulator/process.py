@@ -15,7 +15,10 @@ import tty
 
 from gellight.ring.emulator.child import Report
 from gellight.ring.emulator.chip import UNIQUE_ID, EmulatedBoard
+from gellight.ring.emulator.configured import flash_of
+from gellight.ring.emulator.waveform import Strip
 from gellight.ring.firmware.build import committed_image
+from gellight.ring.wire import LED_COUNT
 
 SLICE_US = 2_000.0
 MOST_LAG_US = 50_000.0
@@ -117,10 +120,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--socket", type=int, help="number of the file descriptor of a connected socket")
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
     parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
+    parser.add_argument("--leds", type=int, default=LED_COUNT, help="number of LEDs that it is configured for")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the parent still has to make the LEDs dark
-    board = EmulatedBoard(committed_image(), unique_id=chosen.unique_id)
+    board = EmulatedBoard(
+        flash_of(committed_image(), chosen.leds), unique_id=chosen.unique_id, strip=Strip(chosen.leds)
+    )
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)

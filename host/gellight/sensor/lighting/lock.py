@@ -20,6 +20,7 @@ import numpy as np
 
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
+from gellight.ring.wire import LED_COUNT
 from gellight.sensor.lighting.clock import Interval
 
 FEWEST_FRAMES = 12
@@ -28,25 +29,25 @@ TOLERANCE = 0.1
 """of the slack; smaller phase errors are left alone"""
 FINEST_S = 100e-6
 """so are errors below this: the scatter of stamps"""
-WIRE_S = 0.36e-3
-"""12 LEDs of 24 bits of 1.25 us"""
+WIRE_S = 30e-6
+"""an LED: 24 bits of 1.25 us"""
 LATCH_S = 0.30e-3
 """low time after which the LEDs take their data, as the board waits for it"""
 EXACT = 1e-9
 """so much of a frame is rounding: an exact multiple is not one frame more"""
 
 
-def settle_s(timing: CameraTiming, clock_error_s: float = 0.0) -> float:
+def settle_s(timing: CameraTiming, clock_error_s: float = 0.0, *, leds: int = LED_COUNT) -> float:
     """Return how long it is uncertain which light a row sees: wire, latch, one pulse, and the clocks on either side.
 
     `clock_error_s` is how far the host may be off about the board's clock, `timing.stamp_error_s` about the camera's.
     """
-    return WIRE_S + LATCH_S + timing.pulse_period_s + 2 * (clock_error_s + timing.stamp_error_s)
+    return leds * WIRE_S + LATCH_S + timing.pulse_period_s + 2 * (clock_error_s + timing.stamp_error_s)
 
 
-def hold_frames(timing: CameraTiming, *, locked: bool, clock_error_s: float = 0.0) -> int:
+def hold_frames(timing: CameraTiming, *, locked: bool, clock_error_s: float = 0.0, leds: int = LED_COUNT) -> int:
     """Return how many frame periods each light has to stay, by the equations above; at least 1."""
-    frames = (settle_s(timing, clock_error_s) + timing.readout_s + timing.exposure_s) / timing.period_s
+    frames = (settle_s(timing, clock_error_s, leds=leds) + timing.readout_s + timing.exposure_s) / timing.period_s
     return max(1, ceil(frames - EXACT)) + (0 if locked else 1)
 
 
@@ -62,9 +63,9 @@ class Trim(NamedTuple):
 class PhaseLock:
     """Learns the camera's frames and says how to trim; the lights stay for `frames` frame periods each."""
 
-    def __init__(self, timing: CameraTiming, *, frames: int) -> None:
+    def __init__(self, timing: CameraTiming, *, frames: int, leds: int = LED_COUNT) -> None:
         """Begin without knowledge."""
-        self._timing, self._frames = timing, frames
+        self._timing, self._frames, self._leds = timing, frames, leds
         self.dwell_us = 0
         """how long the sequence shows each light, by the board's clock"""
         self._stamps: deque[tuple[int, float]] = deque(maxlen=MOST_FRAMES)
@@ -97,7 +98,7 @@ class PhaseLock:
         if not self.ready or newest - self._trimmed_at < 2 * self._frames + 2:
             return None
         begin_s, period_s = self.line()
-        taken_s = settle_s(self._timing, latched_s.error) + self._timing.duration_s
+        taken_s = settle_s(self._timing, latched_s.error, leds=self._leds) + self._timing.duration_s
         slack_s = max(self._frames * period_s - taken_s, 0.0)  # how much longer a light stays than one frame takes
         shows_s = latched_s.middle + latched_s.error + self._timing.pulse_period_s + self._timing.stamp_error_s
         wanted_s = begin_s + self._timing.stamp_delay_s - slack_s / 2

@@ -104,9 +104,11 @@ class SequencedCamera(CameraWrapper):
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
         self._timing = self._given_timing or timing_of(self._camera)
         error_s = clock_error_s(self.mode)
-        self.frames = self._given_frames or hold_frames(self._timing, locked=True, clock_error_s=error_s)
+        self.frames = self._given_frames or hold_frames(
+            self._timing, locked=True, clock_error_s=error_s, leds=ring.led_count
+        )
         self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
-        self._lock = PhaseLock(self._timing, frames=self.frames)
+        self._lock = PhaseLock(self._timing, frames=self.frames, leds=ring.led_count)
         self._hold = Hold(self._camera, timing=self._timing, check=self._check)
         if self.mode is not LightMode.HOLD:
             self._run(ring)
@@ -185,7 +187,7 @@ class SequencedCamera(CameraWrapper):
             frame = self._camera.read()
         assert self.watch is not None
         assert self._started_on is not None
-        timed = self.watch.label(frame.time_s, self.image_shape[0])
+        timed = UNKNOWN_LABEL if frame.estimated else self.watch.label(frame.time_s, self.image_shape[0])
         seen = self._check.label(frame.image) if self._check else None
         frame = replace(frame, label=self._agree(timed, seen))
         if self.watch.silenced():  # this program was held up for so long that the board ended the sequence
@@ -194,7 +196,7 @@ class SequencedCamera(CameraWrapper):
             )
             self._started_on.start()
             self._trim = Trim(0, 0.0)  # a start forgets the trim
-        elif self.mode is LightMode.FREE:
+        elif self.mode is LightMode.FREE and not frame.estimated:
             self._steer(frame)
         return frame
 
@@ -243,6 +245,10 @@ class SequencedCamera(CameraWrapper):
     def timing(self) -> CameraTiming:
         """Exposure, readout and period that the labels go by."""
         return self._timing
+
+    def release(self) -> None:
+        """End the sequence; see `stop`."""
+        self.stop()
 
     def stop(self) -> None:
         """End the sequence and give back the light of before (dark if there was none); the camera stays open."""

@@ -8,8 +8,8 @@ A stamp is one of these:
   first row when that row's exposure has ended. So the exposure began one exposure earlier, or `delay_us` more where the
   camera compresses or stores the picture first.
 - the end of the frame: one readout and one exposure after its start.
-- false: not on the right clock, or not later than the one before. Then the time at which the picture was taken from the
-  driver stands in for the end of the frame.
+- false: not on the right clock, or not later than the one before. Then the start is estimated so that it is never too
+  late: the picture came after the driver was last found without one, and was held back for at most a period.
 
 The driver does not know `delay_us` and `readout_us`: they are measured against the light ring. Without them the delay
 is taken as 0 and the readout as a whole frame period. `stamp_error_us` bounds how far a stamp may be off; `cadence`
@@ -55,7 +55,7 @@ class StampMeaning:
         """Return when the exposure of the first row began, s on the clock of `time.monotonic`."""
         (exposure_s, readout_s), delay_s = self._longest, self.delay_s or 0.0
         if not picture.stamp_is_sound:
-            return picture.arrived_s - readout_s - exposure_s - delay_s
+            return picture.absent_s - self.period_s - readout_s - exposure_s - delay_s
         if not picture.stamp_is_start:
             return picture.stamp_s - readout_s - exposure_s - delay_s
         return picture.stamp_s - delay_s - (0.0 if self.hardware_stamps else exposure_s)

@@ -38,6 +38,8 @@ class Picture:
     """it is on the right clock, later than the one before, and not in the future"""
     arrived_s: float
     """when it was taken from the driver"""
+    absent_s: float
+    """when it surely was not there yet: the driver had no picture"""
     repeats: bool
     """it is byte for byte the picture before"""
 
@@ -83,6 +85,7 @@ class Stream:
         self._memory: list[mmap] = []
         self._last: tuple[int, float] | None = None
         self._last_data = b""
+        self._absent_s = kernel.clock()
         self.counts = Counts()
         try:
             with explaining(path, "to start its stream"):
@@ -160,11 +163,12 @@ class Stream:
         return newest
 
     def _dequeue(self) -> v.Buffer | None:
-        buffer = v.Buffer(type=v.CAPTURE, memory=v.MMAP)
+        buffer, asked_s = v.Buffer(type=v.CAPTURE, memory=v.MMAP), self._kernel.clock()
         try:
             self._ask(v.DQBUF, buffer)
         except OSError as error:
             if error.errno in (errno.EAGAIN, errno.EINTR):
+                self._absent_s = asked_s if error.errno == errno.EAGAIN else self._absent_s
                 return None
             if error.errno == errno.EIO and self.plugged():
                 self.counts.damaged += 1
@@ -195,6 +199,7 @@ class Stream:
             stamp_is_start=buffer.flags & v.SOURCE_MASK == v.SOURCE_SOE,
             stamp_is_sound=sound,
             arrived_s=now_s,
+            absent_s=self._absent_s,
             repeats=repeats,
         )
 

@@ -1,5 +1,6 @@
 """The camera of `v4l2://`: the newest picture, decoded, with the time at which its exposure began."""
 
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,8 @@ class V4l2Camera(Camera):
         self.counts = self._stream.counts
         self._hardware_stamps = hardware_stamps(self._device.identity.driver, sysfs=sysfs)
         self._proven = self._closed = False
+        self._start_s = -inf
+        """of the last frame"""
 
     @property
     def stamp_meaning(self) -> StampMeaning:
@@ -107,10 +110,14 @@ class V4l2Camera(Camera):
                 self.controls.verify()
                 self._proven = True
             time_s = self.stamp_meaning.start_s(picture)
+            if not picture.stamp_is_sound:
+                time_s = max(time_s, self._start_s)
+            self._start_s = time_s
             return CameraFrame(
                 image=image,
                 time_s=time_s,
                 sequence=picture.sequence,
+                estimated=not picture.stamp_is_sound,
                 source=self.url,
                 encoded=EncodedImage(data=picture.data, letters=self.mode.letters, line_bytes=self.mode.line_bytes),
             )

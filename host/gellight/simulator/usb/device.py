@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from math import inf
 
 from gellight.base.allowed import query_of
-from gellight.base.errors import CameraError, ConfigError, InputError
+from gellight.base.errors import CameraError, InputError
 from gellight.base.settings import load_settings
 from gellight.frames.camera import Camera
 from gellight.ring import usb_numbers as numbers
@@ -49,15 +49,16 @@ class VirtualSensor:
     """Camera and board of the light ring in one USB device. Close it, or use it in a `with` statement."""
 
     def __init__(self, camera: Camera, *, serial_number: str, frame_rate: float = 30.0, has_board: bool = False,
-                 faults: Faults = NO_FAULTS) -> None:  # fmt: skip
+                 leds: int = LED_COUNT, faults: Faults = NO_FAULTS) -> None:  # fmt: skip
         """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
 
-        `has_board`: while it has power, an emulated board with the same serial number runs the firmware's image.
+        `has_board`: while it has power, an emulated board with the same serial number and so many `leds` runs the
+        firmware's image.
         """
         self.serial_number = checked_serial(serial_number)
         self.faults = faults
         self.modes = modes_of(camera, frame_rate)
-        self.camera, self._has_board = camera, has_board
+        self.camera, self._has_board, self._leds = camera, has_board, leds
         self.board: SimulatedBoard | None = None
         self._cable: UsbCable | None = None
         self._lock = threading.Lock()
@@ -126,7 +127,7 @@ class VirtualSensor:
 
     def _power_on(self) -> None:
         if self._has_board:
-            self.board = SimulatedBoard(pty=True, unique_id=bytes.fromhex(self.serial_number))
+            self.board = SimulatedBoard(pty=True, unique_id=bytes.fromhex(self.serial_number), leds=self._leds)
             self.camera.ring = UncommandedRing(self.board)
 
     def _power_off(self) -> None:
@@ -199,14 +200,15 @@ def open_virtual(
     number = checked_serial(serial_number)
     if not url.startswith("sim://"):
         raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
-    from gellight.simulator.simulated_camera import SimulatedUrl, built, open_simulated
+    from gellight.simulator.simulated_camera import SimulatedUrl, built, check_drivable, open_simulated
 
     wanted, leds = query_of(url, SimulatedUrl), len(built(geometry).led_colours)
-    if wanted.board and leds != LED_COUNT:
-        raise ConfigError(f"the sensor has {leds} LEDs, the board drives {LED_COUNT}: use sim://?board=0")
+    if wanted.board:
+        check_drivable(leds)
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
     camera.url = url
-    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, faults=faults)
+    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, leds=leds,
+                         faults=faults)  # fmt: skip
 
 
 def sized_geometry(size: str | None) -> dict[str, float | int | str]:

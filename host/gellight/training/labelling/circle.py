@@ -24,7 +24,8 @@ from gellight.training.presses import Ball
 
 Array = NDArray[np.float64]
 _LEAST_GREY = 3.0
-_LEAST_QUALITY = 0.8
+LEAST_QUALITY = 0.8
+"""share that the pattern of a ball must explain for its circle to be believed"""
 _LEAST_SHARE = 0.2
 _LEAST_RADIUS_PX = 6.0
 _LEAST_VIEW = 0.95
@@ -147,10 +148,10 @@ def _check_press(circle: PressCircle, ball: Ball) -> None:
             f"no press: the strongest pattern of a ball changes the colours by {circle.contrast_grey:.1f} grey levels, "
             f"at least {_LEAST_GREY:g} are needed: press the ball into the gel"
         )
-    if circle.quality < _LEAST_QUALITY:
+    if circle.quality < LEAST_QUALITY:
         raise InputError(
             f"no single ball of {ball.radius_mm:g} mm: its pattern explains {100 * circle.quality:.0f} % of what "
-            f"changed, at least {100 * _LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
+            f"changed, at least {100 * LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
         )
     least = max(_LEAST_SHARE * ball.radius_px, _LEAST_RADIUS_PX)
     if radius < least:

@@ -18,7 +18,7 @@ from gellight.frames.image_files import read_image
 from gellight.report.pictures import write_png
 from gellight.training.labelling.circle import PressCircle, find_circle, find_circles
 from gellight.training.labelling.plate import PlateGrid, plate_grid
-from gellight.training.presses import COLUMNS, REFUSED, Ball
+from gellight.training.presses import COLUMNS, QUALITY, REFUSED, Ball
 
 Array = NDArray[np.float64]
 _INK = (255, 255, 255)
@@ -127,7 +127,7 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     to the folder of the csv, which is made. Raises InputError where it cannot be written.
     """
     text = io.StringIO()
-    writer = csv.DictWriter(text, [*COLUMNS, "quality", REFUSED], lineterminator="\n")
+    writer = csv.DictWriter(text, [*COLUMNS, QUALITY, REFUSED], lineterminator="\n")
     writer.writeheader()
     writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
     try:

@@ -1,6 +1,7 @@
 """Sequences on the firmware's image, seen by a rolling shutter, on virtual time: every label against the truth."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -204,6 +205,15 @@ def test_a_board_that_is_gone_is_an_error_not_a_label(monkeypatch: pytest.Monkey
     camera.board.power_off()
     with pytest.raises(BoardError, match="did not answer"):
         sequenced.read()
+
+
+def test_a_frame_whose_time_is_estimated_has_no_known_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    assert follow(sequenced, camera, 60)["clean", "right"] > 20
+    read = camera.read
+    monkeypatch.setattr(camera, "read", lambda: replace(read(), estimated=True))
+    assert {said for _, said in follow(sequenced, camera, 20)} == {"unknown"}
 
 
 def test_a_line_that_was_silent_for_a_while_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:

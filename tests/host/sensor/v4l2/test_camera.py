@@ -109,12 +109,23 @@ def test_the_start_of_the_exposure_follows_from_what_the_stamp_means(
         assert camera.read().time_s == pytest.approx(100.0 + wanted_s, abs=1e-5)
 
 
-def test_a_stamp_in_the_future_gives_way_to_the_arrival() -> None:
-    kernel, _ = fake(stamp=lambda number, time_s: time_s + 5, payload=lambda number: b"\x80" * 32 * 24 * 2)
+@pytest.mark.parametrize("latency_s", [0.02, 0.03, 0.05])
+def test_a_frame_whose_stamp_cannot_be_true_is_never_called_newer_than_it_is(latency_s: float) -> None:
+    """However long it took to come, and waited for the reader."""
+    kernel, _ = fake(
+        stamp=lambda number, time_s: time_s + 5, latency_s=latency_s,
+        payload=lambda number: bytes([number % 200 + 20, 128] * 32 * 24),
+    )  # fmt: skip
     url = f"v4l2://{PATH}?exposure_us=8000&width=32&height=24&readout_us=12000"
     with open_v4l2(url, kernel) as camera:
-        frame = camera.read()
-        assert frame.time_s == pytest.approx(kernel.now_s - 0.020, abs=1e-5)
+        begun_s, late_s = kernel.now_s, []
+        for pause_s in (0.0, 0.04, 0.0, 0.025, 0.09, 0.01):
+            kernel.sleep(pause_s)
+            frame = camera.read()
+            assert frame.estimated
+            late_s.append(frame.time_s - (begun_s + frame.sequence / 30))
+        assert max(late_s) <= 0
+        assert min(late_s) > -0.2, "but not much older"
 
 
 def test_what_was_not_measured_makes_the_light_of_a_frame_less_sure(tmp_path: Path) -> None:

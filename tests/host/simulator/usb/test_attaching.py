@@ -90,8 +90,8 @@ def test_a_smaller_picture_shows_the_same_gel() -> None:
 def test_only_a_simulated_sensor_can_be_virtual() -> None:
     with pytest.raises(InputError, match="give sim://"):
         open_virtual("v4l2:///dev/video0", serial_number="1", geometry={})
-    with pytest.raises(ConfigError, match="12"):
-        open_virtual("sim://", serial_number="1", geometry={"led_colours": "RGB"})
+    with pytest.raises(ConfigError, match="27 LEDs"):
+        open_virtual("sim://", serial_number="1", geometry={"led_colours": "RGB" * 9})
 
 
 @pytest.mark.parametrize(

@@ -67,11 +67,31 @@ def test_random_errors_of_the_labels_are_taken_off(truth: list[Press]) -> None:
     assert refined.kept == []
 
 
-def test_what_all_labels_share_stays_as_labelled(truth: list[Press]) -> None:
+def test_a_shift_that_all_labels_share_stays_as_labelled(truth: list[Press]) -> None:
     labels = clicked(truth, common=(2.0, -1.5))
     refined = refine(labels, REFERENCE, BALL)
-    np.testing.assert_allclose(circles(refined.presses).mean(axis=0), circles(labels).mean(axis=0), atol=1e-6)
+    shared = circles(refined.presses).mean(axis=0) - circles(labels).mean(axis=0)
+    np.testing.assert_allclose(shared[:2], 0, atol=1e-6)
     np.testing.assert_allclose(refined.offset, [-2.0, 1.5, 0.0], atol=0.4)
+
+
+def test_the_radius_is_the_lights_where_the_hand_drew_all_circles_too_wide(truth: list[Press]) -> None:
+    labels = [replace(press, contact_radius_px=1.14 * press.contact_radius_px) for press in clicked(truth, spread=1.0)]
+    refined = refine(labels, REFERENCE, BALL)
+    ratio = circles(refined.presses)[:, 2] / circles(truth)[:, 2]
+    np.testing.assert_allclose(ratio, 1.0, atol=0.03)
+    assert refined.record()["radius_of_light_over_label"] == pytest.approx(1 / 1.14, abs=0.02)
+    assert refined.record()["radius_by_light_images"] == len(truth)
+
+
+def test_the_mean_radius_stays_as_labelled_where_no_clear_ball_is_seen(
+    truth: list[Press], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gellight.training.labelling.refinement.LEAST_QUALITY", 1.0)
+    labels = [replace(press, contact_radius_px=1.14 * press.contact_radius_px) for press in truth]
+    refined = refine(labels, REFERENCE, BALL)
+    assert circles(refined.presses)[:, 2].mean() == pytest.approx(circles(labels)[:, 2].mean())
+    assert refined.record()["radius_by_light_images"] == 0
 
 
 def test_a_circle_that_is_nowhere_near_a_press_is_kept_and_named(truth: list[Press]) -> None:

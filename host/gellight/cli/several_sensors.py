@@ -1,0 +1,202 @@
+"""Several sensors in one daemon: a process each, one page for all, and one that fails leaves the others alone."""
+
+import json
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from multiprocessing.connection import Connection
+
+from gellight.base import logs
+from gellight.base.errors import CameraError, ConfigError, GellightError
+from gellight.base.service_manager import ServiceManager
+from gellight.base.settings import Settings
+from gellight.cli.ending import Ending, end
+from gellight.cli.one_sensor import STATUS_S, Running, follow, print_status, published, served, table
+from gellight.daemon.assembly import open_session
+from gellight.dashboard.chooser import Choice, Chooser
+from gellight.dashboard.server import PageServer
+from gellight.opening import REAL
+from gellight.sensor.bandwidth import check_bandwidth
+
+RESTART_S = 2.0
+"""from the fault of a sensor's process to its next start"""
+STOP_S = 1.5
+"""as long a process may take to make its LEDs dark and end"""
+SPAWN = multiprocessing.get_context("spawn")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What the process of a sensor says."""
+
+    address: str = ""
+    """of its dashboard"""
+    status: Mapping[str, object] = field(default_factory=dict)
+    """see `Daemon.status`"""
+    error: str | None = None
+    """why it cannot go on"""
+
+
+def run_several(each: list[Settings], running: Running, *, dashboard: bool, as_json: bool) -> None:
+    """Run a process for each of these settings until all have ended or Ctrl-C.
+
+    Raises InputError or ConfigError for settings that cannot be used together, before anything is started, and
+    CameraError at the end where one of the sensors could not be run.
+    """
+    _check(each)
+    logs.configure(each[0].service.log, "")
+    sensors = [SensorProcess(number, one, running) for number, one in enumerate(each, 1)]
+    with running.ended_by_hand(), ExitStack() as stack:
+        if dashboard:
+            choices = Chooser(lambda: {sensor.key: sensor.choice() for sensor in sensors})
+            server = stack.enter_context(PageServer(choices.application, **each[0].dashboard.model_dump()))
+            logs.say(f"dashboard: {server.url}   (Ctrl-C stops)")
+        for sensor in sensors:
+            sensor.start()
+            stack.callback(sensor.stop)
+        for sensor in sensors:  # all are asked to end before the first is waited for
+            stack.callback(sensor.ask_to_end)
+        _watch(sensors, as_json and not running.frames)
+        summary = {sensor.name: dict(sensor.report.status) for sensor in sensors}
+        print(json.dumps(summary) if as_json else "\n\n".join(map(table, summary.values())))
+    if failed := [f"{sensor.name}: {sensor.report.error}" for sensor in sensors if sensor.report.error]:
+        raise CameraError(f"{len(failed)} of {len(sensors)} sensors failed: {'; '.join(failed)}")
+
+
+def _check(each: list[Settings]) -> None:
+    """Refuse settings that hold for one sensor alone, and sensors that do not go together."""
+    if each[0].stream.name:
+        raise ConfigError("--name names one sensor, several are given: they publish under their own names")
+    bundle = each[0].sensor.calibration
+    if bundle not in (None, "auto", "synthetic"):
+        raise ConfigError(f"--calibration {bundle} is of one sensor, several are given: each uses the one in service")
+    check_bandwidth([one.sensor.url for one in each if one.sensor.url.startswith(REAL)])
+
+
+def _watch(sensors: list["SensorProcess"], as_json: bool) -> None:
+    """Follow the processes until all have ended; start one anew that broke off."""
+    manager, told_ready = ServiceManager(), False
+    while any(sensor.goes_on() for sensor in sensors):
+        if not told_ready and all(sensor.report.address or sensor.report.status for sensor in sensors if sensor.alive):
+            manager.ready()
+            told_ready = True
+        frames = sum(int(str(sensor.report.status.get("frames", 0))) for sensor in sensors)
+        manager.alive(frames, away=any(sensor.choice().error for sensor in sensors))
+        if as_json:
+            print(json.dumps({sensor.name: dict(sensor.report.status) for sensor in sensors}), flush=True)
+        time.sleep(STATUS_S / 4)
+
+
+class SensorProcess:
+    """The process of one sensor, as its parent sees it."""
+
+    def __init__(self, number: int, settings: Settings, running: Running) -> None:
+        """Run `settings`; the dashboard of the process is at a free port of this machine."""
+        own = settings.dashboard.model_copy(update={"port": 0, "host": "127.0.0.1", "token": ""})
+        self.key, self.name = str(number), f"{number}: {settings.sensor.url}"
+        view = settings.stream.model_copy(update={"foxglove_port": settings.stream.foxglove_port + number - 1})
+        self._settings, self._running = settings.model_copy(update={"dashboard": own, "stream": view}), running
+        self.report = Report()
+        self._broke_off_s: float | None = None
+
+    def start(self) -> None:
+        """Start the process."""
+        ours, theirs = SPAWN.Pipe(duplex=False)
+        self._process = SPAWN.Process(target=work, args=(self._settings, self._running, theirs), name=self.name)
+        self._process.start()
+        theirs.close()
+        threading.Thread(target=self._listen, args=(ours,), name=f"reports of {self.name}", daemon=True).start()
+
+    def _listen(self, reports: Connection) -> None:
+        with reports:
+            while True:
+                try:
+                    self.report = reports.recv()
+                except (EOFError, OSError):
+                    return
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
+
+    def goes_on(self) -> bool:
+        """Whether it runs or will run again; it is started anew a while after it broke off by a fault or a signal."""
+        status = self._process.exitcode
+        if status is None:
+            return True
+        if status in (Ending.DONE, Ending.REFUSED):
+            return False
+        if self._broke_off_s is None:
+            self._broke_off_s = time.monotonic()
+            self.report = Report(status=self.report.status, error=f"its process broke off (exit status {status})")
+            logs.say(f"gellight: {self.name}: {self.report.error}, starting it anew", level=logging.ERROR)
+        elif time.monotonic() - self._broke_off_s > RESTART_S:
+            self._broke_off_s, self.report = None, Report()
+            self.start()
+        return True
+
+    def choice(self) -> Choice:
+        """Return what the page shows of it."""
+        error = self.report.error or self.report.status.get("error")
+        address = self.report.address if self.alive else ""
+        return Choice(key=self.key, sensor=self.name, error=None if error is None else str(error), address=address)
+
+    def ask_to_end(self) -> None:
+        """Ask it to make its LEDs dark and end."""
+        self._process.terminate()
+
+    def stop(self) -> None:
+        """Wait for its end; kill it where it does not come."""
+        self._process.terminate()
+        self._process.join(STOP_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+# ---- in the process of a sensor ----
+
+
+def work(settings: Settings, running: Running, reports: Connection) -> None:
+    """Run one sensor, and say how it is; exit as `gellight run` does."""
+    os.environ.pop("NOTIFY_SOCKET", None)  # the parent speaks to the service manager
+    logs.configure(settings.service.log, settings.sensor.url)
+    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    end(partial(_stream, settings, running, reports))
+
+
+def _end_with_parent() -> None:
+    """End when the parent is gone, however it ended: nobody else could make the LEDs dark."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _stream(settings: Settings, running: Running, reports: Connection) -> None:
+    address = ""
+
+    def tell(status: Mapping[str, object]) -> None:
+        reports.send(Report(address=address, status=status))
+        print_status(status, as_json=False)
+
+    try:
+        with (
+            running.ended_by_hand(),
+            open_session(settings, every=True) as daemon,
+            served(daemon, settings) as address,
+            published(daemon, settings),
+        ):
+            tell(daemon.status())
+            tell(follow(daemon, running.frames, tell))
+    except GellightError as error:
+        reports.send(Report(error=str(error)))
+        raise

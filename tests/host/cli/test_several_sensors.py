@@ -1,0 +1,116 @@
+"""`gellight run` with several sensors, as a user runs it: a process each, one page, and one that fails."""
+
+import json
+import os
+import re
+import signal
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from subprocess import STDOUT, Popen
+from typing import Any
+
+import pytest
+
+from tests.helpers.children import GELLIGHT, gellight, started
+
+PATIENCE_S = 90.0
+TWO = ("--sensor", "sim://?board=0&seed=1", "--sensor", "sim://?board=0&seed=2")
+
+
+@contextmanager
+def running(folder: Path, *arguments: str) -> Iterator[tuple[Popen[Any], Path]]:
+    shown = folder / "shown"
+    environment = os.environ | {"XDG_RUNTIME_DIR": str(folder), "PYTHONUNBUFFERED": "1"}
+    with (
+        shown.open("wb") as output,
+        started([*GELLIGHT, "run", "--port", "0", *arguments], stdout=output, stderr=STDOUT, env=environment) as verb,
+    ):
+        yield verb, shown
+
+
+def wait_for(shown: Path, pattern: str, count: int = 1) -> list[str]:
+    end_s = time.monotonic() + PATIENCE_S
+    while len(found := re.findall(pattern, shown.read_text())) < count:
+        assert time.monotonic() < end_s, shown.read_text()
+        time.sleep(0.1)
+    return found
+
+
+def fetch(url: str) -> Any:
+    with urllib.request.urlopen(url, timeout=20) as answer:
+        return json.loads(answer.read())
+
+
+def children(process: int) -> list[int]:
+    """The processes of the sensors, in the order of their start."""
+    text = Path(f"/proc/{process}/task/{process}/children").read_text()
+    workers = [int(child) for child in text.split()]
+    return [one for one in workers if "spawn_main" in Path(f"/proc/{one}/cmdline").read_text()]
+
+
+def test_two_sensors_run_in_processes_of_their_own_and_sigterm_ends_all(tmp_path: Path) -> None:
+    with running(tmp_path, *TWO) as (verb, shown):
+        address = wait_for(shown, r"dashboard: (\S+)")[0]
+        wait_for(shown, r"publishing: gellight.subscribe\('(.*)'\)", 2)
+        names = {sensor["sensor"]: sensor["error"] for sensor in fetch(address + "sensors")}
+        assert names == {"1: sim://?board=0&seed=1": None, "2: sim://?board=0&seed=2": None}
+        assert {fetch(f"{address}{key}/status")["sensor"] for key in "12"} == {TWO[1], TWO[3]}
+        processes = children(verb.pid)
+        assert len(processes) == 2
+        verb.send_signal(signal.SIGTERM)
+        assert verb.wait(20) == 0, shown.read_text()
+        assert not any(Path(f"/proc/{process}").exists() for process in processes)
+        assert "Traceback" not in shown.read_text()
+
+
+def test_a_process_that_breaks_off_is_started_anew_and_the_other_goes_on(tmp_path: Path) -> None:
+    with running(tmp_path, *TWO) as (verb, shown):
+        address = wait_for(shown, r"dashboard: (\S+)")[0]
+        wait_for(shown, "publishing: ", 2)
+        before = fetch(address + "2/status")["frames"]
+        os.kill(children(verb.pid)[0], signal.SIGKILL)
+        wait_for(shown, re.escape("1: sim://?board=0&seed=1: its process broke off (exit status -9), starting it anew"))
+        assert fetch(address + "sensors")[1]["error"] is None
+        wait_for(shown, "publishing: ", 3)
+        assert fetch(address + "1/status")["error"] is None
+        assert fetch(address + "2/status")["frames"] > before
+
+
+def test_the_processes_end_with_their_parent_however_it_ends(tmp_path: Path) -> None:
+    with running(tmp_path, *TWO, "--no-dashboard") as (verb, shown):
+        wait_for(shown, "publishing: ", 2)
+        processes = children(verb.pid)
+        verb.kill()
+        end_s = time.monotonic() + 20
+        while any(Path(f"/proc/{process}").exists() for process in processes):
+            assert time.monotonic() < end_s
+            time.sleep(0.1)
+
+
+def test_a_sensor_that_cannot_be_opened_leaves_the_other_alone() -> None:
+    run = gellight("run", "--sensor", "sim://?board=0", "--sensor", "sim://?nonsense=1", "--frames", "3", "--json")
+    assert run.returncode == 2
+    summary = json.loads(run.stdout.splitlines()[-1])
+    assert summary["1: sim://?board=0"]["frames"] == 3
+    assert "gellight: 1 of 2 sensors failed: 2: sim://?nonsense=1: " in run.stderr
+    assert "unknown parameter nonsense" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--name", "left"), "--name names one sensor, several are given"),
+        (("--calibration", "my-bundle"), "--calibration my-bundle is of one sensor, several are given"),
+        (("--sensor", "sensor://X", "--sensor", "sensor://X"), "sensor"),
+    ],
+)
+def test_what_is_of_one_sensor_is_refused_before_anything_starts(arguments: tuple[str, ...], said: str) -> None:
+    run = gellight("run", *TWO, *arguments, "--frames", "1")
+    assert run.returncode == 2
+    assert said in run.stderr
+    assert "publishing" not in run.stderr
+    assert "Traceback" not in run.stderr

@@ -1,0 +1,137 @@
+"""The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.settings import load_settings
+from gellight.daemon.assembly import open_session
+from gellight.daemon.daemon import Daemon
+from gellight.daemon.switched_camera import SwitchedCamera
+from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.frames import CameraFrame
+from gellight.stream.publisher import Publisher
+from gellight.stream.subscription import subscribe
+from tests.helpers.streamed import bump_daemon
+
+HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
+
+
+@pytest.fixture
+def running(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[Daemon]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+    with open_session(load_settings({"sensor.url": HELD})) as daemon:
+        yield daemon
+
+
+def test_another_program_changes_the_mode_and_the_frames_go_on(running: Daemon) -> None:
+    with Publisher(running, name="changed") as publisher, subscribe(publisher.name, patience_s=60) as frames:
+        before = frames.next_frame()
+        assert before.exposures is None
+        assert running.status()["watch"] is not None
+        frames.mode("photometric")
+        assert frames.status()["mode"] == "photometric"
+        assert frames.status()["watch"] is None
+        with pytest.raises(InputError, match="mode photometric, which changes the light"):
+            frames.light(None)
+        measured = frames.next_frame()
+        while measured.exposures is None:  # sent before the mode was changed
+            measured = frames.next_frame()
+        assert measured.camera_frame.sequence > before.camera_frame.sequence
+        assert measured.contact.indentation_mm == pytest.approx(1.0, abs=0.02)
+        with pytest.raises(InputError, match="no mode 'magic': choose one of network, photometric, hybrid"):
+            frames.mode("magic")
+        frames.mode("network")
+        after = frames.next_frame()
+        while after.exposures is not None:
+            after = frames.next_frame()
+        assert after.camera_frame.sequence > measured.camera_frame.sequence
+        assert after.contact.indentation_mm == pytest.approx(1.0, abs=0.05), "under the light of the bundle again"
+        assert frames.status()["error"] is None
+        assert frames.status()["watch"] is not None
+
+
+def test_a_mode_that_cannot_be_leaves_the_sensor_as_it_was(running: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_lights(bundle: Any) -> Any:
+        raise BundleError("it has no lights.json")
+
+    monkeypatch.setattr("gellight.daemon.modes.read_lights", without_lights)
+    with pytest.raises(BundleError, match="no lights"):
+        running.change_mode("photometric")
+    assert running.mode == "network"
+    assert running.wait_frame(-1, 60).exposures is None
+    running.lend()
+    with pytest.raises(InputError, match="a calibration goes on"):
+        running.change_mode("photometric")
+    running.take_back()
+
+
+def test_a_daemon_that_was_put_together_for_one_mode_keeps_it() -> None:
+    daemon, _ = bump_daemon()
+    with pytest.raises(InputError, match="cannot be changed while it runs"):
+        daemon.change_mode("photometric")
+
+
+class Counting(Camera):
+    url, image_shape, stage = "counting", (4, 4), None
+
+    def __init__(self) -> None:
+        self.sequence, self.adopted = 0, 0
+
+    def read(self) -> CameraFrame:
+        self.sequence += 1
+        image = np.zeros((4, 4, 3), np.uint8)
+        return CameraFrame(image=image, time_s=time.monotonic(), sequence=self.sequence)
+
+    def adopt(self, controls: Any, colours: Any) -> None:
+        self.adopted += 1
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
+        return None
+
+
+class Renumbering(CameraWrapper):
+    """Numbers from 1, as series do."""
+
+    def __init__(self, camera: Camera) -> None:
+        super().__init__(camera)
+        self.count, self.released = 0, False
+
+    def read(self) -> CameraFrame:
+        self.count += 1
+        image = np.zeros((4, 4, 3), np.uint8)
+        return CameraFrame(image=image, time_s=0.0, sequence=self.count)
+
+    def release(self) -> None:
+        self.released = True
+
+
+def test_the_numbers_go_on_and_what_was_in_front_is_released() -> None:
+    made: list[Renumbering] = []
+
+    def equip(camera: Camera) -> Camera:
+        made.append(Renumbering(camera))
+        return made[-1]
+
+    inner = Counting()
+    camera = SwitchedCamera(inner, lambda sensor: sensor)
+    numbers = [camera.read().sequence for _ in range(3)]
+    camera.switch(equip, {}, None)
+    numbers += [camera.read().sequence for _ in range(2)]
+    camera.switch(lambda sensor: sensor, {}, None)
+    numbers += [camera.read().sequence for _ in range(2)]
+    assert numbers == [1, 2, 3, 4, 5, 6, 7]
+    assert made[0].released
+    assert inner.adopted == 2
+
+    def refuse(sensor: Camera) -> Camera:
+        raise CameraError("no ring")
+
+    with pytest.raises(CameraError, match="no ring"):
+        camera.switch(refuse, {}, None)
+    assert camera.read().sequence == 8

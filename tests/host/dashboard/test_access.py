@@ -1,0 +1,143 @@
+"""The token: who brings none, or a wrong one, gets nothing; who brings it once needs it no more."""
+
+import asyncio
+from collections.abc import Iterator
+
+import aiohttp
+import pytest
+from playwright.sync_api import Browser, expect
+
+from gellight.base.errors import ConfigError, ServerError
+from gellight.base.settings import load_settings
+from gellight.dashboard.access import COOKIE, is_loopback
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import draw, opening
+from tests.helpers.dashboard_source import FormulaSource, RecordingStage
+
+TOKEN = "a-token_of-our-0wn"
+PATHS = ("", "status", "ws", "metrics", "health", "sensors", "main.js", "calibration", "nothing")
+
+
+@pytest.fixture
+def source() -> FormulaSource:
+    return FormulaSource(stage=RecordingStage())
+
+
+@pytest.fixture
+def server(source: FormulaSource) -> Iterator[DashboardServer]:
+    with DashboardServer(source, port=0, token=TOKEN) as server:
+        yield server
+
+
+def base(server: DashboardServer) -> str:
+    return server.url.partition("?")[0]
+
+
+def get(url: str, **options) -> tuple[int, str, dict[str, str]]:  # type: ignore[no-untyped-def]
+    async def run() -> tuple[int, str, dict[str, str]]:
+        async with aiohttp.ClientSession() as session, session.get(url, allow_redirects=False, **options) as answer:
+            return answer.status, await answer.text(), dict(answer.headers)
+
+    return asyncio.run(run())
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize(
+    ("cookie", "bearer", "query"),
+    [
+        (None, None, ""),
+        ("", "", "?token="),
+        (TOKEN[:-1], f"Bearer {TOKEN[:-1]}", f"?token={TOKEN[:-1]}"),
+        (TOKEN + "x", f"Bearer {TOKEN}x", f"?token={TOKEN}x"),
+        ("\xff", "Bearer \udcff", "?token=%ff"),
+    ],
+)
+def test_without_the_token_nothing_is_answered(
+    server: DashboardServer, path: str, cookie: str | None, bearer: str | None, query: str
+) -> None:
+    headers = {} if bearer is None else {"Authorization": bearer}
+    headers |= {} if cookie is None else {"Cookie": f"{COOKIE}={cookie}"}
+    status, text, answered = get(base(server) + path + query, headers=headers)
+    assert status == 401
+    assert "open the address that `gellight run` has printed" in text
+    assert "Set-Cookie" not in answered
+
+
+def test_the_address_that_is_printed_becomes_a_cookie(server: DashboardServer) -> None:
+    assert server.url.endswith(f"/?token={TOKEN}")
+    status, _, headers = get(base(server) + f"status?token={TOKEN}&more=1")
+    assert (status, headers["Location"]) == (303, "/status?more=1")
+    cookie = headers["Set-Cookie"]
+    assert cookie.startswith(f"{COOKIE}={TOKEN};")
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert get(base(server) + "status", cookies={COOKIE: TOKEN})[0] == 200
+
+
+def test_a_program_brings_the_token_in_a_header(server: DashboardServer) -> None:
+    assert get(base(server) + "metrics", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
+
+
+def test_a_websocket_needs_the_token_and_another_site_is_refused_with_it(server: DashboardServer) -> None:
+    async def run() -> None:
+        async with aiohttp.ClientSession(cookies={COOKIE: TOKEN}) as session:
+            async with session.ws_connect(base(server) + "ws") as page:
+                assert (await page.receive()).type is aiohttp.WSMsgType.TEXT
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await session.ws_connect(base(server) + "ws", headers={"Origin": "http://example.org"})
+        async with aiohttp.ClientSession() as session:
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
+                await session.ws_connect(base(server) + "ws")
+
+    asyncio.run(run())
+
+
+def test_beyond_this_machine_a_token_is_drawn_and_any_name_of_the_host_will_do(source: FormulaSource) -> None:
+    with DashboardServer(source, port=0, host="0.0.0.0") as one, DashboardServer(source, port=0, host="0.0.0.0") as two:
+        tokens = [server.url.partition("?token=")[2] for server in (one, two)]
+        assert min(map(len, tokens)) >= 32
+        assert tokens[0] != tokens[1]
+        port = one.url.partition("?")[0].rsplit(":", 1)[1].strip("/")
+        there = f"http://127.0.0.1:{port}/status"
+        assert get(there)[0] == 401
+        assert get(there, headers={"Host": "sensor.lan", "Authorization": f"Bearer {tokens[0]}"})[0] == 200
+        assert get(there, headers={"Authorization": f"Bearer {tokens[1]}"})[0] == 401
+
+
+def test_on_this_machine_no_token_is_needed_unless_one_is_set(source: FormulaSource) -> None:
+    with DashboardServer(source, port=0) as server:
+        assert "token" not in server.url
+        assert get(server.url + "status")[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("host", "own"), [("127.0.0.1", True), ("127.0.0.9", True), ("::1", True), ("localhost", True), ("0.0.0.0", False),
+                      ("::", False), ("192.168.1.5", False), ("sensor.lan", False)],
+)  # fmt: skip
+def test_which_addresses_are_of_this_machine_alone(host: str, own: bool) -> None:
+    assert is_loopback(host) == own
+
+
+@pytest.mark.parametrize("host", ["203.0.113.7", "no-such-host.invalid"])
+def test_an_address_of_another_computer_is_refused_with_the_remedy(source: FormulaSource, host: str) -> None:
+    with pytest.raises(ServerError, match=rf"{host} is no address of this computer: .*--host"):
+        DashboardServer(source, port=0, host=host).start()
+
+
+@pytest.mark.parametrize("token", ["short", "with a space in the middle", "é" * 20])
+def test_a_token_that_could_be_guessed_or_not_be_typed_is_refused(token: str) -> None:
+    with pytest.raises(ConfigError, match=r"dashboard\.token"):
+        load_settings({"dashboard.token": token})
+
+
+@pytest.mark.browser
+def test_a_browser_opens_the_address_once_and_then_without_the_token(
+    browser: Browser, server: DashboardServer, source: FormulaSource
+) -> None:
+    with opening(browser, server) as opened:
+        page = opened()
+        draw(page, source, 0.5)
+        expect(page.get_by_test_id("state")).to_have_text("live")
+        assert TOKEN not in page.url
+        page.goto(base(server))
+        draw(page, source, 0.6)
