@@ -1,5 +1,6 @@
 """What the gel at rest really does, measured on the presses: far from its contact circle a press shows it."""
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,9 +26,11 @@ def rest_of_presses(presses: Sequence[Press], reference: Floats, *, noise_grey: 
     Looked at is the quarter of each view that is farthest from the press, and no place nearer than 2 contact radii; of
     the means over 4 x 4 and 12 x 12 pixels those that differ more. The figure is the median over the presses, so a
     second touch in one of them does no harm. With `follow_light` the drift of the light is taken off first, as the
-    frame path then does. Returns 0 where no press leaves enough of the view.
+    frame path then does. Presses that share an image do not count. Returns 0 where no press leaves enough of the view.
     """
-    seen = [squares for press in presses if (squares := _squares(press, reference, follow_light)) is not None]
+    in_image = Counter(press.image for press in presses)
+    alone = [press for press in presses if in_image[press.image] == 1]
+    seen = [squares for press in alone if (squares := _squares(press, reference, follow_light)) is not None]
     if not seen:
         return 0.0
     noise = RestChange(noise_grey).pixel_grey / np.array(_SIDES_PX)

@@ -1,6 +1,6 @@
 """What `gellight calibrate lights` does: take pictures under each LED, and add the light of each to the bundle."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError, CameraError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
+from gellight.calibration.lights.ball_check import confirm_ring
 from gellight.calibration.lights.reference_light import ReferencePictures, light_model
 from gellight.calibration.lights.ring_fit import RingFit, fit_ring
 from gellight.frames.camera import Camera
@@ -30,21 +31,30 @@ def add_lights(
     *,
     frames: int,
     ring_from_light: bool = False,
+    ball_radius_mm: float | None = None,
+    press_ball: Callable[[], object] = lambda: None,
     overwrite: bool = False,
 ) -> dict[str, object]:
     """Measure the lights of the sensor that `settings` name, and write its bundle with them to `out`.
 
-    ring_from_light: take the geometry of the ring from the pictures, not from the settings.
+    ring_from_light: take the geometry of the ring from the pictures, not from the settings; then a ball of
+    ball_radius_mm has to confirm it, which `press_ball` asks for and a simulated sensor presses by itself.
     Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or BundleError.
     """
+    if ring_from_light and ball_radius_mm is None:
+        raise InputError(
+            "the light on the flat gel hardly tells a low ring from a high one, so a ball has to confirm the fit: give "
+            "--ball-radius-mm with --ring-from-light"
+        )
     ring = RingGeometry.from_overrides(settings.geometry.overrides())
     colours = led_colours(bundle, ring)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         bundle.check_fits(camera.url, camera.image_shape)
         model = _take_lights(camera, ring, colours, bundle.pixel_size_mm, frames)
-    fit = fit_ring(model, bundle.pixel_size_mm)
-    if ring_from_light:
-        model = replace(model, ring=fit.ring)
+        fit = fit_ring(model, bundle.pixel_size_mm)
+        if ring_from_light and ball_radius_mm is not None:
+            model = replace(model, ring=fit.ring)
+            confirm_ring(model, bundle, _pictures_of_ball(camera, colours, frames, press_ball), ball_radius_mm)
     write_lights(bundle, model, out, overwrite=overwrite)
     return {"calibration": str(out), "ring_used": "light" if ring_from_light else "settings"} | _facts(model, fit)
 
@@ -94,6 +104,21 @@ def _take_lights(
     controls = camera.controls
     exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
     return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
+
+
+def _pictures_of_ball(
+    camera: Camera, colours: NDArray[np.uint8], frames: int, press_ball: Callable[[], object]
+) -> list[list[NDArray[np.uint8]]]:
+    """Show a pressed ball under each LED alone."""
+    if camera.stage:
+        camera.stage.press("BALL", 1.0, 0.0, 0.0)
+    else:
+        press_ball()
+    with Hold(camera) as hold:
+        return [
+            [frame.image for frame in hold.expose(group, index, frames)]
+            for index, group in enumerate(single_leds(colours))
+        ]
 
 
 @contextmanager

@@ -89,7 +89,7 @@ def check_lights(lights: LightDirections, levels: Floats, presses: Sequence[Pres
         pixels, normal = _known(presses, ball, lights.image_shape, share)
         felt = normals(gradient_map).reshape(-1, 3)[pixels]
         angles[share] = float(angle_deg(felt, normal.T.astype(np.float32)).mean())
-    felt_mm = float(np.median([_felt_radius_px(gradient_map, press) for press in presses])) * ball.pixel_size_mm
+    felt_mm = float(np.median([felt_radius_px(gradient_map, press) for press in presses])) * ball.pixel_size_mm
     found = HeldOutBalls(
         balls=len(presses), normal_deg=angles[0.8], wide_normal_deg=angles[0.95], felt_radius_mm=felt_mm
     )
@@ -122,7 +122,7 @@ def _lit_fit(columns: Array, share: Array) -> Array:
     return amounts
 
 
-def _felt_radius_px(gradient_map: Floats, press: Press) -> float:
+def felt_radius_px(gradient_map: Floats, press: Press) -> float:
     """Least squares of sin(slope) = distance / R inside 0.8 of the contact."""
     shape = (gradient_map.shape[0], gradient_map.shape[1])
     inside = distance_px(press, shape) < 0.8 * press.contact_radius_px

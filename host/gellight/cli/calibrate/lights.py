@@ -23,6 +23,10 @@ def command(
         bool,
         typer.Option("--ring-from-light", help="take the places of the LEDs from the pictures, not from the settings"),
     ] = False,
+    ball_radius_mm: Annotated[
+        float | None,
+        typer.Option(help="with --ring-from-light: radius of a ball, mm, that is pressed to confirm the places"),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure the light of each LED on the untouched gel.
@@ -36,6 +40,8 @@ def command(
         new.out,
         frames=frames,
         ring_from_light=ring_from_light,
+        ball_radius_mm=ball_radius_mm,
+        press_ball=lambda: typer.prompt("Press the ball and hold it still; then Enter", default="", err=True),
         overwrite=new.overwrite,
     )
     typer.echo(json.dumps(found, indent=2) if as_json else "\n".join(f"{k:20} {v}" for k, v in found.items()))

@@ -2,15 +2,23 @@
 
 from dataclasses import replace
 from math import radians
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gellight.base.errors import BundleError, InputError
+from gellight.base.settings import Settings
+from gellight.bundle.bundle import load_bundle
+from gellight.calibration.lights.adding import add_lights
+from gellight.calibration.lights.ball_check import confirm_ring
 from gellight.calibration.lights.ring_fit import coarse_points, fit_ring, flat_light
-from gellight.reconstruction.photometric.light_model import LightModel
+from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.simulator.scene import Press
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import untouched
+from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.simulated_gel import PIXEL_MM, RING, SMALL, Gel
 
 WRONG = replace(RING, ring_radius_mm=22.8, mounting_height_mm=18.6, incident_angle_rad=radians(20.0), centre_x_mm=0.5)
@@ -38,6 +46,26 @@ def test_the_ring_is_found_from_noisy_pictures_wherever_one_begins(model: LightM
     assert (fit.ring.centre_x_mm, fit.ring.centre_y_mm) == pytest.approx((0.0, 0.0), abs=0.05)
     assert fit.misfit < 0.01
     assert fit.as_json()["ring_radius_mm"] == pytest.approx(21.5, abs=0.15)
+
+
+def test_a_ball_confirms_the_right_ring_and_refuses_a_low_one(model: LightModel, tmp_path: Path) -> None:
+    """A fit from the flat gel alone was accepted 24 degrees off."""
+    gel = Gel(seed=9)
+    linear_bundle(tmp_path / "b", SMALL.image_shape)
+    plain = load_bundle(tmp_path / "b")
+    manifest = plain.manifest.model_copy(update={"pixel_size_mm": PIXEL_MM})
+    bundle = replace(plain, manifest=manifest).with_reference(gel.mean(RING.colours, 8), frames=8)
+    pictures = gel.series(LightGroups.SINGLES, Press("BALL", 1.0, 0.0, 0.0)).pictures
+    assert confirm_ring(model, bundle, pictures, 4.0) == pytest.approx(4.0, rel=0.08)
+    low = replace(model, ring=replace(RING, ring_radius_mm=32.0, mounting_height_mm=26.0))
+    with pytest.raises(BundleError, match=r"feels the ball of 4 mm as one of .* measure the ring"):
+        confirm_ring(low, bundle, pictures, 4.0)
+
+
+def test_the_fit_from_the_flat_gel_alone_refuses_itself(tmp_path: Path) -> None:
+    linear_bundle(tmp_path / "b", SMALL.image_shape)
+    with pytest.raises(InputError, match="a ball has to confirm the fit: give --ball-radius-mm"):
+        add_lights(load_bundle(tmp_path / "b"), Settings(), tmp_path / "out", frames=1, ring_from_light=True)
 
 
 def test_the_middle_of_the_ring_moves_all_leds() -> None:
