@@ -1,9 +1,12 @@
 """Depth from slopes by sparse least squares: plain, and on purpose not the method of the host, which it judges."""
 
+from collections.abc import Callable
+from functools import lru_cache
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import factorized
 
 Array = NDArray[np.float64]
 
@@ -20,16 +23,23 @@ def integrate(gradient_map: Array, pixel_size_mm: float | tuple[float, float]) -
         raise ValueError(f"gradient map of shape {slopes.shape}: give (H, W, 2) with H, W >= 2")
     size_x, size_y = np.broadcast_to(np.asarray(pixel_size_mm, dtype=np.float64), 2)
     height, width = slopes.shape[:2]
-    along_x = sparse.kron(sparse.identity(height), _difference(width))
-    along_y = sparse.kron(_difference(height), sparse.identity(width))
     rise_x = size_x * (slopes[:, 1:, 0] + slopes[:, :-1, 0]) / 2
     rise_y = size_y * (slopes[1:, :, 1] + slopes[:-1, :, 1]) / 2
-    differences = sparse.vstack([along_x, along_y]).tocsc()
-    rises = np.concatenate([rise_x.ravel(), rise_y.ravel()])
-    # The constant is free: holding the first pixel at 0 leaves a matrix that can be solved.
-    held = differences[:, 1:]
-    depth = np.concatenate([[0.0], spsolve((held.T @ held).tocsc(), held.T @ rises)]).reshape(height, width)
-    return np.asarray(depth - np.median(depth))
+    held, solve = _system(height, width)
+    depth = np.concatenate([[0.0], solve(held.T @ np.concatenate([rise_x.ravel(), rise_y.ravel()]))])
+    return np.asarray(depth.reshape(height, width) - np.median(depth))
+
+
+@lru_cache(maxsize=1)
+def _system(height: int, width: int) -> tuple[sparse.csc_array, Callable[[Array], Array]]:
+    """Return the differences between neighbours as a matrix, and what solves its normal equations.
+
+    The constant is free: holding the first pixel at 0 leaves a matrix that can be solved.
+    """
+    along_x = sparse.kron(sparse.identity(height), _difference(width))
+    along_y = sparse.kron(_difference(height), sparse.identity(width))
+    held = sparse.csc_array(sparse.vstack([along_x, along_y]).tocsc()[:, 1:])
+    return held, factorized(sparse.csc_matrix(held.T @ held))
 
 
 def _difference(count: int) -> sparse.dia_array:

@@ -8,10 +8,11 @@ processes of the daemon, as a share of one core. Only the ratios mean something 
 import json
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
+from subprocess import DEVNULL, PIPE
 from typing import Any
 
 from tests.helpers.children import GELLIGHT, started
@@ -21,21 +22,34 @@ def measure(count: int, seconds: float) -> tuple[list[dict[str, Any]], float]:
     """Return the last status of each sensor, and the processor's share."""
     sensors = [word for seed in range(count) for word in ("--sensor", f"sim://?board=0&seed={seed}")]
     with tempfile.TemporaryDirectory() as folder:
-        before = os.times()
         environment = os.environ | {"XDG_RUNTIME_DIR": folder}
         command = [*GELLIGHT, "run", *sensors, "--port", "0", "--json"]
-        with started(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment) as daemon:
-            begun_s = time.monotonic()
-            last: dict[str, Any] = {}
-            while time.monotonic() - begun_s < seconds:
-                said = json.loads(daemon.stdout.readline())
-                last = said if count > 1 else {"1": said}
+        with started(command, stdout=PIPE, stderr=DEVNULL, text=True, env=environment) as daemon:
+            last, begun_s, used_s = statuses(daemon, count), time.monotonic(), processor_s(daemon.pid)
+            while not all(one.get("frames") for one in last) or time.monotonic() - begun_s < seconds:
+                if not all(one.get("frames") for one in last):
+                    begun_s, used_s = time.monotonic(), processor_s(daemon.pid)
+                last = statuses(daemon, count)
+            took_s, used_s = time.monotonic() - begun_s, processor_s(daemon.pid) - used_s
             daemon.send_signal(signal.SIGTERM)
             daemon.stdout.read()
             daemon.wait(20)
-        after = os.times()
-    used_s = after.children_user + after.children_system - before.children_user - before.children_system
-    return list(last.values()), used_s / seconds
+    return last, used_s / took_s
+
+
+def statuses(daemon: Any, count: int) -> list[dict[str, Any]]:
+    """Return the next statuses of all sensors."""
+    said = json.loads(daemon.stdout.readline())
+    return list(said.values()) if count > 1 else [said]
+
+
+def processor_s(process: int) -> float:
+    """Return the processor time of a process and of those that it has started, so far."""
+    place = Path(f"/proc/{process}")
+    fields = (place / "stat").read_text().rpartition(")")[2].split()
+    own = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    children = (place / "task" / str(process) / "children").read_text().split()
+    return own + sum(processor_s(int(child)) for child in children)
 
 
 def main() -> None:

@@ -60,7 +60,7 @@ def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float], reference
         "contact": deflate(np.packbits(reduce(frame.contact.mask.astype(np.float32), shape) >= 0.5).tobytes()),
     }
     if (truth := frame.camera_frame.truth) is not None:
-        planes["truth"] = pack_depth(truth.depth_mm, shape)
+        planes["truth"] = references.truth(truth, shape)
     reference, drift = references.of(frame)
     header = _header(frame, pixel_size_mm) | {
         "reference": reference,

@@ -73,7 +73,12 @@ def measure_patches(
     """
     size_x, size_y = pixel_size_xy(pixel_size_mm)
     middle = [(length - 1) / 2 for length in mask.shape]
-    labels, _ = ndimage.label(mask, structure=_NEIGHBOURS)
+    touched = [np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0)]
+    if not len(touched[0]):
+        return []
+    labels = np.zeros(mask.shape, np.int32)
+    part = tuple(slice(where[0], where[-1] + 1) for where in touched)
+    ndimage.label(mask[part], structure=_NEIGHBOURS, output=labels[part])
     patches = []
     for label, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
         inside = labels[rows, columns] == label

@@ -6,6 +6,7 @@ simulated_controls.py  its exposure, gain and white balance
 gel_models.py          the gel as a layer or by finite elements, whose presses are kept
 one_press.py           one object pressed, as files
 scene.py               what it looks at, computed once for a press
+read_noise.py          the noise of its camera
 shutter.py             a rolling shutter under pulsed LEDs
 selfcheck.py           the host judged by the simulator
 virtual_hand.py        presses for the user in a calibration

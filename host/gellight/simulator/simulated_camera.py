@@ -33,12 +33,13 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import MOST_LEDS
 from gellight.simulator.gel_models import GelKind, gel_model
+from gellight.simulator.read_noise import ReadNoise
 from gellight.simulator.scene import Array, Press, Scene
 from gellight.simulator.selfcheck import SelfCheck
 from gellight.simulator.shutter import Shutter, row_weights
 from gellight.simulator.simulated_controls import SimulatedControls
 from gellight.simulator.stage import Stage
-from sim_reference.camera import CameraResponse, digitise
+from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 
 DARK_S = 5.0
@@ -70,7 +71,7 @@ class SimulatedCamera(Camera):
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)
         self._period_s = 1 / fps
-        self._rng = np.random.default_rng(seed)
+        self._noise = ReadNoise(np.random.default_rng(seed))
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
         self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
         self._sequence = 0
@@ -125,7 +126,7 @@ class SimulatedCamera(Camera):
         press = self._press = self._next_press()
         begun_s, weights, colours = self._expose()
         grey, truth = self._look(press, weights)
-        image = digitise(grey, self._scene.response.noise_grey, self._rng)
+        image = self._noise.digitise(grey, self._scene.response.noise_grey)
         self._sequence += 1
         return CameraFrame(image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours,
                            truth=truth)  # fmt: skip

@@ -146,6 +146,7 @@ class SoakSensor:
         self.camera: SoakCamera | None = None
         self._workshop = ThreadPoolExecutor(2, thread_name_prefix="workshop")
         self._spare: Future[SimulatedBoard] = self._workshop.submit(SimulatedBoard, pty=True)
+        self._retiring: list[Future[None]] = []
         self._boards = threading.Lock()
         """held while the board is changed"""
 
@@ -202,11 +203,17 @@ class SoakSensor:
         with self._boards:
             board, self.board = self.board, None
         if board is not None:
-            self._workshop.submit(self._retire, board)
+            self._retiring.append(self._workshop.submit(self._retire, board))
 
     def _retire(self, board: SimulatedBoard) -> None:
         board.close()
         self.board_faults += board.faults
+
+    def settle(self) -> None:
+        """Wait until boards that were taken out have ended, and the next one is ready."""
+        while self._retiring:
+            self._retiring.pop().result()
+        self._spare.result()
 
     def close(self) -> None:
         """Unplug, and end every process."""

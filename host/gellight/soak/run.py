@@ -166,6 +166,7 @@ class Soak:
                 left.popleft()
             self.judge.broken(Invariant.RUNNING, f"a daemon did not start or end: {error}")
         self._expect_dark("the daemon ended")
+        self.sensor.settle()
         self._rests.append(Holdings.now(time.monotonic() - self._begun_s))
 
     def _one(self, fault: PlannedFault, shift: Shift) -> float:

@@ -147,19 +147,20 @@ class Shift:
         """Finish the recording, and judge what can be read of it."""
         self.recorder.__exit__()
         path = self.recorder.path
+        sequence, numbers = [], []
         try:
-            frames = list(Recording(path).frames())
-            numbers = [read_number(record.image(path.name)) for record in frames]
+            for record in Recording(path).frames():
+                sequence.append(record.info.sequence)
+                numbers.append(read_number(record.image(path.name)))
         except GellightError as error:
             self.judge.broken(Invariant.RECORDING, str(error))
             return
         finally:
             path.unlink()
-        sequence = [record.info.sequence for record in frames]
         if any(np.diff(sequence) <= 0) or any(np.diff(numbers) <= 0):
             self.judge.broken(Invariant.RECORDING, f"{path.name}: the frames are not in order")
-        if not frames or (not self.recorder.ended and len(frames) != self.recorder.status.frames):
-            read, written = len(frames), self.recorder.status.frames
+        if not numbers or (not self.recorder.ended and len(numbers) != self.recorder.status.frames):
+            read, written = len(numbers), self.recorder.status.frames
             self.judge.broken(Invariant.RECORDING, f"{path.name}: {read} of {written} frames can be read")
 
     def record_anew(self) -> None:
