@@ -19,7 +19,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gellight.base.errors import GellightError
+from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.simulator.usb.faults import NO_FAULTS, Faults
@@ -323,7 +323,12 @@ class Soak:
 
 
 def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info) -> Report:
-    """Soak a simulated sensor for so many simulated hours; `note` is told of every fault."""
+    """Soak a simulated sensor for so many simulated hours; `note` is told of every fault.
+
+    Raises InputError where no fault of the plan falls into that time: such a run would say nothing.
+    """
+    if not any(True for _ in plan(seed, hours)):
+        raise InputError(f"no fault of seed {seed} falls into {hours:g} h: give more hours")
     with tempfile.TemporaryDirectory(prefix="gellight-soak-") as folder:
         return Soak(seed, Path(folder), note).run(plan(seed, hours))
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from gellight.base.errors import InputError
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Connection
 from gellight.sensor.sensor_camera import SensorCamera
@@ -53,6 +54,11 @@ def test_a_plan_is_the_same_for_the_same_seed_and_has_about_a_fault_a_minute() -
     assert faults == list(plan(1, 8.0)) != list(plan(2, 8.0))
     assert 400 < len(faults) < 560
     assert {fault.kind for fault in faults[: len(FaultKind)]} == set(FaultKind)
+
+
+def test_a_run_without_a_fault_is_refused() -> None:
+    with pytest.raises(InputError, match="no fault of seed 2 falls into"):
+        soak(2, next(plan(2, 8.0)).at_s / 3600 * 0.9)
 
 
 def test_dark_frames_after_a_brown_out_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
