@@ -57,6 +57,8 @@ class FrameThreads:
         """the sequence number after which a frame was asked for last"""
         self._newest = self._void = -1
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
+        self._cuts = 0
+        """how often what came before was thrown away"""
         self._capturing, self._reconstructing = Turns(), Turns()
         self._handing_on = threading.Lock()
         """held while a frame is delivered or the old ones are thrown away"""
@@ -103,9 +105,9 @@ class FrameThreads:
         self._threads.append(threading.Thread(target=job, args=(look, period_s), name=name, daemon=True))
 
     def throw_away(self) -> None:
-        """Deliver none of the frames that came until now: they show what is not true any more."""
+        """Deliver none of the frames that came until now, nor that which is being read: they show what was."""
         with self._handing_on:
-            self._void = self._newest
+            self._void, self._cuts = self._newest, self._cuts + 1
             self.captured.clear()
             self.delivered.clear()
 
@@ -138,15 +140,19 @@ class FrameThreads:
             self._end(error, self.captured)
 
     def _capture_one(self) -> None:
+        cuts = self._cuts
         try:
             frame = self._camera.read()
         except ReconnectingError as error:
             self._leave(str(error))
             return
-        self._away, self._newest = None, frame.sequence
-        self.statistics.note_captured(frame)
-        self._taken.clear()
-        self.captured.put(frame)
+        with self._handing_on:
+            self._away, self._newest = None, frame.sequence
+            if cuts != self._cuts:
+                return
+            self.statistics.note_captured(frame)
+            self._taken.clear()
+            self.captured.put(frame)
 
     def _leave(self, why: str) -> None:
         if self._away is None:

@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera, EndOfStream
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import Zero
@@ -45,6 +46,31 @@ def test_frames_come_in_order_and_the_end_is_told_after_the_last() -> None:
     assert seen == sorted(set(seen))
     assert seen[-1] == 20, "the newest frame before the end is delivered"
     assert camera.closed
+
+
+class BusyCamera(ScriptedCamera):
+    """Is in the middle of a frame, exposed already, until `gate` is open."""
+
+    def __init__(self) -> None:
+        super().__init__(100, EndOfStream("used up"), period_s=0.01)
+        self.ring = SimpleNamespace(still=None, led_count=12, light=lambda _: None)  # type: ignore[assignment]
+        self.reading, self.gate = threading.Event(), threading.Event()
+
+    def read(self) -> CameraFrame:
+        frame = super().read()
+        self.reading.set()
+        assert self.gate.wait(10)
+        return frame
+
+
+def test_a_frame_that_is_being_read_when_the_light_changes_is_not_delivered() -> None:
+    camera, network = BusyCamera(), CountingReconstructor()
+    network.status = lambda: {"mode": "network"}  # type: ignore[method-assign]
+    with daemon_of(camera, network) as daemon:
+        assert camera.reading.wait(10)
+        daemon.light(np.zeros((12, 3), np.uint8))
+        camera.gate.set()
+        assert daemon.wait_frame(0, 10).camera_frame.sequence > 1
 
 
 def test_the_pictures_of_files_wait_for_their_reader() -> None:
