@@ -4,6 +4,7 @@
  */
 #include <string.h>
 
+#include "chance.h"
 #include "story.h"
 
 #define ACT_BYTES 128u
@@ -15,17 +16,6 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t room, unsigned
 static const struct {
     uint8_t code, bytes;
 } requests[] = {COMMANDS(LENGTH)};
-
-static uint32_t state;
-
-/* xorshift32 (Marsaglia 2003): the seed decides everything. */
-static uint32_t chance(uint32_t below)
-{
-    state ^= state << 13;
-    state ^= state >> 17;
-    state ^= state << 5;
-    return (state >> 8) % below;
-}
 
 /* Of the board as it comes: a request has 3 bytes for each of its LEDs. */
 static void dim(uint8_t colours[COLOUR_BYTES])

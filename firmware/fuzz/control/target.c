@@ -14,6 +14,7 @@
 #include <string.h>
 #include <sys/mman.h>
 
+#include "../chance.h"
 #include "usb_wire.h"
 
 #define SETUP_BYTES 8u
@@ -174,17 +175,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         check_armed();
     }
     return 0;
-}
-
-static uint32_t state;
-
-/* xorshift32 (Marsaglia 2003): the seed decides everything. */
-static uint32_t chance(uint32_t below)
-{
-    state ^= state << 13;
-    state ^= state >> 17;
-    state ^= state << 5;
-    return (state >> 8) % below;
 }
 
 static size_t write_act(uint8_t act[1 + SETUP_BYTES])

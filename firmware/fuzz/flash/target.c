@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../chance.h"
 #include "bytes.h"
 #include "config.h"
 #include "crc.h"
@@ -154,17 +155,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             start();
     }
     return 0;
-}
-
-static uint32_t state;
-
-/* xorshift32 (Marsaglia 2003): the seed decides everything. */
-static uint32_t chance(uint32_t below)
-{
-    state ^= state << 13;
-    state ^= state >> 17;
-    state ^= state << 5;
-    return (state >> 8) % below;
 }
 
 static void write_act(uint8_t act[ACT_BYTES])
