@@ -3,7 +3,7 @@
 A simulated sensor (640 x 480, a ball 1 mm deep, steady light without an emulated board) under `gellight run`, read by a
 subscriber in this process that wants every frame; at 30 and at 60 frames a second. The camera is simulated on the same
 cores, and its picture takes the whole frame time to be exposed and sent, as with a real one. In the same run: garbage
-collection left out, and real-time priority (SCHED_FIFO) where the system allows it. 600 seconds give the 99.9th
+collection left out, and `gellight run --realtime`, which the system has to allow. 600 seconds give the 99.9th
 percentile a meaning.
 """
 
@@ -22,24 +22,24 @@ import gellight
 from gellight.base.errors import StreamError
 from tests.helpers.children import started
 
-WAYS = {
-    "as it is": "",
-    "no garbage collection": "import gc; gc.disable(); ",
-    "real-time priority": "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10)); ",
+WAYS: dict[str, tuple[str, list[str]]] = {
+    "as it is": ("", []),
+    "no garbage collection": ("import gc; gc.disable(); ", []),
+    "--realtime": ("", ["--realtime"]),
 }
-"""what the daemon's process does first"""
+"""what the daemon's process does first, and its further options"""
 STAGES = ("taken", "reconstructed", "published", "received")
 WARM_UP_S = 5.0
 
 
 @contextmanager
-def daemon(first: str, fps: int) -> Iterator[None]:
-    """Run a daemon whose process does `first`, that publishes to this computer alone."""
+def daemon(first: str, options: list[str], fps: int) -> Iterator[None]:
+    """Run a daemon with `options` whose process does `first`, that publishes to this computer alone."""
     sensor = f"sim://?board=0&object=BALL&depth=1&fps={fps}"
     code = f"{first}import sys; from gellight.cli.main import run; sys.argv[0] = 'gellight'; run()"
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
-        command = [sys.executable, "-c", code, "run", "--sensor", sensor, "--no-dashboard", "--json"]
+        command = [sys.executable, "-c", code, "run", "--sensor", sensor, "--no-dashboard", "--json", *options]
         with started(command, stdout=DEVNULL, stderr=DEVNULL) as process:
             yield
             process.send_signal(signal.SIGTERM)
@@ -77,8 +77,8 @@ def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
     print("age in ms by stage                               p50     p95     p99   p99.9   worst  frames/s  dropped")
     for fps in (30, 60):
-        for way, first in WAYS.items():
-            with daemon(first, fps):
+        for way, (first, options) in WAYS.items():
+            with daemon(first, options, fps):
                 found, dropped = ages(seconds)
             for stage, one in zip(STAGES, found.T * 1e3, strict=True):
                 figures = " ".join(f"{value:7.1f}" for value in np.percentile(one, [50, 95, 99, 99.9, 100]))

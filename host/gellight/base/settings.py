@@ -157,6 +157,9 @@ class ServiceSettings(StrictModel):
     log: LogForm = Field(
         default="text", description="what is said on standard error: lines for people, or one JSON object a line"
     )
+    realtime: bool = Field(
+        default=False, description="let camera and reconstruction run before all other programs (SCHED_FIFO)"
+    )
 
 
 class StreamSettings(StrictModel):

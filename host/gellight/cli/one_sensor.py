@@ -67,6 +67,9 @@ class Running:
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
     foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
+    realtime: Annotated[
+        bool | None, typer.Option("--realtime", help="Let camera and reconstruction run before all other programs.")
+    ] = None
     log: Annotated[str | None, typer.Option(help="Form of the log: text or json.", show_default="text")] = None
     frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
 
@@ -90,6 +93,7 @@ class Running:
             "stream.ros2": self.ros2,
             "stream.foxglove": self.foxglove,
             "service.log": self.log,
+            "service.realtime": self.realtime,
         }
 
     def ended_by_hand(self) -> AbstractContextManager[None]:

@@ -6,6 +6,7 @@ setting.py              how a sensor is set and lit, and how to set it the same 
 assembly.py             puts a daemon together as the settings say
 switched_camera.py      what stands in front of the sensor, replaced when the mode changes
 modes.py                network, photometric or hybrid
+realtime.py             camera and reconstruction before all other programs
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard
 needs.py                the check list before a calibration

@@ -42,6 +42,7 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
             watch=SensorWatch(bundle, rezero=settings.watch.rezero) if first.watched else None,
             equipment=lambda used, other: equipment(used, in_mode(settings, other)),
             every=every,
+            realtime=settings.service.realtime,
         )
     except BaseException:
         camera.close()

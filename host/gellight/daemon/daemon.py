@@ -86,12 +86,14 @@ class Daemon:
         watch: SensorWatch | None = None,
         equipment: Callable[[Bundle, str], Equipment] | None = None,
         every: bool = False,
+        realtime: bool = False,
     ) -> None:
         """Take over `camera` (it is closed at the end); `selfcheck` judges frames that carry their truth.
 
         `rebuild` makes the reconstructor of a bundle that replaces the running one. `watch` looks at what comes and
         says what has changed since the calibration. `equipment` says what another mode needs with a bundle;
         without it the mode cannot be changed. every: the pictures of files wait until `next_frame` asks for them.
+        realtime: camera and reconstruction run before all other programs.
         """
         self._camera = camera
         self._equipment = equipment
@@ -103,15 +105,21 @@ class Daemon:
         self._changing = threading.RLock()
         """held while bundle, zero or light are changed"""
         self._selfcheck_result: SelfCheckResult | None = None
-        self._threads = FrameThreads(camera, lambda frame: self._in_use.reconstruct(frame), every=every)
+        self._threads = FrameThreads(
+            camera, lambda frame: self._in_use.reconstruct(frame), every=every, realtime=realtime
+        )
         if selfcheck:
             self._threads.also(self.check, SELFCHECK_PERIOD_S)
         if watch or equipment:
             self._threads.also(self._watch_now_and_then, PERIOD_S)
 
     def __enter__(self) -> Self:
-        """Start the threads."""
-        self._threads.start()
+        """Start the threads; InputError where the system does not let them run first."""
+        try:
+            self._threads.start()
+        except InputError:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *problem: object) -> None:

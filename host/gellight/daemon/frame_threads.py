@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from gellight.base.errors import CameraError
 from gellight.base.mailbox import Mailbox
 from gellight.base.turns import Turns
+from gellight.daemon.realtime import run_first
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -34,13 +35,20 @@ class FrameThreads:
     """The threads of a running sensor, and what they hand on."""
 
     def __init__(
-        self, camera: Camera, reconstruct: Callable[[CameraFrame], TactileFrame], *, every: bool = False
+        self,
+        camera: Camera,
+        reconstruct: Callable[[CameraFrame], TactileFrame],
+        *,
+        every: bool = False,
+        realtime: bool = False,
     ) -> None:
         """Take the frames of `camera`, which the caller closes after `stop`.
 
         every: where the camera waits, deliver a frame only when `note_asked` was called for it, so that none is missed.
+        realtime: let both threads run before all other programs.
         """
         self._every = every and camera.waits
+        self._realtime = realtime
         self._camera, self._reconstruct_frame = camera, reconstruct
         self.pause_s = 0.0
         """between two reconstructions"""
@@ -68,9 +76,11 @@ class FrameThreads:
         ]
 
     def start(self) -> None:
-        """Start the threads."""
+        """Start the threads; InputError where the system does not let them run first."""
         for thread in self._threads:
             thread.start()
+        if self._realtime:
+            run_first(self._threads[:2])
 
     def stop(self) -> None:
         """Stop the threads; who waits for a frame gets a CameraError."""

@@ -1,5 +1,6 @@
 """The daemon: always the newest frame, no error swallowed, everything closed."""
 
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -301,3 +302,29 @@ def test_a_second_reader_is_told_at_once_that_the_daemon_was_stopped() -> None:
     with pytest.raises(CameraError, match="stopped"):
         _ = [shared.read() for _ in range(3)]
     assert time.monotonic() - started_s < 5
+
+
+def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda thread, policy, param: given.append((thread, policy, param.sched_priority))
+    )
+    parts: Any = ScriptedCamera(10_000, EndOfStream("used up"), period_s=0.01), CountingReconstructor()
+    with Daemon(*parts, realtime=True) as daemon:
+        daemon.wait_frame(0, 10)
+        running = {thread.name: thread.native_id for thread in threading.enumerate()}
+    assert given == [(running[name], os.SCHED_FIFO, 10) for name in ("capture", "reconstruct")]
+
+
+def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    camera = ScriptedCamera(10_000, EndOfStream("used up"), period_s=0.01)
+    parts: Any = camera, CountingReconstructor()
+    with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave out --realtime"):
+        Daemon(*parts, realtime=True).__enter__()
+    assert camera.closed
