@@ -17,7 +17,8 @@ import pytest
 from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT
 
-README = (CHECKOUT / "README.md").read_text()
+README = re.sub(r"## Use it from your robot\n.*?(?=## )", "", (CHECKOUT / "README.md").read_text(), flags=re.DOTALL)
+"""without the section whose programs run side by side: tests/host/stream/test_readme_robot.py runs it"""
 SIMULATED = "'sim://?board=0'"
 INSTEAD = {
     "make demo": "make demo ARGS='--frames 30 --json'",
