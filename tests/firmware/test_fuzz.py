@@ -20,9 +20,10 @@ from tests.helpers.bench_board import BenchBoard, VirtualTransport
 CHECKOUT = Path(__file__).parents[2]
 SECONDS = 4
 LEAST_REACHED = dict.fromkeys(
-    ("commands", "controller", "crc", "events", "light_commands", "packet", "ring", "sequencer", "trigger"), 92.0
-) | {"config": 70.0}
-"""share of the lines of a file, %; the rest is for flash that fails, restarts, and faults that no sound core makes"""
+    ("commands", "controller", "crc", "light_commands", "packet", "ring", "sequencer", "trigger"), 92.0
+) | {"config": 70.0, "events": 80.0, "heat": 65.0, "supply": 50.0, "watches": 88.0}
+"""share of the lines of a file, %; the rest is for flash that fails, restarts, faults that no sound core makes, and for
+a hot chip and a load switch, which no story has"""
 TIME_UNIT_US = 1009
 LONGEST_WAIT_US = 40 * TIME_UNIT_US
 REPLAYED = sorted(CORPUS.glob("*.bin"))
@@ -159,10 +160,10 @@ def commit(board: BenchBoard, sequence: int, steps: int, loops: int) -> int:
     """Commit with the checksum of what is staged, which the board tells when it refuses another."""
     code, checksum = p.COMMANDS["COMMIT"].code, 0
     for _ in range(2):
-        board.host.received.clear()
+        before = board.host.received.count(0)  # a packet may be on its way
         board.host.send(encode(Packet(code, sequence & 0xFF, p.Commit(checksum, loops, steps).pack())))
         board.run(3_000)
-        for stuffed in bytes(board.host.received).split(b"\0")[:-1]:
+        for stuffed in bytes(board.host.received).split(b"\0")[before:-1]:
             packet = decode(stuffed) if stuffed else Packet(0, 0, b"")
             if packet.type == code | p.REPLY and packet.payload[0] == Status.CHECKSUM:
                 checksum = int.from_bytes(packet.payload[1:5], "little")
