@@ -23,7 +23,6 @@ from gellight.daemon.assembly import open_session
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer
 from gellight.opening import REAL
-from gellight.sensor.bandwidth import check_bandwidth
 
 RESTART_S = 2.0
 """from the fault of a sensor's process to its next start"""
@@ -77,7 +76,10 @@ def _check(each: list[Settings]) -> None:
     bundle = each[0].sensor.calibration
     if bundle not in (None, "auto", "synthetic"):
         raise ConfigError(f"--calibration {bundle} is of one sensor, several are given: each uses the one in service")
-    check_bandwidth([one.sensor.url for one in each if one.sensor.url.startswith(REAL)])
+    if real := [one.sensor.url for one in each if one.sensor.url.startswith(REAL)]:
+        from gellight.sensor.bandwidth import check_bandwidth  # Linux alone has what it asks
+
+        check_bandwidth(real)
 
 
 def _watch(sensors: list["SensorProcess"], as_json: bool) -> None:

@@ -7,7 +7,10 @@ from gellight.cli.lazy import lazy_group
 
 VERBS = lazy_group(
     {
-        "detect": ("calibrate.detect:command", "Find the contact circle of a ball press in each image."),
+        "detect": (
+            "calibrate.detect:command",
+            "Find the contact circle of a ball press in each image, or of each of several balls.",
+        ),
         "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
         "fit": ("calibrate.training:fit", "Train on ball presses and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
@@ -18,10 +21,7 @@ VERBS = lazy_group(
         ),
         "lens": ("calibrate.lens:command", "Measure the distortion of the lens and write the bundle with it."),
         "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
-        "directions": (
-            "calibrate.directions:command",
-            "Find the direction of each light on balls of known radius, from recorded pictures.",
-        ),
+        "directions": ("calibrate.directions:command", "Find the direction of each light on balls of known radius."),
         "objects": ("calibrate.objects:command", "Measure the error of a bundle on the ten benchmark objects."),
         "list": (
             "calibrate.bundles:list_bundles",
