@@ -2,6 +2,7 @@
 
 import shutil
 import struct
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from zlib import crc32
@@ -208,16 +209,15 @@ def open_port(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
 
 
 def test_the_board_is_opened_again_and_its_image_compared(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    board = SimulatedBoard(pty=True)
-    open_port(monkeypatch, board.path)
-    assert flash.check_board(image, {"/dev/other"}) == board.path
     other, (magic, count, _) = bytearray(image), HEADER.unpack_from(image, HEADER_OFFSET)
     body = HEADER_OFFSET + HEADER.size
     other[body] ^= 1
     HEADER.pack_into(other, HEADER_OFFSET, magic, count, crc32(other[body : body + count]))
-    with pytest.raises(BoardError, match=f"runs image {image_crc(image):08x}, not {image_crc(bytes(other)):08x}"):
-        flash.check_board(bytes(other), {"/dev/other"})
-    board.close()
+    with closing(SimulatedBoard(pty=True)) as board:
+        open_port(monkeypatch, board.path)
+        assert flash.check_board(image, {"/dev/other"}) == board.path
+        with pytest.raises(BoardError, match=f"runs image {image_crc(image):08x}, not {image_crc(bytes(other)):08x}"):
+            flash.check_board(bytes(other), {"/dev/other"})
 
 
 def test_a_flash_that_holds_another_byte_is_noticed(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
