@@ -29,10 +29,13 @@ WEBCAM = (0x046D, 0x0825)
 class TalkingRing(FakeRing):
     """Answers what the doctor asks; a round trip takes `answer_s`."""
 
-    answer_s = 0.001
+    answer_s, led_count, dimmed = 0.001, 12, 0
 
     def counters(self) -> SimpleNamespace:
         return SimpleNamespace(packets=7)
+
+    def status(self) -> SimpleNamespace:
+        return SimpleNamespace(dimmed=self.dimmed, temperature=655)
 
     def clock(self) -> None:
         self.kernel.sleep(self.answer_s)
@@ -169,6 +172,15 @@ def test_leds_that_the_camera_does_not_see_are_found(clinic: Clinic, tmp_path: P
     assert found.level is Level.PROBLEM
     assert "data wire" in found.remedy
     assert clinic.all_dark()
+
+
+def test_a_board_that_is_hot_is_found(clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(TalkingRing, "dimmed", 2)
+    clinic.plug("1-2", "GL0001")
+    found = wrong(clinic.examine(tmp_path))["board"]
+    assert found.level is Level.PROBLEM
+    assert "66 °C" in found.remedy
+    assert "1/4" in found.remedy
 
 
 def test_a_slow_board_a_slow_bus_and_a_shared_bus_are_found(
