@@ -49,8 +49,9 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
 
-# What the tests need beside Python: a real browser for the page, a second compiler for the firmware. Root installs it;
-# anyone else is told how. The virtual machine's kernel and tools are only unpacked, into a cache folder.
+# What the tests need beside Python: a real browser for the page, a second compiler for the firmware, an emulator for the
+# frame path on aarch64. Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
+# unpacked, into a cache folder.
 .PHONY: tools
 tools:
 	@missing=; \
@@ -58,6 +59,7 @@ tools:
 	[ "$$found" ] || missing="chromium"; \
 	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
 	command -v gcc >/dev/null || missing="$$missing gcc"; \
+	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \
 	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
