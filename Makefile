@@ -9,6 +9,9 @@ ARGS   ?=
 # processes that share the tests
 JOBS   ?= 2
 
+# a real press, beside the simulated ones
+REAL   := tests/data/real/three_lights
+
 .PHONY: demo test check lint types pytest bench clean
 
 demo: $(VENV)/.host
@@ -29,7 +32,7 @@ pytest: $(VENV)/.dev | tools
 	$(BIN)/pytest --numprocesses $(JOBS) $(ARGS)
 
 bench: $(VENV)/.dev
-	$(BIN)/gellight bench $(ARGS)
+	$(BIN)/gellight bench --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
 
 # A stamp says what is installed: `host` is what a user runs, `dev` adds PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
