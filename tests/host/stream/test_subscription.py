@@ -169,7 +169,7 @@ def test_what_a_callback_raises_is_raised_at_the_end() -> None:
 
 
 def test_the_event_loop_goes_on_while_a_frame_is_waited_for() -> None:
-    daemon, _ = bump_daemon(period_s=0.05)
+    daemon, _ = bump_daemon(period_s=0.2)
     turns = 0
 
     async def count() -> None:
