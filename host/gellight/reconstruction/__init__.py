@@ -17,6 +17,9 @@ smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched
+force.py         depth map to force and pressure
+force_file.py    its constant, in a bundle
+measures.py      what a bundle says of a frame when somebody asks
 native/          the frame path in C, for the processors it is built for
 lens/            the distortion of a lens, taken out of the gradient map
 photometric/     slopes measured from several exposures instead of learnt
