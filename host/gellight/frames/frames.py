@@ -17,7 +17,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.measures import Force, FrameMeasures
+from gellight.frames.measures import Confidence, Force, FrameMeasures
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -260,6 +260,11 @@ class TactileFrame:
     def force(self) -> Force | None:
         """The normal force, N, and the pressure map; None where the sensor's bundle has no constant for it."""
         return self.measures.force(self.depth_mm) if self.measures else None
+
+    @cached_property
+    def confidence(self) -> Confidence | None:
+        """How far each pixel is to be believed, and why not; None for frames under another light, without depth."""
+        return self.measures.confidence(self.camera_frame.image, self.gradient_map) if self.measures else None
 
     def with_dropped(self, dropped: int) -> Self:
         """Return the same frame, whose maps are not copied, with another count of frames dropped before it."""

@@ -1,4 +1,4 @@
-"""What is computed of a tactile frame only when somebody asks for it: the force."""
+"""What is computed of a tactile frame only when somebody asks for it: the force, the confidence of each pixel."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -40,8 +40,25 @@ class Force:
         return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
 
 
+STEEP, DARK, CLIPPED = 1, 2, 4
+"""bits of the doubts of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Confidence:
+    """How far each pixel is to be believed."""
+
+    value: NDArray[np.float32]
+    """(H, W) from 1, as good as the calibration, down to 0.05, a guess; for weights, no probability"""
+    doubts: NDArray[np.uint8]
+    """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
+
+
 class FrameMeasures(Protocol):
     """Computes what a sensor can say of a frame beyond its maps."""
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None for a sensor without a constant for it."""
+
+    def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
+        """Judge the pixels of a frame by its (H, W, 3) picture and its (H, W, 2) slopes."""

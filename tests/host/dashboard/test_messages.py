@@ -13,9 +13,9 @@ from gellight.dashboard.messages import without_nan
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import DEPTH_UNIT_MM, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
-from gellight.frames.measures import Force
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
 from tests.helpers.view_messages import decode
+from tests.helpers.weighed import HeavyFrames
 
 PIXEL = (PIXEL_MM, PIXEL_MM)
 
@@ -75,16 +75,9 @@ def test_the_header_carries_the_figures() -> None:
     assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
 
 
-class Weighing:
-    """Says the same force of every depth map."""
-
-    def force(self, depth_mm: np.ndarray) -> Force:
-        return Force(normal_n=1.25, error_n=0.1, flags=("heavier",), pressure_of=lambda: np.zeros_like(depth_mm))
-
-
 def test_the_header_carries_the_force_where_it_is_known() -> None:
     assert decode(encode(FRAME, pixel_size_mm=PIXEL)).header["force"] is None
-    force = decode(encode(replace(FRAME, measures=Weighing()), pixel_size_mm=PIXEL)).header["force"]
+    force = decode(encode(replace(FRAME, measures=HeavyFrames()), pixel_size_mm=PIXEL)).header["force"]
     assert force == {"normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"]}
 
 
