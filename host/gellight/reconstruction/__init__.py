@@ -13,6 +13,7 @@ tilt.py          the tilt of the whole surface, taken off where rest is seen on 
 pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it
+fine_pattern.py  what tells one unit from another
 smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
 errors.py        errors against a true surface
