@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, TactileFrame
+from gellight.frames.measures import FrameMeasures
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.integration import normals
 
@@ -98,6 +99,7 @@ def tactile_frame(
     stages: Stages,
     exposures: ExposureReport | None = None,
     flags: tuple[str, ...] = (),
+    measures: FrameMeasures | None = None,
 ) -> TactileFrame:
     """Do the last two stages, normals and contact, and put the frame together."""
     normal_map = normals(gradient_map)
@@ -114,4 +116,5 @@ def tactile_frame(
         exposures=exposures,
         stage_seconds=stages.seconds,
         flags=flags,
+        measures=measures,
     )
