@@ -97,7 +97,6 @@ def tactile_frame(
     pixel_size_mm: tuple[float, float],
     stages: Stages,
     exposures: ExposureReport | None = None,
-    flags: tuple[str, ...] = (),
 ) -> TactileFrame:
     """Do the last two stages, normals and contact, and put the frame together."""
     normal_map = normals(gradient_map)
@@ -113,5 +112,4 @@ def tactile_frame(
         contact=contact,
         exposures=exposures,
         stage_seconds=stages.seconds,
-        flags=flags,
     )

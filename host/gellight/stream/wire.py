@@ -67,7 +67,6 @@ class Details(StrictModel):
     label: LightLabel | None
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
-    flags: tuple[str, ...] = ()
     provenance: Provenance
 
 
@@ -153,7 +152,6 @@ def _details(frame: TactileFrame) -> bytes:
             label=camera_frame.label,
             stage_seconds=frame.stage_seconds,
             exposures=figures,
-            flags=frame.flags,
             provenance=replace(provenance, ages_s=published),
         )
     )
@@ -197,7 +195,6 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
-        "flags": details.flags,
         "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
     }
     return ReceivedFrame(bundle_of, fields)
