@@ -249,8 +249,6 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
-    flags: tuple[str, ...] = ()
-    """what was done to the maps beyond the usual; `levelled`: a tilt of the whole surface was taken off"""
     provenance: Provenance | None = None
     """None where no daemon ran, as for the images of `gellight reconstruct`"""
     measures: FrameMeasures | None = field(default=None, repr=False)

@@ -9,7 +9,6 @@ linearised.py    the same from the network and its Jacobian at the means of cell
 network_session.py  the network in ONNX Runtime
 jacobian.py      the network that also answers its Jacobian, made from the file of the bundle
 at_rest.py       where the gel is at rest
-tilt.py          the tilt of the whole surface, taken off where rest is seen on three sides
 pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it

@@ -98,7 +98,6 @@ def tactile_frame(
     pixel_size_mm: tuple[float, float],
     stages: Stages,
     exposures: ExposureReport | None = None,
-    flags: tuple[str, ...] = (),
     measures: FrameMeasures | None = None,
 ) -> TactileFrame:
     """Do the last two stages, normals and contact, and put the frame together."""
@@ -115,6 +114,5 @@ def tactile_frame(
         contact=contact,
         exposures=exposures,
         stage_seconds=stages.seconds,
-        flags=flags,
         measures=measures,
     )

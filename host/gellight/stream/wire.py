@@ -77,7 +77,6 @@ class Details(StrictModel):
     label: LightLabel | None
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
-    flags: tuple[str, ...] = ()
     force: ForceFigures | None = None
     provenance: Provenance
 
@@ -175,7 +174,6 @@ def _details(frame: TactileFrame) -> bytes:
             label=camera_frame.label,
             stage_seconds=frame.stage_seconds,
             exposures=figures,
-            flags=frame.flags,
             force=_figures(frame.force),
             provenance=replace(provenance, ages_s=published),
         )
@@ -224,7 +222,6 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
-        "flags": details.flags,
         "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
     }
     frame = ReceivedFrame(bundle_of, fields)

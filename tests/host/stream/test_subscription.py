@@ -216,7 +216,7 @@ def test_nothing_is_encoded_while_nobody_reads() -> None:
 
 
 def test_a_daemon_that_ends_is_told_at_once() -> None:
-    daemon, _ = bump_daemon()
+    daemon, _ = bump_daemon(period_s=0.2)
     with daemon:
         publisher = Publisher(daemon, name="finger").__enter__()
         with subscribe("finger", patience_s=60) as frames:

@@ -24,7 +24,6 @@ from gellight.reconstruction.native.work import WorkMemory
 from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Windows
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
-from gellight.reconstruction.tilt import LEAST_REST_GREY, LEVELLED, take_tilt_off
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -83,7 +82,7 @@ class NativePath:
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
-        depth_mm, flags = self._depth(touched_pixels)
+        depth_mm = self._depth(touched_pixels)
         stages.end("depth")
         self._widen(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
@@ -98,7 +97,6 @@ class NativePath:
             depth_mm=depth_mm,
             contact=contact,
             stage_seconds=stages.seconds,
-            flags=flags,
         )
 
     def _difference(self, image: NDArray[np.uint8]) -> Floats:
@@ -184,19 +182,14 @@ class NativePath:
         m.measured[:] = np.moveaxis(slopes, 2, 0)
         return touched
 
-    def _depth(self, touched_pixels: Bools | None) -> tuple[Floats, tuple[str, ...]]:
-        """Integrate the measured slopes; also differentiate the depth into `slopes` of the work memory.
-
-        Returns depth, and the flags of the frame.
-        """
+    def _depth(self, touched_pixels: Bools | None) -> Floats:
+        """Integrate the measured slopes; also differentiate the depth into `slopes` of the work memory."""
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
         depth = np.empty(self._bundle.image_shape, np.float32)
         self._run("divergence", m.measured, depth, *size, m.work)
         waves = fft.dct(depth, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1)
         self._run("solve_columns", waves, m.factors, m.column)
         depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
-        touched = m.touched.view(np.bool_) if touched_pixels is None else touched_pixels
-        levelled = self._bundle.manifest.rest_grey >= LEAST_REST_GREY and take_tilt_off(depth, touched)
         if touched_pixels is None:
             level = level_of_sample(depth, self._resting(depth), bulge)
         else:
@@ -204,7 +197,7 @@ class NativePath:
         if not np.isfinite(level):
             raise ValueError("the gradient map has values that are NaN or infinite")
         self._run("level_and_slopes", depth, float(level), m.slopes, *size, m.work)
-        return depth, (LEVELLED,) if levelled else ()
+        return depth
 
     def _resting(self, depth: Floats) -> Floats:
         """The depths at rest among those on the sample grid."""
