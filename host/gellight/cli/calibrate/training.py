@@ -142,7 +142,7 @@ def evaluate(
         result = {**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
         typer.echo(json.dumps(result, indent=2))
     else:
-        felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.2f} mm"
+        felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
         typer.echo("\n".join([*_error_lines(errors), felt]))
 
 
