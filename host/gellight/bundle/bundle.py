@@ -90,6 +90,11 @@ class Bundle:
         """The ONNX file."""
         return self.files[self.manifest.network]
 
+    @property
+    def calibrated(self) -> bool:
+        """Whether it has a network; the one that stands in for a bundle of a new sensor has none."""
+        return bool(self.network)
+
     @cached_property
     def reference(self) -> NDArray[np.float32]:
         """(H, W, 3) RGB, grey levels with fraction: the mean image of the untouched gel."""
