@@ -6,6 +6,7 @@ network.onnx     GelNet (its file name is in the manifest)
 metrics.json     measured error of the network
 presses.npz      the table of ball presses it was trained on (optional)
 lights.json      the light of each LED alone, for photometric stereo (optional)
+directions.npz   lights shown one after the other: a vector for each, and their groups (optional)
 picture.json     what is done to each picture first: view, marker dots (optional)
 lens.json        the distortion of the camera, measured with a grid of pins (optional)
 report.html      all that its calibration measured, as a page (optional)

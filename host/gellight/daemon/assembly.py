@@ -9,9 +9,10 @@ from gellight.bundle.stand_in import stand_in
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon, Equipment
 from gellight.daemon.installing import SIMULATED, bundle_of
-from gellight.daemon.modes import frame_path, tactile_camera
+from gellight.daemon.modes import channel_path, frame_path, tactile_camera
 from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.opening import open_camera
+from gellight.reconstruction.photometric.channel_path import has_channels
 from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import SensorWatch
@@ -54,7 +55,7 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
 
 def equipment(bundle: Bundle, settings: Settings) -> Equipment:
     """Return what a sensor with `bundle` needs to run as `settings` say."""
-    changing = settings.lighting.sequence or settings.reconstruction.mode != "network"
+    changing = settings.lighting.sequence or settings.reconstruction.mode != "network" or has_channels(bundle)
     return Equipment(
         equip=lambda camera: tactile_camera(camera, bundle, settings.reconstruction, settings.lighting),
         rebuild=lambda replacement: path_for(replacement, settings),
@@ -108,6 +109,8 @@ def path_for(bundle: Bundle, settings: Settings) -> FramePath:
     """Return the frame path of `bundle` in the mode that `settings` say; BundleError where it cannot be."""
     if not bundle.calibrated:
         return PicturePath(bundle)
+    if has_channels(bundle):
+        return channel_path(bundle, settings.reconstruction, settings.lighting)
     return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings), settings.lighting)
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.gelnet import GradientNetwork
@@ -19,6 +20,7 @@ from gellight.reconstruction.native.library import NativePathError, fitting_libr
 from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.network_session import jacobian_session
 from gellight.reconstruction.numpy_path import NumpyPath
+from gellight.reconstruction.photometric.directions import FILE_NAME
 from gellight.reconstruction.picture_path import check_image
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath
@@ -76,6 +78,11 @@ class Reconstructor:
         labels do. form: how to compute; what the native form cannot do is computed by NumPy.
         clock: that times the stages. Raises BundleError.
         """
+        if FILE_NAME in bundle.files:
+            raise BundleError(
+                f"{bundle.source} is of lights shown one after the other ({FILE_NAME}), a single picture says nothing: "
+                "give `gellight run` or `reconstruct` a series of them, or the bundle of a calibration by colours"
+            )
         self.bundle = bundle
         self.masked = masked
         self._network = GradientNetwork(

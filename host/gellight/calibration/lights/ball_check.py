@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
-from gellight.calibration.lights.ball_lights import felt_radius_px
+from gellight.calibration.lights.ball_series import felt_radius_px
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows
 from gellight.reconstruction.photometric.reconstructor import flat_gel
 from gellight.reconstruction.photometric.solver import light_rows, slopes, solve_robustly
