@@ -9,10 +9,10 @@ import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
-from gelnet.parameters import INPUTS, Floats, Parameters
+from gelnet.parameters import PLACE, Floats, Parameters, channel_names
 
 Answer = Callable[[Floats], Floats]
-"""(N, 2) gradients of (N, 5) pixels, as the trainer computes them"""
+"""(N, 2) gradients of (N, C + 2) pixels, as the trainer computes them"""
 SCHEMA = "gelnet/1"
 BOUND = 2e-4
 """Largest difference of the slope angle between ONNX Runtime and the trainer, rad (0.011 degrees)."""
@@ -34,7 +34,7 @@ def export(
 ) -> float:
     """Write the network to an ONNX file and return its largest difference from what was trained, rad.
 
-    rows: (N, 5) pixels as the network will see them, compared together with random ones. answer: what the trainer
+    rows: (N, C + 2) pixels as the network will see them, compared together with random ones. answer: what the trainer
     answers to them. summary: text for the metadata of the file. Raises ExportError, and removes the file, when the
     angles differ by more than `BOUND`.
     """
@@ -71,7 +71,7 @@ def to_onnx(network: Parameters, summary: Mapping[str, str]) -> onnx.ModelProto:
     graph = helper.make_graph(
         nodes,
         "GelNet",
-        [helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", len(INPUTS)])],
+        [helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", len(network.centre)])],
         [helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])],
         weights,
     )
@@ -83,9 +83,10 @@ def to_onnx(network: Parameters, summary: Mapping[str, str]) -> onnx.ModelProto:
 
 
 def _properties(network: Parameters) -> dict[str, str]:
+    channels = len(network.centre) - len(PLACE)
     return {
         "schema": SCHEMA,
-        "inputs": "dR dG dB (image minus reference, grey levels), x y (px: column, row)",
+        "inputs": f"{' '.join(channel_names(channels))} (image minus reference, grey levels), x y (px: column, row)",
         "outputs": "d(depth)/dx d(depth)/dy (dimensionless; depth positive into the sensor)",
         "width": str(network.width),
     }
@@ -122,8 +123,8 @@ def largest_difference(answer: Answer, path: Path, rows: Floats) -> float:
 
 
 def _random_pixels(rows: Floats, count: int = 4096) -> Floats:
-    """Pixels all over the image with any colour change a camera can show."""
+    """Pixels all over the image with any change a camera can show."""
     random = np.random.default_rng(0)
-    colour = random.uniform(-255, 255, (count, 3))
-    place = random.uniform(0, rows[:, 3:].max(axis=0), (count, 2))
-    return np.concatenate([colour, place], axis=1).astype(np.float32)
+    change = random.uniform(-255, 255, (count, rows.shape[1] - len(PLACE)))
+    place = random.uniform(0, rows[:, -len(PLACE) :].max(axis=0), (count, len(PLACE)))
+    return np.concatenate([change, place], axis=1).astype(np.float32)

@@ -10,13 +10,13 @@ noise, 0.43 and 0.46 against 0.47 and 0.46 without. On real validation presses t
 import torch
 from torch import Tensor, nn
 
-from gelnet.parameters import HEADROOM, INPUTS, LEAST_SPREAD, STEEPEST_RAD, layer_sizes
+from gelnet.parameters import HEADROOM, LEAST_SPREAD, STEEPEST_RAD, layer_sizes
 
 
 class GelNet(nn.Module):
-    """Map (N, 5) pixels (dR, dG, dB in grey levels, x, y in px) to (N, 2) gradients d(depth)/dx, d(depth)/dy.
+    """Map (N, C + 2) pixels (change of C channels, x, y in px) to (N, 2) gradients d(depth)/dx, d(depth)/dy.
 
-    Normalisation is inside: `centre` and `scale` of the five inputs and `steepest_rad` of the output come from the
+    Normalisation is inside: `centre` and `scale` of the inputs and `steepest_rad` of the output come from the
     training table by `fit_range`, and travel with the weights. N is free, also 0.
     """
 
@@ -24,17 +24,17 @@ class GelNet(nn.Module):
     scale: Tensor
     steepest_rad: Tensor
 
-    def __init__(self, width: int, *, dropout: float = 0.0) -> None:
+    def __init__(self, width: int, *, inputs: int = 5, dropout: float = 0.0) -> None:
         """Build with `width` units in each hidden layer; dropout is a probability in [0, 1)."""
         super().__init__()
         if not 0 <= dropout < 1:
             raise ValueError(f"dropout {dropout} of width {width} must be in [0, 1)")
-        *hidden, output = layer_sizes(width)
+        *hidden, output = layer_sizes(width, inputs)
         self.hidden = nn.ModuleList(nn.Linear(*size) for size in hidden)
         self.dropout = nn.Dropout(dropout)
         self.output = nn.Linear(*output)
-        self.register_buffer("centre", torch.zeros(len(INPUTS)))
-        self.register_buffer("scale", torch.ones(len(INPUTS)))
+        self.register_buffer("centre", torch.zeros(inputs))
+        self.register_buffer("scale", torch.ones(inputs))
         self.register_buffer("steepest_rad", torch.tensor(STEEPEST_RAD))
 
     @property
@@ -43,7 +43,7 @@ class GelNet(nn.Module):
         return self.output.in_features
 
     def fit_range(self, pixels: Tensor, gradient: Tensor) -> None:
-        """Take the range of inputs and output from (N, 5) training pixels and their (N, 2) gradients."""
+        """Take the range of inputs and output from (N, C + 2) training pixels and their (N, 2) gradients."""
         self.centre.copy_(pixels.mean(dim=0))
         spread = pixels.std(dim=0)
         # A column that never changes says nothing: leave its scale at 1 instead of dividing by nothing.
@@ -52,7 +52,7 @@ class GelNet(nn.Module):
         self.steepest_rad.fill_(min(max(steepest, 0.1), STEEPEST_RAD))
 
     def forward(self, pixels: Tensor) -> Tensor:
-        """Return (N, 2) gradients of (N, 5) pixels."""
+        """Return (N, 2) gradients of (N, C + 2) pixels."""
         x = (pixels - self.centre) / self.scale
         for layer in self.hidden:
             x = torch.tanh(layer(x))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gelnet.parameters import (
     HEADROOM,
-    INPUTS,
     LEAST_SPREAD,
+    PLACE,
     STEEPEST_RAD,
     Floats,
     Layer,
@@ -44,9 +44,9 @@ class NumpyTrainer:
         """Return the numbers below `count` in random order."""
         return self._random.permutation(count)
 
-    def normal(self, count: int) -> Floats:
-        """Return (count, 5) random numbers of mean 0 and standard deviation 1."""
-        return self._random.standard_normal((count, len(INPUTS)), dtype=np.float32)
+    def normal(self, count: int, inputs: int) -> Floats:
+        """Return (count, inputs) random numbers of mean 0 and standard deviation 1."""
+        return self._random.standard_normal((count, inputs), dtype=np.float32)
 
     def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
         """Start with random weights; the range of inputs and output is that of the training rows."""
@@ -60,7 +60,7 @@ class NumpyTrainer:
         self._steps = 0
 
     def step(self, pixels: Floats, gradient: Floats, rate: float) -> float:
-        """Learn from a batch, (n, 5) and (n, 2), at this learning rate; return its loss before the step."""
+        """Learn from a batch, (n, C + 2) and (n, 2), at this learning rate; return its loss before the step."""
         loss, derivative = self.loss(pixels, gradient)
         self._steps += 1
         self._values, self._moments = adam(self._values, self._moments, derivative, rate=rate, step=self._steps)
@@ -82,7 +82,7 @@ class NumpyTrainer:
         return total / len(pixels), np.asarray(derivative / len(pixels), np.float32)
 
     def answer(self, pixels: Floats) -> Floats:
-        """Return the (N, 2) gradients of (N, 5) pixels."""
+        """Return the (N, 2) gradients of (N, C + 2) pixels."""
         network = self.parameters()
         blocks = [pixels[start : start + _BLOCK].T for start in range(0, len(pixels), _BLOCK)]
         found = [gradient_of(forward(network, block)[-1], network.steepest_rad).T for block in blocks]
@@ -91,7 +91,7 @@ class NumpyTrainer:
     def parameters(self) -> Parameters:
         """Return what has been learnt so far."""
         layers, start = [], 0
-        for inputs, units in layer_sizes(self._network.width):
+        for inputs, units in layer_sizes(self._network.width, len(self._network.centre)):
             middle, end = start + inputs * units, start + (inputs + 1) * units
             layers.append(Layer(self._values[start:middle].reshape(units, inputs), self._values[middle:end]))
             start = end
@@ -102,13 +102,13 @@ class NumpyTrainer:
 
 
 def random_network(pixels: Floats, gradient: Floats, *, width: int, random: np.random.Generator) -> Parameters:
-    """Return a network with random weights, as torch draws them, for (N, 5) pixels and their (N, 2) gradients."""
+    """Return a network with random weights, as torch draws them, for (N, C + 2) pixels and their (N, 2) gradients."""
     layers = []
-    for inputs, units in layer_sizes(width):
+    for inputs, units in layer_sizes(width, pixels.shape[1]):
         bound = 1 / np.sqrt(inputs)
         weight, bias = random.uniform(-bound, bound, (units, inputs)), random.uniform(-bound, bound, units)
         layers.append(Layer(weight.astype(np.float32), bias.astype(np.float32)))
-    spread = pixels.std(axis=0, ddof=1, dtype=np.float64) if len(pixels) > 1 else np.zeros(len(INPUTS))
+    spread = pixels.std(axis=0, ddof=1, dtype=np.float64) if len(pixels) > 1 else np.zeros(pixels.shape[1])
     steepest = HEADROOM * float(np.arctan(np.abs(gradient).max()))
     return Parameters(
         layers=tuple(layers),
@@ -119,7 +119,7 @@ def random_network(pixels: Floats, gradient: Floats, *, width: int, random: np.r
 
 
 def forward(network: Parameters, pixels: Floats, kept: Floats | None = None) -> list[Floats]:
-    """Return the inputs of each layer for (5, n) pixels, and the last tanh, (2, n).
+    """Return the inputs of each layer for (C + 2, n) pixels, and the last tanh, (2, n).
 
     kept: (width, n) factors of the inputs of the last layer, for dropout.
     """
@@ -161,14 +161,14 @@ def kept_units(shape: tuple[int, int], dropout: float, random: np.random.Generat
 def loss_of_block(
     network: Parameters, pixels: Floats, wanted: Floats, recipe: Recipe, kept: Floats | None = None
 ) -> tuple[float, Floats]:
-    """Return the loss of (5, n) pixels with (2, n) gradients, summed over them, and its derivative as `backward` does.
+    """Return the loss of (C + 2, n) pixels with (2, n) gradients, summed up, and its derivative as `backward` does.
 
     With a zero-based recipe the network is asked twice, also without the colour change: n columns more, for which
     `kept` has to have factors.
     """
     count = pixels.shape[1]
     if recipe.zero_based:
-        unchanged = np.concatenate([np.zeros_like(pixels[:3]), pixels[3:]])
+        unchanged = np.concatenate([np.zeros_like(pixels[: -len(PLACE)]), pixels[-len(PLACE) :]])
         pixels = np.concatenate([pixels, unchanged], axis=1)
     values = forward(network, pixels, kept)
     gradient = gradient_of(values[-1], network.steepest_rad)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
-INPUTS = ("dR", "dG", "dB", "x_px", "y_px")
+CHANNELS = ("dR", "dG", "dB")
+PLACE = ("x_px", "y_px")
 LAYERS = 5
 STEEPEST_RAD = 1.5
 """No slope beyond 86 degrees: the largest angle that training may ask for."""
@@ -33,9 +34,9 @@ class Parameters:
 
     layers: tuple[Layer, ...]
     centre: Floats
-    """(5,) subtracted from the inputs"""
+    """(C + 2,) subtracted from the inputs"""
     scale: Floats
-    """(5,) the inputs are then divided by it"""
+    """(C + 2,) the inputs are then divided by it"""
     steepest_rad: float
     """the last tanh times this is the angle of the slope"""
 
@@ -45,8 +46,13 @@ class Parameters:
         return len(self.layers[0].bias)
 
 
-def layer_sizes(width: int) -> list[tuple[int, int]]:
+def channel_names(count: int) -> tuple[str, ...]:
+    """Return the names of so many channels: the colours, or the lights by number where they are not three."""
+    return CHANNELS if count == len(CHANNELS) else tuple(f"d{number}" for number in range(1, count + 1))
+
+
+def layer_sizes(width: int, inputs: int) -> list[tuple[int, int]]:
     """Return (inputs, units) of each layer; ValueError for a width below 1."""
     if width < 1:
         raise ValueError(f"width {width}: a layer needs at least 1 unit")
-    return list(pairwise([len(INPUTS), *[width] * (LAYERS - 1), 2]))
+    return list(pairwise([inputs, *[width] * (LAYERS - 1), 2]))

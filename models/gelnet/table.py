@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-COLUMNS = ("dR", "dG", "dB", "x_px", "y_px", "gx", "gy")
+from gelnet.parameters import CHANNELS, PLACE, channel_names
+
+SLOPES = ("gx", "gy")
 
 
 class TableError(ValueError):
@@ -20,11 +22,22 @@ class Table:
     """Labelled pixels of several images of one sensor."""
 
     rows: NDArray[np.float32]
-    """(N, 7) dR, dG, dB in grey levels (image minus reference), x, y in px, d(depth)/dx, d(depth)/dy"""
+    """(N, C + 4) change of each of C channels in grey levels (image minus reference), x, y in px, d(depth)/dx,
+    d(depth)/dy; the channels are red, green and blue, or three or more single lights"""
     image: NDArray[np.int32]
     """(N,) which image each row comes from"""
     image_size: tuple[int, int]
     """(W, H) px"""
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """(N, C + 2) what the network sees."""
+        return np.ascontiguousarray(self.rows[:, : -len(SLOPES)])
+
+    @property
+    def gradient(self) -> NDArray[np.float32]:
+        """(N, 2) what it is to answer."""
+        return np.ascontiguousarray(self.rows[:, -len(SLOPES) :])
 
     @property
     def press_distance_px(self) -> float:
@@ -38,7 +51,7 @@ class Table:
 
 
 def load_table(path: Path) -> Table:
-    """Read and check an npz with rows (N, 7), image (N,) and image_size (2,) = W, H; raises TableError."""
+    """Read and check an npz with rows (N, C + 4), image (N,) and image_size (2,) = W, H; raises TableError."""
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
@@ -52,8 +65,11 @@ def load_table(path: Path) -> Table:
 
 def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *, name: str = "the table") -> Table:
     """Return a table after every check; raises TableError."""
-    if rows.ndim != 2 or rows.shape[1] != len(COLUMNS):
-        raise TableError(f"{name}: rows has shape {rows.shape}, expected (N, 7) = {', '.join(COLUMNS)}")
+    least = (*CHANNELS, *PLACE, *SLOPES)
+    if rows.ndim != 2 or rows.shape[1] < len(least):
+        raise TableError(
+            f"{name}: rows has shape {rows.shape}, expected (N, {len(least)} or more) = {', '.join(least)}"
+        )
     if len(rows) == 0:
         raise TableError(f"{name}: there are no rows: press the ball into the gel at least twice")
     if image.shape != (len(rows),) or not np.issubdtype(image.dtype, np.integer):
@@ -75,7 +91,13 @@ def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *
     )
 
 
+def columns(rows: NDArray[Any]) -> tuple[str, ...]:
+    """Return the names of the columns."""
+    return *channel_names(rows.shape[1] - len(PLACE) - len(SLOPES)), *PLACE, *SLOPES
+
+
 def _check_values(rows: NDArray[Any], name: str) -> None:
+    names = columns(rows)
     try:
         bad = ~np.isfinite(rows)
     except TypeError as error:
@@ -83,18 +105,19 @@ def _check_values(rows: NDArray[Any], name: str) -> None:
     if bad.any():
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise TableError(
-            f"{name}: row {row}, column {COLUMNS[column]} is {rows[row, column]} "
+            f"{name}: row {row}, column {names[column]} is {rows[row, column]} "
             f"({int(bad.sum())} such values): remove the press it comes from"
         )
 
 
 def _check_places(rows: NDArray[Any], image_size: NDArray[Any], name: str) -> None:
-    for column, limit in ((3, int(image_size[0])), (4, int(image_size[1]))):
+    names, first = columns(rows), rows.shape[1] - len(PLACE) - len(SLOPES)
+    for column, limit in ((first, int(image_size[0])), (first + 1, int(image_size[1]))):
         outside = (rows[:, column] < 0) | (rows[:, column] > limit - 1)
         if outside.any():
             row = int(np.argmax(outside))
             raise TableError(
-                f"{name}: row {row}, column {COLUMNS[column]} is {rows[row, column]}, outside the image of {limit} px"
+                f"{name}: row {row}, column {names[column]} is {rows[row, column]}, outside the image of {limit} px"
             )
 
 

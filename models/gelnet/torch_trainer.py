@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from gelnet.network import GelNet
-from gelnet.parameters import INPUTS, Floats, Layer, Parameters
+from gelnet.parameters import PLACE, Floats, Layer, Parameters
 from gelnet.recipes import Recipe
 
 _ROWS_PER_ANSWER = 65536
@@ -29,19 +29,19 @@ class TorchTrainer:
         """Return the numbers below `count` in random order."""
         return np.asarray(torch.randperm(count).numpy())
 
-    def normal(self, count: int) -> Floats:
-        """Return (count, 5) random numbers of mean 0 and standard deviation 1."""
-        return np.asarray(torch.randn((count, len(INPUTS))).numpy())
+    def normal(self, count: int, inputs: int) -> Floats:
+        """Return (count, inputs) random numbers of mean 0 and standard deviation 1."""
+        return np.asarray(torch.randn((count, inputs)).numpy())
 
     def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
         """Start with random weights; the range of inputs and output is that of the training rows."""
         self.recipe = recipe
-        self.network = GelNet(width, dropout=recipe.dropout)
+        self.network = GelNet(width, inputs=pixels.shape[1], dropout=recipe.dropout)
         self.network.fit_range(torch.from_numpy(pixels), torch.from_numpy(gradient))
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=recipe.learning_rate, fused=True)
 
     def step(self, pixels: Floats, gradient: Floats, rate: float) -> float:
-        """Learn from a batch, (n, 5) and (n, 2), at this learning rate; return its loss before the step."""
+        """Learn from a batch, (n, C + 2) and (n, 2), at this learning rate; return its loss before the step."""
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         loss = self.loss(pixels, gradient)
@@ -56,12 +56,12 @@ class TorchTrainer:
         seen = torch.from_numpy(pixels)
         found = self.network(seen)
         if self.recipe.zero_based:
-            unchanged = torch.cat([torch.zeros_like(seen[:, :3]), seen[:, 3:]], dim=1)
+            unchanged = torch.cat([torch.zeros_like(seen[:, : -len(PLACE)]), seen[:, -len(PLACE) :]], dim=1)
             found = found - self.network(unchanged)
         return _LOSSES[self.recipe.loss](found, torch.from_numpy(gradient))
 
     def answer(self, pixels: Floats) -> Floats:
-        """Return the (N, 2) gradients of (N, 5) pixels."""
+        """Return the (N, 2) gradients of (N, C + 2) pixels."""
         self.network.eval()
         with torch.no_grad():
             blocks = torch.split(torch.from_numpy(pixels), _ROWS_PER_ANSWER)

@@ -45,7 +45,9 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m gelnet.train", description="Train GelNet on a table of presses.")
-    parser.add_argument("--table", type=Path, required=True, help="npz with rows (N, 7), image (N,), image_size (2,)")
+    parser.add_argument(
+        "--table", type=Path, required=True, help="npz with rows (N, C + 4), image (N,), image_size (2,)"
+    )
     add_training_options(parser)
     parser.add_argument("--recipe", choices=sorted(RECIPES), default="fast")
     parser.add_argument("--epochs", type=int, help="instead of the recipe's number")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gelnet.export import export
-from gelnet.parameters import Floats, Parameters
+from gelnet.parameters import PLACE, Floats, Parameters
 from gelnet.recipes import Recipe, learning_rates
 from gelnet.table import Table
 
@@ -27,17 +27,17 @@ class Trainer(Protocol):
     def order(self, count: int) -> NDArray[np.intp]:
         """Return the numbers below `count` in random order."""
 
-    def normal(self, count: int) -> Floats:
-        """Return (count, 5) random numbers of mean 0 and standard deviation 1."""
+    def normal(self, count: int, inputs: int) -> Floats:
+        """Return (count, inputs) random numbers of mean 0 and standard deviation 1."""
 
     def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
         """Start with random weights; the range of inputs and output is that of the training rows."""
 
     def step(self, pixels: Floats, gradient: Floats, rate: float) -> float:
-        """Learn from a batch, (n, 5) and (n, 2), at this learning rate; return its loss before the step."""
+        """Learn from a batch, (n, C + 2) and (n, 2), at this learning rate; return its loss before the step."""
 
     def answer(self, pixels: Floats) -> Floats:
-        """Return the (N, 2) gradients of (N, 5) pixels."""
+        """Return the (N, 2) gradients of (N, C + 2) pixels."""
 
     def parameters(self) -> Parameters:
         """Return what has been learnt so far."""
@@ -55,10 +55,6 @@ class Training:
     cpu_seconds: float
 
 
-_PLACE = np.array([0, 0, 0, 1, 1], np.float32)
-"""the two of the five inputs that say where a pixel is"""
-
-
 def train(
     table: Table,
     recipe: Recipe,
@@ -73,18 +69,18 @@ def train(
     (epoch, epochs, loss) after each epoch.
     """
     started = time.process_time()
-    rows = table.rows
-    if len(rows) > recipe.largest_table:
-        rows = rows[trainer.order(len(rows))[: recipe.largest_table]]
-    pixels, gradient = np.ascontiguousarray(rows[:, :5]), np.ascontiguousarray(rows[:, 5:])
+    if len(table.rows) > recipe.largest_table:
+        table = table.chosen(trainer.order(len(table.rows))[: recipe.largest_table])
+    pixels, gradient = table.pixels, table.gradient
     trainer.begin(pixels, gradient, width=width, recipe=recipe)
     epochs = max(recipe.epochs, math.ceil(recipe.least_visits / len(pixels)))
     batch = min(recipe.batch, len(pixels))
     rates = learning_rates(recipe, steps=epochs * math.ceil(len(pixels) / batch))
     losses: list[float] = []
     jitter_px = recipe.place_jitter * table.press_distance_px
+    places = np.array([*[0] * (pixels.shape[1] - len(PLACE)), *[1] * len(PLACE)], np.float32)
     for epoch in range(1, epochs + 1):
-        shifted = pixels + jitter_px * _PLACE * trainer.normal(len(pixels)) if jitter_px else pixels
+        shifted = pixels + jitter_px * places * trainer.normal(*pixels.shape) if jitter_px else pixels
         losses.append(_one_epoch(trainer, shifted, gradient, batch, rates))
         progress(epoch, epochs, losses[-1])
     return Training(
@@ -108,8 +104,9 @@ def _one_epoch(trainer: Trainer, pixels: Floats, gradient: Floats, batch: int, r
 
 
 def unchanged(pixels: Floats) -> Floats:
-    """Return the (N, 5) pixels at the same places without any colour change."""
-    return np.concatenate([np.zeros_like(pixels[:, :3]), pixels[:, 3:]], axis=1)
+    """Return the (N, C + 2) pixels at the same places without any change."""
+    place = pixels[:, -len(PLACE) :]
+    return np.concatenate([np.zeros_like(pixels[:, : -len(PLACE)]), place], axis=1)
 
 
 def normal_error_deg(network: Trainer, table: Table, *, zero_based: bool = True) -> dict[str, float]:
@@ -117,11 +114,11 @@ def normal_error_deg(network: Trainer, table: Table, *, zero_based: bool = True)
 
     zero_based: the answer to no colour change at the same place is subtracted, as the host does.
     """
-    pixels = table.rows[:, :5]
+    pixels = table.pixels
     gradient = network.answer(pixels)
     if zero_based:
         gradient = gradient - network.answer(unchanged(pixels))
-    found, wanted = _normal(gradient), _normal(table.rows[:, 5:])
+    found, wanted = _normal(gradient), _normal(table.gradient)
     across = np.linalg.norm(np.cross(found, wanted), axis=1)
     angle = np.degrees(np.arctan2(across, (found * wanted).sum(axis=1)))
     median, p95 = np.percentile(angle, [50, 95])
@@ -162,7 +159,7 @@ def write(network: Trainer, record: dict[str, Any], table: Table, folder: Path) 
         partial = Path(place)
         summary = {key: str(record[key]) for key in ("recipe", "seed", "epochs", "rows", "images")}
         difference = export(
-            network.parameters(), partial / names[0], rows=table.rows[:, :5], answer=network.answer, summary=summary
+            network.parameters(), partial / names[0], rows=table.pixels, answer=network.answer, summary=summary
         )
         text = json.dumps({**record, "export_difference_rad": difference}, indent=2) + "\n"
         (partial / names[1]).write_text(text)

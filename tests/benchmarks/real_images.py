@@ -11,18 +11,22 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.calibration.lights.ball_lights import check_lights, lights_from_balls
+from gellight.calibration.lights.ball_series import BallSeries, held_out
+from gellight.calibration.lights.channel_fit import channel_table
 from gellight.frames.dots import find_dots
 from gellight.frames.image_files import read_grey, read_image
 from gellight.frames.view import View
+from gellight.reconstruction.photometric.channel_network import ChannelNetwork
 from gellight.training.labelling import find_circle
 from gellight.training.labelling.circle import PressCircle, find_circles
 from gellight.training.labelling.plate import plate_grid, untouched_between
 from gellight.training.presses import Ball, Press
+from gellight.training.training import TrainingOptions, train
 from tests.helpers.places import REAL_IMAGES
 
 
 def six_lights() -> None:
-    """Half of 28 balls teach the lights, the others judge."""
+    """Half of 28 balls teach the lights and the networks of their channels, the others judge."""
     folder = REAL_IMAGES / "oem_six_lights"
     ball = Ball(radius_mm=0.2465, pixel_size_mm=0.0068069)
     centres = np.loadtxt(folder / "balls.csv", delimiter=",", skiprows=1)
@@ -35,8 +39,14 @@ def six_lights() -> None:
         for kind in ("balls", "flat")
     )
     for chosen in ([0, 1, 2, 3, 4, 5], [0, 2, 4]):
-        lights = lights_from_balls(balls[chosen], flat[chosen], presses[::2], ball, 1.0)
-        print(f"{len(chosen)} lights: {check_lights(lights, balls[chosen], presses[1::2], ball)}")
+        learnt, judging = ([BallSeries(levels=balls[chosen], presses=tuple(presses[start::2]))] for start in (0, 1))
+        lights = lights_from_balls(learnt, flat[chosen], ball, 1.0)
+        print(f"{len(chosen)} lights: least squares {check_lights(lights, judging, ball)}")
+        for seed in range(3):
+            how = TrainingOptions(seed=seed)
+            network, _ = train(channel_table(learnt, lights.untouched, ball), how)
+            felt = ChannelNetwork(network, lights.untouched, source="trained").gradient_map
+            print(f"  GelNet, seed {seed}: {held_out(felt, judging, ball)}")
 
 
 def plate() -> None:

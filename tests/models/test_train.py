@@ -109,7 +109,7 @@ WRONG = {
     "nan": ({"rows": np.full((4, 7), np.nan, np.float32), "image": np.arange(4)}, "row 0, column dR is nan"),
     "empty": ({"rows": np.zeros((0, 7), np.float32), "image": np.zeros(0, np.int32)}, "no rows"),
     "one image": ({"image": np.zeros(2400, np.int32)}, "from 1 image; at least 2"),
-    "columns": ({"rows": np.zeros((2400, 6), np.float32)}, r"shape \(2400, 6\), expected \(N, 7\)"),
+    "columns": ({"rows": np.zeros((2400, 6), np.float32)}, r"shape \(2400, 6\), expected \(N, 7 or more\)"),
     "too few numbers": ({"image": np.zeros(3, np.int32)}, r"expected \(2400,\) whole numbers"),
     "outside": ({"image_size": np.array([100, 240])}, "column x_px is .*outside the image of 100 px"),
     "size": ({"image_size": np.array([320])}, "image_size"),

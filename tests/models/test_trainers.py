@@ -115,8 +115,8 @@ class Borrower(NumpyTrainer):
     def order(self, count: int) -> np.ndarray:
         return self.lender.order(count)
 
-    def normal(self, count: int) -> Floats:
-        return self.lender.normal(count)
+    def normal(self, count: int, inputs: int) -> Floats:
+        return self.lender.normal(count, inputs)
 
     def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
         self.lender.begin(pixels, gradient, width=width, recipe=recipe)

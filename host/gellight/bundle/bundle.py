@@ -6,6 +6,7 @@ network.onnx     GelNet (its file name is in the manifest)
 metrics.json     measured error of the network
 presses.npz      the table of ball presses it was trained on (optional)
 lights.json      the light of each LED alone, for photometric stereo (optional)
+directions.npz   lights shown one after the other: a vector for each, and their groups (optional)
 picture.json     what is done to each picture first: view, marker dots (optional)
 lens.json        the distortion of the camera, measured with a grid of pins (optional)
 force.json       the constant that turns depth into newtons (optional)
@@ -90,6 +91,11 @@ class Bundle:
     def network(self) -> bytes:
         """The ONNX file."""
         return self.files[self.manifest.network]
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether it has a network; the one that stands in for a bundle of a new sensor has none."""
+        return bool(self.network)
 
     @cached_property
     def reference(self) -> NDArray[np.float32]:

@@ -28,6 +28,8 @@ class RoutineOptions:
     """what people call the sensor; empty: as the interrupted calibration was begun with"""
     ball_radius_mm: float = 4.0
     cylinder_diameter_mm: float = 8.0
+    pixel_size_mm: float | None = None
+    """of a square pixel, where it is known already; None: the cylinder measures it"""
     pin_pitch_mm: float | None = None
     """distance of neighbouring pins of the grid that shows how the lens bends the picture; None: there is no grid"""
     reference_frames: int = 30
@@ -45,10 +47,10 @@ class RoutineOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm"):
+        for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value}: give the size of the tool in mm, greater than 0")
+                raise InputError(f"{name} = {value}: give the size in mm, greater than 0")
         if not re.fullmatch(f"[RGB]{{3,{MOST_LEDS}}}", self.led_colours) or len(set(self.led_colours)) < 3:
             raise InputError(
                 f"led_colours = {self.led_colours!r}: give a letter for each LED of the ring, R, G or B, each at least "

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, InputError
 from gellight.calibration.cylinder import Imprint, find_cylinder
 from gellight.calibration.display import Picture, Progress
-from gellight.calibration.records import PixelSize, ShownCircle, UntouchedGel
+from gellight.calibration.records import MeasuredPixelSize, PixelSize, ShownCircle, UntouchedGel
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import check_light, detector_of, next_press, wait_free
 
@@ -16,7 +16,10 @@ _LARGEST_SPREAD = 0.01
 
 
 def measure_pixel_size(run: CalibrationRun) -> None:
-    """Collect presses of the cylinder and keep mm per pixel."""
+    """Keep mm per pixel: what was given, or else what presses of the cylinder say."""
+    if (given := run.options.pixel_size_mm) is not None:
+        run.folder.finish(PixelSize(x_mm=given, y_mm=given, pixel_size_mm=given))
+        return
     options, reference = run.options, run.folder.reference()
     noise, detector = run.folder.figures(UntouchedGel).noise_grey, detector_of(run)
     found: list[Imprint] = []
@@ -68,7 +71,7 @@ def drawn(image: Picture, imprint: Imprint) -> Picture:
     return picture
 
 
-def pixel_size(found: list[Imprint], diameter_mm: float) -> PixelSize:
+def pixel_size(found: list[Imprint], diameter_mm: float) -> MeasuredPixelSize:
     """Return mm per pixel in x and y, and how much the diameters of the presses spread.
 
     Raises BundleError where x and y differ or the presses disagree; the median guards against one bad press.
@@ -88,7 +91,7 @@ def pixel_size(found: list[Imprint], diameter_mm: float) -> PixelSize:
             f"a pixel is {x_mm:.5f} mm wide and {y_mm:.5f} mm high: choose a camera mode that does not squeeze the "
             "picture"
         )
-    return PixelSize(
+    return MeasuredPixelSize(
         presses=len(found),
         diameter_px=mean_px,
         spread_px=spread,

@@ -107,18 +107,23 @@ class UntouchedGel(StepFigures, WarmUp):
 
 
 class PixelSize(StepFigures):
-    """The size of a pixel by the cylinder."""
+    """The size of a pixel."""
 
     step = "pixel_size"
+    x_mm: float
+    y_mm: float
+    pixel_size_mm: float
+    """geometric mean of x and y"""
+
+
+class MeasuredPixelSize(PixelSize):
+    """The size of a pixel by the cylinder; without one the user has given it."""
+
     presses: int
     diameter_px: float
     spread_px: float
-    x_mm: float
-    y_mm: float
     x_spread_mm: float
     y_spread_mm: float
-    pixel_size_mm: float
-    """geometric mean of x and y"""
     edge_scatter_px: float
 
 

@@ -15,6 +15,7 @@ from gellight.calibration.records import (
     CheckErrors,
     Fit,
     MeasuredLens,
+    MeasuredPixelSize,
     MethodErrors,
     PinGrid,
     PixelSize,
@@ -100,7 +101,7 @@ def _tiles(run: CalibrationRun, verdict: Verdict, figures: Verification) -> str:
         [
             *depth_tiles(figures, [check.figures for check in folder.state.checks]),
             (f"{verdict.normal_deg:.2f}°", "mean angle between the normals in contact there"),
-            (f"{1000 * size.pixel_size_mm:.2f} µm", f"a pixel, from {size.presses} presses of the cylinder"),
+            (f"{1000 * size.pixel_size_mm:.2f} µm", f"a pixel, {_origin(size)}"),
             (f"{folder.figures(UntouchedGel).pixel_noise_grey:.2f}", "grey levels of noise in a pixel of a frame"),
             (f"{presses.presses}", f"ball presses learnt from; {presses.refused} refused"),
             ("passed" if verdict.passed else "not passed", "verdict"),
@@ -222,7 +223,17 @@ def _preparation(run: CalibrationRun) -> str:
     )
 
 
+def _origin(size: PixelSize) -> str:
+    if isinstance(size, MeasuredPixelSize):
+        return f"from {size.presses} presses of the cylinder"
+    return "as it was given, not measured"
+
+
 def _pixel_size(size: PixelSize, diameter_mm: float) -> str:
+    if not isinstance(size, MeasuredPixelSize):
+        return (
+            f"<p>A pixel is taken to be {size.pixel_size_mm:.6f} mm in size, as it was given: nothing measured it.</p>"
+        )
     sides = (("x", size.x_mm, size.x_spread_mm), ("y", size.y_mm, size.y_spread_mm))
     return section(
         "Size of a pixel",

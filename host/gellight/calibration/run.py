@@ -114,4 +114,5 @@ def _identity(camera: Camera, options: RoutineOptions) -> Identity:
         ball_radius_mm=options.ball_radius_mm,
         cylinder_diameter_mm=options.cylinder_diameter_mm,
         pin_pitch_mm=options.pin_pitch_mm,
+        pixel_size_mm=options.pixel_size_mm,
     )

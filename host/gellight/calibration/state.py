@@ -16,6 +16,7 @@ from gellight.calibration.records import (
     Circle,
     Fit,
     MeasuredLens,
+    MeasuredPixelSize,
     PinGrid,
     PixelSize,
     Preparation,
@@ -75,6 +76,8 @@ class Identity(Record):
     ball_radius_mm: float
     cylinder_diameter_mm: float
     pin_pitch_mm: float | None = None
+    pixel_size_mm: float | None = None
+    """where it was given and not measured"""
 
 
 class Steps(BaseModel):
@@ -84,7 +87,7 @@ class Steps(BaseModel):
 
     prepare: Preparation | None = None
     reference: UntouchedGel | None = None
-    pixel_size: PixelSize | None = None
+    pixel_size: MeasuredPixelSize | PixelSize | None = None
     lens: MeasuredLens | PinGrid | None = None
     presses: BallPresses | None = None
     fit: Fit | None = None

@@ -123,7 +123,12 @@ def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -
 
 
 def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
-    """Say so where another sensor than that of the paper, simulated, is used with the bundle of that one."""
+    """Say so where a sensor has no bundle, or is another one than the paper's, simulated, and used with its bundle."""
+    if not bundle.calibrated:
+        remedy = "calibrate it on the page, or with `gellight calibrate`"
+        logs.say(
+            typeable(f"gellight: this sensor has no bundle, so there is no depth: {remedy}"), level=logging.WARNING
+        )
     if bundle.identity != load_bundle(SYNTHETIC).identity:
         return
     changed, told = ", ".join(settings.geometry.overrides()), ""

@@ -18,6 +18,7 @@ from gellight.cli.options import AsJson
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
+from gellight.reconstruction.photometric.channel_path import has_channels, read_directions, slopes_by
 from gellight.reconstruction.photometric.directions import LightDirections
 from gellight.reconstruction.photometric.recorded import frame_of_lights
 from gellight.reconstruction.pipeline import Reconstructor
@@ -53,6 +54,9 @@ def command(
         float | None,
         typer.Option(min=1, help="With --lights: level that is white.", show_default="255, or 65535 of 16 bit"),
     ] = None,
+    least_squares: Annotated[
+        bool, typer.Option("--least-squares", help="With a bundle of several lights: without its network.")
+    ] = False,
     as_json: AsJson = False,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     dense: Annotated[bool, typer.Option("--dense", help="Run the network on untouched pixels too.")] = False,
@@ -62,24 +66,28 @@ def command(
 
     NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, and contact (H, W) bool;
     pressure_mpa (H, W) where the bundle knows its force.
-    With --lights NAME is that of the first image. Each file is written whole or not at all. At an image that cannot be
+    With --lights, and with a bundle that `calibrate channels` made, the images are one series, one for each light, and
+    NAME is that of the first image. Each file is written whole or not at all. At an image that cannot be
     used the work ends with its name; what was written before stays.
     """
     paths = [path for text in images for path in image_files(text)]
     if (calibration is None) == (lights is None):
         raise InputError("depth comes from colours or from several lights: give either --calibration or --lights")
     _refuse_clashes(paths, out)
+    bundle = load_bundle(calibration) if calibration is not None else None
     if lights is not None:
-        row = _written(frame_of_lights(LightDirections.read(lights), paths, white), paths[0], out, depth_scale_um)
-        typer.echo(json.dumps([asdict(row)], indent=2) if as_json else _table([row]))
-        return
-    assert calibration is not None
-    bundle = load_bundle(calibration)
-    reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
-    rows = []
-    with prepared(ImageCamera(paths), bundle) as camera:
-        for path in paths:
-            rows.append(_written(reconstructor.reconstruct(camera.read()), path, out, depth_scale_um))
+        felt = frame_of_lights(LightDirections.read(lights), paths, white)
+        rows = [_written(felt, paths[0], out, depth_scale_um)]
+    elif bundle is not None and has_channels(bundle):
+        mode, directions = "photometric" if least_squares else "network", read_directions(bundle)
+        slopes = slopes_by(bundle, directions, mode, threads=threads)
+        felt = frame_of_lights(directions, paths, white, slopes=slopes)
+        rows = [_written(felt, paths[0], out, depth_scale_um)]
+    else:
+        assert bundle is not None
+        reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
+        with prepared(ImageCamera(paths), bundle) as camera:
+            rows = [_written(reconstructor.reconstruct(camera.read()), path, out, depth_scale_um) for path in paths]
     typer.echo(json.dumps([asdict(row) for row in rows], indent=2) if as_json else _table(rows))
 
 

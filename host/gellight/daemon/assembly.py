@@ -3,14 +3,17 @@
 from typing import get_args
 
 from gellight.base.errors import InputError
-from gellight.base.settings import ReconstructionSettings, Settings
+from gellight.base.settings import GeometrySettings, ReconstructionSettings, Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
+from gellight.bundle.stand_in import stand_in
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon, Equipment
-from gellight.daemon.installing import bundle_of
-from gellight.daemon.modes import frame_path, tactile_camera
+from gellight.daemon.installing import SIMULATED, bundle_of
+from gellight.daemon.modes import channel_path, frame_path, tactile_camera
 from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.opening import open_camera
+from gellight.reconstruction.photometric.channel_path import has_channels
+from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import SensorWatch
 
@@ -31,7 +34,8 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
     try:
         bundle.check_fits(camera.url, camera.image_shape)
         mode = settings.reconstruction.mode
-        judge = None if mode == "network" and settings.lighting.sequence else camera.selfcheck(bundle.pixel_size_mm)
+        judgeable = bundle.calibrated and not (mode == "network" and settings.lighting.sequence)
+        judge = camera.selfcheck(bundle.pixel_size_mm) if judgeable else None
         first = equipment(bundle, settings)
         camera = SwitchedCamera(camera, first.equip)
         return Daemon(
@@ -51,11 +55,11 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
 
 def equipment(bundle: Bundle, settings: Settings) -> Equipment:
     """Return what a sensor with `bundle` needs to run as `settings` say."""
-    changing = settings.lighting.sequence or settings.reconstruction.mode != "network"
+    changing = settings.lighting.sequence or settings.reconstruction.mode != "network" or has_channels(bundle)
     return Equipment(
         equip=lambda camera: tactile_camera(camera, bundle, settings.reconstruction, settings.lighting),
         rebuild=lambda replacement: path_for(replacement, settings),
-        watched=settings.watch.enabled and not changing,
+        watched=settings.watch.enabled and not changing and bundle.calibrated,
     )
 
 
@@ -76,20 +80,37 @@ def in_mode(settings: Settings, mode: str) -> Settings:
 def chosen_bundle(settings: Settings) -> Bundle:
     """Return the bundle that `settings` name; "auto" asks the board of the sensor, which is opened for that.
 
-    Where they name none it is that of the simulated sensor for `sim://`, and for a sensor that has none yet. Raises
-    BundleError for a bundle that is damaged or missing, else as `open_camera`.
+    Where they name none it is that of the simulated sensor for `sim://`, and for a sensor that has none yet; for a
+    sensor that is not like the simulated one it is one without a network. Raises BundleError for a bundle that is
+    damaged or missing, else as `open_camera`.
     """
     named, url = settings.sensor.calibration, settings.sensor.url
     if named is None and url.startswith("sim://"):
-        named = SYNTHETIC
+        return _of_simulated(settings.geometry)
     if named is not None and named != AUTO:
         return load_bundle(named)
     with open_camera(url, geometry=settings.geometry.overrides()) as camera:
-        return bundle_of(camera, BundleStore(), default=SYNTHETIC if named is None else None)
+        bundle = bundle_of(camera, BundleStore(), default=SYNTHETIC if named is None else None)
+        like_simulated = camera.bundle is not None or camera.ring is not None or camera.waits
+        if named is None and bundle.manifest.sensor == SIMULATED and not like_simulated:
+            return stand_in(camera.image_shape)
+        return bundle
+
+
+def _of_simulated(geometry: GeometrySettings) -> Bundle:
+    """Return the bundle of the simulated sensor, or what stands in for it where its pictures have another size."""
+    bundle = load_bundle(SYNTHETIC)
+    height, width = bundle.image_shape
+    shape = geometry.image_height_px or height, geometry.image_width_px or width
+    return bundle if shape == bundle.image_shape else stand_in(shape)
 
 
 def path_for(bundle: Bundle, settings: Settings) -> FramePath:
     """Return the frame path of `bundle` in the mode that `settings` say; BundleError where it cannot be."""
+    if not bundle.calibrated:
+        return PicturePath(bundle)
+    if has_channels(bundle):
+        return channel_path(bundle, settings.reconstruction, settings.lighting)
     return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings), settings.lighting)
 
 

@@ -19,6 +19,7 @@ from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore, ListedBundle
 from gellight.calibration.choices import RING_COLOURS, RoutineOptions
+from gellight.calibration.presets import PRESETS, Preset
 from gellight.calibration.routine import Install, Routine
 from gellight.calibration.state import discard, unfinished
 from gellight.daemon.daemon import Daemon
@@ -28,7 +29,7 @@ from gellight.frames.camera import Camera
 from gellight.simulator.virtual_hand import hand_of
 
 Picture = NDArray[np.uint8]
-TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm")
+TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm")
 """what of a request an interrupted calibration was begun with"""
 RETRY_S = 1.0
 """between two attempts to set the sensor as its bundle says"""
@@ -43,6 +44,8 @@ class CalibrationRequest(StrictModel):
     cylinder_diameter_mm: float = Field(default=8.0, gt=0, le=50)
     pin_pitch_mm: float | None = Field(default=None, gt=0, le=20)
     """distance of two pins of the grid that measures the lens; None without one"""
+    pixel_size_mm: float | None = Field(default=None, gt=0, le=1)
+    """size of a pixel where it is known; None: the cylinder measures it"""
     presses: int = Field(default=40, ge=8, le=400)
     hand: bool = False
     """a virtual hand presses, on a simulated sensor"""
@@ -70,6 +73,8 @@ class CalibrationState(BaseModel):
     """whether the virtual hand presses in this routine"""
     needs: tuple[Need, ...] = ()
     """what a calibration needs; empty while one goes on"""
+    presets: tuple[Preset, ...] = PRESETS
+    """kinds of sensors to choose from"""
 
 
 MakeRoutine = Callable[[CalibrationRequest, Install], Routine]
@@ -239,6 +244,7 @@ class CalibrationService:
             ball_radius_mm=request.ball_radius_mm,
             cylinder_diameter_mm=request.cylinder_diameter_mm,
             pin_pitch_mm=request.pin_pitch_mm,
+            pixel_size_mm=request.pixel_size_mm,
             presses=request.presses,
             overwrite=True,
             led_colours=self._led_colours,

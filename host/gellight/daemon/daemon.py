@@ -187,17 +187,24 @@ class Daemon:
                 f"{bundle.source} takes another view of the gel, or fills other dots, than the running sensor: stop "
                 "it, and start it with this bundle"
             )
-        watch, judge = self._in_use.watch, self._in_use.selfcheck
+        judge = self._in_use.selfcheck
         replacement = _InUse(
             bundle=bundle,
             reconstructor=self._rebuild(bundle),
-            watch=SensorWatch(bundle, rezero=watch.rezero) if watch else None,
+            watch=self._watch_of(bundle),
             selfcheck=self._camera.selfcheck(bundle.pixel_size_mm) if judge else None,
         )
         with self._changing:
             before = self._in_use
             setting = self._use(replacement, Setting.said_by(bundle))
         return lambda: self._use(before, setting)
+
+    def _watch_of(self, bundle: Bundle) -> SensorWatch | None:
+        """Return what watches with a bundle that replaces the running one; the first bundle begins the watch."""
+        watch = self._in_use.watch
+        if watch is None and not self._in_use.bundle.calibrated and self._equipment is not None:
+            return SensorWatch(bundle) if self._equipment(bundle, self.mode).watched else None
+        return SensorWatch(bundle, rezero=watch.rezero) if watch else None
 
     def _use(self, replacement: _InUse, setting: Setting) -> Setting:
         """Go on with another bundle and light; return how the sensor was set before."""

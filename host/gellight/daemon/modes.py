@@ -10,6 +10,7 @@ from gellight.base.settings import LightingSettings, ReconstructionSettings
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, timing_of
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens
+from gellight.reconstruction.photometric.channel_path import ChannelPath, has_channels, read_directions
 from gellight.reconstruction.photometric.hybrid import HybridReconstructor
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.lights_file import read_lights
@@ -61,6 +62,17 @@ def frame_path(
     return stereo if settings.mode == "photometric" else HybridReconstructor(network, stereo)
 
 
+def channel_path(bundle: Bundle, settings: ReconstructionSettings, lighting: LightingSettings) -> ChannelPath:
+    """Return the frame path of a bundle with light groups of its own: GelNet, or least squares in photometric mode.
+
+    Raises BundleError where the bundle does not tell its groups, ConfigError where mode or light do not go with it.
+    """
+    if settings.mode == "hybrid" or lighting.sequence:
+        wrong = f"--sequence {lighting.sequence}" if lighting.sequence else "--mode hybrid"
+        raise ConfigError(f"{bundle.source} has a light sequence of its own, {wrong} does not go with it: leave it out")
+    return ChannelPath(bundle, settings.mode, threads=settings.threads, smoothing_px=settings.smoothing_px)
+
+
 def groups_of(bundle: Bundle, lighting: LightingSettings) -> NDArray[np.uint8]:
     """Return the light groups (n, 12, 3) that are set; BundleError where the bundle does not tell its own light."""
     if bundle.colours is None:
@@ -89,6 +101,11 @@ def tactile_camera(
     mode and light do not go together.
     """
     mode, light_mode = settings.mode, LightMode(lighting.light_mode)
+    if has_channels(bundle):
+        groups = read_directions(bundle).groups
+        if light_mode is LightMode.HOLD:
+            return SeriesCamera(camera, groups, exposure_us=None, frames=settings.frames_per_light)
+        return WindowCamera(SequencedCamera(camera, groups, mode=light_mode), groups, exposure_us=None)
     if light_mode is not LightMode.HOLD and not (lighting.sequence or mode == "photometric"):
         raise ConfigError(f"--light-mode {light_mode} moves a sequence on: give --sequence, or --mode photometric")
     if mode == "network":

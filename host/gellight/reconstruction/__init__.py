@@ -1,6 +1,7 @@
 """Arrays in, depth out; no device.
 
 pipeline.py      Reconstructor: the way from a camera frame to a tactile frame
+picture_path.py  the picture alone, where nothing can be felt
 sequence_path.py that way under a changing light
 numpy_path.py    that way in NumPy, SciPy and OpenCV
 stages.py        the names and times of its stages, and the frame at its end

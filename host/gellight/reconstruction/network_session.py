@@ -1,6 +1,6 @@
 """The network of a bundle in ONNX Runtime on the CPU, its contract checked.
 
-A row is one pixel or the mean of some: the difference of three channels (grey levels) and the place (px); the answer
+A row is one pixel or the mean of some: the change of its channels and the place (px); the answer
 is the slope there. Where the network can be differentiated (`jacobian`), a second session answers that too.
 """
 
@@ -21,9 +21,9 @@ REMEDY = "train the network again with this GelLight and write a new bundle"
 
 
 class NetworkSession:
-    """The network of one calibration bundle, for rows (N, 5)."""
+    """The network of one calibration bundle, for rows (N, C + 2) of its C channels and the place."""
 
-    def __init__(self, network: bytes | Path, *, threads: int, source: str) -> None:
+    def __init__(self, network: bytes | Path, *, threads: int, source: str, channels: int = 3) -> None:
         """Load an ONNX file or its content. source: the name of the bundle, for messages.
 
         Raises BundleError for a network that does not keep the contract.
@@ -31,10 +31,10 @@ class NetworkSession:
         self.source, self._threads = source, threads
         self._content = network if isinstance(network, bytes) else _read(network, source)
         self._session = _session(self._content, threads, source)
-        _check_contract(self._session, source)
+        _check_contract(self._session, source, channels + 2)
 
     def slopes(self, rows: Floats) -> Floats:
-        """Return the (N, 2) slopes of (N, 5) rows; BundleError where they are not finite numbers."""
+        """Return the (N, 2) slopes of (N, C + 2) rows; BundleError where they are not finite numbers."""
         answer: Floats = self._session.run(["gradient"], {"pixels": rows})[0]
         if answer.shape != (len(rows), 2) or not np.isfinite(answer).all():
             what = "NaN or infinite slopes" if answer.shape == (len(rows), 2) else f"shape {answer.shape}"
@@ -91,10 +91,10 @@ def _session(content: bytes, threads: int, source: str) -> onnxruntime.Inference
         raise BundleError(f"{source}: the network cannot be loaded ({reason}): {REMEDY}") from error
 
 
-def _check_contract(session: onnxruntime.InferenceSession, source: str) -> None:
-    """One input "pixels" (N, 5) float32, one output "gradient" (N, 2) float32, N free."""
+def _check_contract(session: onnxruntime.InferenceSession, source: str, inputs: int) -> None:
+    """One input "pixels" (N, inputs) float32, one output "gradient" (N, 2) float32, N free."""
     for kind, found, wanted, columns in (
-        ("input", session.get_inputs(), "pixels", 5),
+        ("input", session.get_inputs(), "pixels", inputs),
         ("output", session.get_outputs(), "gradient", 2),
     ):
         try:

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
+from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.gelnet import GradientNetwork
@@ -22,6 +22,8 @@ from gellight.reconstruction.native.library import NativePathError, fitting_libr
 from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.network_session import jacobian_session
 from gellight.reconstruction.numpy_path import NumpyPath
+from gellight.reconstruction.photometric.directions import FILE_NAME
+from gellight.reconstruction.picture_path import check_image
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath
 
@@ -78,6 +80,11 @@ class Reconstructor:
         labels do. form: how to compute; what the native form cannot do is computed by NumPy.
         clock: that times the stages. Raises BundleError.
         """
+        if FILE_NAME in bundle.files:
+            raise BundleError(
+                f"{bundle.source} is of lights shown one after the other ({FILE_NAME}), a single picture says nothing: "
+                "give `gellight run` or `reconstruct` a series of them, or the bundle of a calibration by colours"
+            )
         self.bundle = bundle
         self.masked = masked
         self._measures = BundleMeasures(bundle)
@@ -119,7 +126,7 @@ class Reconstructor:
         Depth is 0 where the gel is at rest: see `at_rest.far_from_touch`, and `reconstruction.integrate` for a view
         that is touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
-        self.check(camera_frame)
+        check_image(camera_frame, self.bundle)
         return replace(self._path.reconstruct(camera_frame), measures=self._measures)
 
     def status(self) -> dict[str, object]:
@@ -134,15 +141,3 @@ class Reconstructor:
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
         return self._network.touched(difference)
-
-    def check(self, camera_frame: CameraFrame) -> None:
-        """Raise InputError unless an image is of the size and type of the calibration."""
-        image, name = camera_frame.image, camera_frame.source or "the image"
-        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-            raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")
-        if image.shape[:2] != self.bundle.image_shape:
-            height, width = self.bundle.image_shape
-            raise InputError(
-                f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {self.bundle.source} is for "
-                f"{width} x {height} px: set the camera to that size or use the calibration of this sensor"
-            )

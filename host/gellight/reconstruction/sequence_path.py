@@ -3,16 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import CameraFrame, Contact, LightState, TactileFrame
+from gellight.frames.frames import CameraFrame, LightState, TactileFrame
+from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.reconstruction.stages import Stages
 
 
 class SequencePath:
-    """Reconstructs the frames that were taken wholly under the light of the calibration; others have no depth.
-
-    What was not measured is NaN: depth, slopes, normals, area and indentation. The contact patch is empty.
-    """
+    """Reconstructs the frames that were taken wholly under the light of the calibration; others have no depth."""
 
     def __init__(self, network: Reconstructor, groups: NDArray[np.uint8]) -> None:
         """Use `network` for frames labelled with the group, of `groups` (G, 12, 3), that its bundle was made under."""
@@ -20,11 +17,7 @@ class SequencePath:
         self._network = network
         light = self.bundle.colours
         self._trained = {k for k, group in enumerate(groups) if light is not None and np.array_equal(group, light)}
-        shape = self.bundle.image_shape
-        self._nothing = [np.full((*shape, n), np.nan, np.float32) for n in (2, 3)]
-        self._no_depth, self._nowhere = np.full(shape, np.nan, np.float32), np.zeros(shape, np.bool_)
-        for array in (*self._nothing, self._no_depth, self._nowhere):
-            array.flags.writeable = False
+        self._picture = PicturePath(self.bundle)
 
     def status(self) -> dict[str, object]:
         """Return the mode, ready for JSON."""
@@ -35,13 +28,4 @@ class SequencePath:
         label = camera_frame.label
         if label is not None and label.state is LightState.CLEAN and label.group in self._trained:
             return self._network.reconstruct(camera_frame)
-        self._network.check(camera_frame)
-        stages = Stages()
-        difference = np.subtract(camera_frame.image, self.bundle.reference, dtype=np.float32)
-        stages.end("difference")
-        slopes, normals = self._nothing
-        nowhere = Contact(mask=self._nowhere, area_mm2=np.nan, indentation_mm=np.nan, centroid_mm=None)
-        return TactileFrame(
-            camera_frame=camera_frame, difference=difference, gradient_map=slopes, normal_map=normals,
-            depth_mm=self._no_depth, contact=nowhere, stage_seconds=stages.seconds,
-        )  # fmt: skip
+        return self._picture.reconstruct(camera_frame)

@@ -59,7 +59,7 @@ class SensorCamera(Camera):
         self._given = options
         self._setup = Setup(self._given, None)
         if bundle is not None:
-            _warn_of_dark(url, bundle.colours)
+            self._warn_of_dark(bundle.colours)
             self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
         self._surroundings, self._clock = surroundings, surroundings.kernel.clock
         self._closing = threading.Event()
@@ -86,7 +86,7 @@ class SensorCamera(Camera):
         """
         before = self._setup
         connection = self._connection  # the thread that reads may let go of it at any time
-        _warn_of_dark(self.url, colours)
+        self._warn_of_dark(colours)
         if unknown := sorted(set(controls) - set(KNOBS)):
             raise CameraError(f"{self.url} has no control {unknown[0]!r} (known are: {', '.join(KNOBS)}): leave it out")
         recorded = {**before.options.model_dump(include=before.options.model_fields_set), **controls}
@@ -130,6 +130,10 @@ class SensorCamera(Camera):
             self._absence = absence = Absence(self._clock(), str(error))
             self._release()
             raise self._reconnecting(absence) from error
+
+    def _warn_of_dark(self, colours: NDArray[np.uint8] | None) -> None:
+        if colours is None and (self._sensor.ring or self._given.ring):
+            logger.warning("%s: the calibration does not tell the colours of its LEDs: they stay dark", self.url)
 
     def _numbered(self, frame: CameraFrame) -> CameraFrame:
         """Continue the numbers of the frames before a reconnection."""
@@ -211,11 +215,6 @@ def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroun
     return SensorCamera(
         sensor, options, bundle=bundle, url=url, by_serial=found.has_own_serial(sensor), surroundings=around
     )
-
-
-def _warn_of_dark(url: str, colours: NDArray[np.uint8] | None) -> None:
-    if colours is None:
-        logger.warning("%s: the calibration does not tell the colours of its LEDs: they stay dark", url)
 
 
 def _camera_alone(found: Discovery, path: str) -> Sensor:

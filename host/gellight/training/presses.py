@@ -94,7 +94,8 @@ class PressTable:
     """Labelled pixels of several presses."""
 
     rows: Floats
-    """(N, 7) dR, dG, dB in grey levels, x, y in px, d(depth)/dx, d(depth)/dy"""
+    """(N, C + 4) change of each channel, x, y in px, d(depth)/dx, d(depth)/dy; the channels are dR, dG, dB in grey
+    levels, or those of `photometric.channel_network`"""
     image: NDArray[np.int32]
     """(N,) number of the image each row comes from, see `images_of`"""
     image_size: tuple[int, int]

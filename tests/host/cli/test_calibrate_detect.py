@@ -112,6 +112,18 @@ def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) ->
     assert "overlays cannot be written" in str(refused.exception)
 
 
+def test_what_was_found_is_printed_also_where_it_cannot_be_written(folder: Path, tmp_path: Path) -> None:
+    """It took minutes; it was lost where the csv or the overlays could not be written."""
+    (tmp_path / "file").write_text("no folder")
+    for how in (["--overlay", tmp_path / "file"], []):
+        out = tmp_path / ("presses.csv" if how else "file/presses.csv")
+        result = run(folder, folder / "a.png", folder / "nothing.png", "--json", *how, "--overwrite", out=out)
+        assert isinstance(result.exception, InputError)
+        found, nothing = json.loads(result.stdout)
+        assert found["quality"] > 0.9
+        assert "no press" in nothing["refused"]
+
+
 PLATE = ["--ball-radius-mm", "1.5875", "--pixel-size-mm", "0.0591"]
 
 

@@ -5,17 +5,23 @@ import json
 from pathlib import Path
 from queue import SimpleQueue
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.calibration.display import Display, Progress
 from gellight.calibration.records import LiveCoverage, ShownCircle
 from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
+from tests.helpers.dotted import with_dots
 
 
 def test_resuming_nothing_is_told_in_one_line(tmp_path: Path) -> None:
@@ -47,6 +53,71 @@ def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp
     assert Target(folder=tmp_path, resume=True).begun() == begin
     given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
+
+
+def test_a_preset_gives_its_ball_where_none_is_named() -> None:
+    assert Tools(preset="gelsight-mini").chosen(None) == {"ball_radius_mm": 2.35}
+    assert Tools(preset="gelsight-mini", ball_radius_mm=3.0).chosen(None) == {"ball_radius_mm": 3.0}
+    assert Tools(preset="digit", pixel_size_mm=0.06).chosen(None) == {"pixel_size_mm": 0.06}
+    assert Tools(preset="9dtact").chosen(identity(ball_mm=2.5))["ball_radius_mm"] == 2.5
+    assert "did you mean digit?" in refused("--auto", "--preset", "digits")
+
+
+class Still(Camera):
+    """A camera that shows one picture again and again."""
+
+    url = "still"
+
+    def __init__(self, image: np.ndarray) -> None:
+        self.image = image
+        self.image_shape = (image.shape[0], image.shape[1])
+
+    def read(self) -> CameraFrame:
+        return CameraFrame(image=self.image, time_s=0.0, sequence=0, source=self.url)
+
+
+def gel() -> np.ndarray:
+    """An untouched gel, (120, 160, 3), brighter on the right."""
+    return np.broadcast_to(np.linspace(100, 160, 160)[None, :, None], (120, 160, 3)).astype(np.uint8)
+
+
+def test_the_routine_sees_the_view_and_keeps_it_for_the_bundle(tmp_path: Path) -> None:
+    view = View.of_box((40, 20, 80, 60), (120, 160))
+    (tmp_path / "view.json").write_text(view.model_dump_json())
+    camera = Target(view=tmp_path / "view.json").camera(Still(gel()))
+    assert camera.image_shape == (60, 80)
+    np.testing.assert_allclose(camera.read().image, gel()[20:80, 40:120], atol=1)
+    kept = PictureSteps.model_validate_json(camera.picture_files["picture.json"])
+    assert (kept.view, kept.dots) == (view, None)
+
+
+def test_a_view_of_another_camera_mode_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "view.json").write_text(View.of_box((0, 0, 80, 60), (240, 320)).model_dump_json())
+    with pytest.raises(BundleError, match="delivers 160x120 pixels, the calibration takes its view from 320x240"):
+        Target(view=tmp_path / "view.json").camera(Still(gel()))
+    assert "cannot be opened" in refused(
+        "--auto", "--sensor", "sim://?board=0", "--view", str(tmp_path / "none.json"), "--out", str(tmp_path / "x")
+    )
+    assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.parametrize("with_view", [False, True])
+def test_the_routine_sees_a_dotted_gel_without_its_dots(tmp_path: Path, with_view: bool) -> None:
+    view = View.of_box((16, 16, 128, 96), (120, 160))
+    (tmp_path / "view.json").write_text(view.model_dump_json())
+    target = Target(dots=True, view=tmp_path / "view.json" if with_view else None)
+    camera = target.camera(Still(with_dots(gel())))
+    plain = gel()[16:112, 16:144] if with_view else gel()
+    assert camera.image_shape == plain.shape[:2]
+    assert np.abs(camera.read().image.astype(int) - plain).max() < 6, "a dot is 80 levels darker"
+    kept = PictureSteps.model_validate_json(camera.picture_files["picture.json"])
+    assert kept.dots is not None
+    assert (kept.view == view) is with_view
+
+
+def test_dots_that_are_not_there_are_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no marker dots are seen: light the gel"):
+        Target(dots=True).camera(Still(gel()))
 
 
 def test_restarting_throws_away_no_folder_of_another_program(tmp_path: Path) -> None:

@@ -116,6 +116,26 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, calib
     assert wait_for(calibration, page, 2)[1][1].pin_pitch_mm == 2
     assert (request.ball_radius_mm, request.cylinder_diameter_mm, request.presses) == (2.5, 8.0, 24)
     assert (request.hand, request.anew) == (False, False)
+    assert request.pixel_size_mm is None
+
+
+@pytest.mark.browser
+def test_a_sensor_of_another_maker_is_calibrated_with_its_ball_and_a_known_pixel_size(
+    opened: Open, calibration: Scripted
+) -> None:
+    page = opened()
+    expect(page.get_by_test_id("kind-note")).to_be_hidden()
+    page.get_by_test_id("kind").select_option("gelsight-mini")
+    expect(page.get_by_test_id("ball")).to_have_value("2.35")
+    expect(page.get_by_test_id("kind-note")).to_contain_text("shows 18.6 x 14.3 mm of gel")
+    page.get_by_test_id("kind").select_option("digit")
+    expect(page.get_by_test_id("ball")).to_have_value("4")
+    expect(page.get_by_test_id("kind-note")).to_contain_text("has no usual ball")
+    page.get_by_test_id("kind").select_option("gelsight-mini")
+    page.get_by_test_id("pixel").fill("0.058")
+    page.get_by_test_id("action-begin").click()
+    request = wait_for(calibration, page, 1)[0][1]
+    assert (request.ball_radius_mm, request.pixel_size_mm) == (2.35, 0.058)
 
 
 @pytest.mark.browser

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
-from gellight.calibration.lights.ball_lights import felt_radius_px
+from gellight.calibration.lights.ball_series import felt_radius_px
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows
 from gellight.reconstruction.photometric.reconstructor import flat_gel
 from gellight.reconstruction.photometric.solver import light_rows, slopes, solve_robustly
@@ -45,7 +45,7 @@ def confirm_ring(
     felt_mm = felt_radius_px(gradient_map, press) * ball.pixel_size_mm
     if not abs(felt_mm / radius_mm - 1) <= TOLERANCE:
         raise BundleError(
-            f"the ring that fits the light on the flat gel feels the ball of {radius_mm:g} mm as one of {felt_mm:.2f} "
+            f"the ring that fits the light on the flat gel feels the ball of {radius_mm:g} mm as one of {felt_mm:.3g} "
             "mm, so its LEDs are elsewhere: measure the ring, set [geometry], and leave --ring-from-light out"
         )
     return felt_mm

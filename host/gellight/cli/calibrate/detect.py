@@ -9,31 +9,64 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.options import AsJson, Overwrite, refuse_existing
+from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.frames.image_files import image_files, read_image
 from gellight.report.pictures import write_png
 from gellight.training.labelling import Detection, detect, detect_several, write_overlays, write_presses
 from gellight.training.labelling.plate import PlateGrid, untouched_between
 from gellight.training.presses import Ball
-from gellight.training.training import read_reference
+from gellight.training.training import Reference, read_reference
 
 
-def command(
-    images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="presses: files, folders, quoted patterns")],
-    ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")],
-    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")],
-    out: Annotated[Path, typer.Option(help="csv to write: a row an image, as `fit` reads it")],
+@dataclass(frozen=True)
+class Pressed:
+    """What is in the pictures."""
+
+    ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
+    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
     reference: Annotated[
         str | None,
         typer.Option(
             help="image of the untouched gel, or a folder of them, which is averaged; with --several it can be taken "
             "from between the balls of the first image"
         ),
-    ] = None,
-    several: Annotated[bool, typer.Option("--several", help="look for several balls in each image")] = False,
+    ] = None
+    several: Annotated[bool, typer.Option("--several", help="look for several balls in each image")] = False
     pitch_mm: Annotated[
         float | None, typer.Option(help="distance of neighbours on a plate of balls; measures the pixel size too")
-    ] = None,
+    ] = None
+
+    @property
+    def ball(self) -> Ball:
+        """The ball; InputError for what is no length."""
+        return Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+
+    @property
+    def plate(self) -> bool:
+        """Whether several balls are looked for in an image."""
+        return self.several or self.pitch_mm is not None
+
+    def untouched(self, paths: list[Path], target: Path, overwrite: bool) -> Reference:
+        """Read the untouched gel, or take it from between the balls and write it to `target`; else InputError."""
+        if self.reference is not None:
+            return read_reference(self.reference)
+        if not self.plate:
+            raise InputError("one ball in an image is found by what changed: give --reference, or --several")
+        return read_reference(_written_untouched(paths, self.ball, target, overwrite))
+
+    def found(self, paths: list[Path], untouched: Reference) -> tuple[list[Detection], "PlateScale | None"]:
+        """Look for the balls, and measure the size of a pixel by the pitch of a plate where that is given."""
+        if not self.plate:
+            return detect(paths, untouched.image, self.ball, dots=untouched.dots), None
+        found, grid = detect_several(paths, untouched.image, self.ball, dots=untouched.dots, pitch_mm=self.pitch_mm)
+        return found, None if grid is None or self.pitch_mm is None else PlateScale.of(grid, self.pitch_mm)
+
+
+@with_options
+def command(
+    images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="presses: files, folders, quoted patterns")],
+    pressed: Pressed,
+    out: Annotated[Path, typer.Option(help="csv to write: a row an image, as `fit` reads it")],
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures with the circles drawn in")] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -46,26 +79,17 @@ def command(
     image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then no file is written.
     """
     refuse_existing(out, overwrite)
-    ball = Ball(radius_mm=ball_radius_mm, pixel_size_mm=pixel_size_mm)
     paths = _images(images)
-    plate = several or pitch_mm is not None
-    if reference is None:
-        if not plate:
-            raise InputError("one ball in an image is found by what changed: give --reference, or --several")
-        reference = _written_untouched(paths, ball, out.with_name(f"{out.stem}-untouched.png"), overwrite)
-    untouched = read_reference(reference)
-    grid: PlateGrid | None = None
-    if plate:
-        found, grid = detect_several(paths, untouched.image, ball, dots=untouched.dots, pitch_mm=pitch_mm)
-    else:
-        found = detect(paths, untouched.image, ball, dots=untouched.dots)
+    found, scale = pressed.found(paths, pressed.untouched(paths, out.with_name(f"{out.stem}-untouched.png"), overwrite))
     refused = [detection for detection in found if detection.circle is None]
+    if as_json:  # before what may fail
+        typer.echo(_json(found, scale))
     if len(refused) < len(found):
         write_presses(out, found)
         if overlay is not None:
             write_overlays(overlay, found)
-    scale = None if grid is None or pitch_mm is None else PlateScale.of(grid, pitch_mm)
-    typer.echo(_json(found, scale) if as_json else _table(found, out, scale))
+    if not as_json:
+        typer.echo(_table(found, out, scale))
     if len(refused) == len(found):
         raise InputError(f"no circle in any of {len(found)} images: nothing was written; see the reason of each")
     if refused:

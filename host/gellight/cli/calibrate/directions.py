@@ -9,21 +9,21 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
-from gellight.calibration.lights.ball_lights import LEAST_BALLS, check_lights, lights_from_balls
+from gellight.calibration.lights.ball_lights import check_lights, lights_from_balls
+from gellight.calibration.lights.ball_series import LitBalls, divided, read_series
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.frames.image_files import image_files, read_grey
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.training.presses import Ball, read_presses
-
-_HELD_OUT = 4
-"""every fourth ball judges, and is not learnt from"""
 
 
 @dataclass(frozen=True)
 class Pictures:
     """One picture a light, in the same order everywhere."""
 
-    balls: Annotated[str, typer.Option(help="folder or quoted pattern: balls, one picture a light")]
+    balls: Annotated[
+        str, typer.Option(help="folder or quoted pattern: balls, one picture a light; or several such series")
+    ]
     untouched: Annotated[str, typer.Option(help="folder or quoted pattern: the untouched gel, in the same order")]
     presses: Annotated[Path, typer.Option(help="csv of the circles, as `detect` writes it; they hold in all pictures")]
     ball_radius_mm: Annotated[float, typer.Option(help="radius of the balls, mm")]
@@ -31,6 +31,16 @@ class Pictures:
     white: Annotated[
         float | None, typer.Option(min=1, help="level that is white", show_default="255, or 65535 of 16 bit")
     ] = None
+
+    def read(self) -> LitBalls:
+        """Read all of it; InputError for what is wrong."""
+        ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        balls, flat = (same_size(image_files(text), self.white) for text in (self.balls, self.untouched))
+        untouched = np.stack([read_grey(path, self.white) for path in flat])
+        presses = read_presses(self.presses, ball=ball, image_shape=(untouched.shape[1], untouched.shape[2]))
+        series = read_series(balls, presses, len(untouched), self.white)
+        noise = noise_of_one(untouched[0][..., None])
+        return LitBalls(series=series, untouched=untouched, ball=ball, noise_grey=noise)
 
 
 @with_options
@@ -43,21 +53,15 @@ def command(
     """Find the direction of each light on balls of known radius.
 
     Every fourth ball is held out and judges; then all balls are used. The pictures may have one channel and 16 bit. A
-    pattern is expanded in natural order. `gellight reconstruct --lights` uses the file.
+    pattern is expanded in natural order. Several series, one after the other, are divided by series. `gellight
+    reconstruct --lights` uses the file.
     """
     refuse_existing(out, overwrite)
-    ball = Ball(radius_mm=pictures.ball_radius_mm, pixel_size_mm=pictures.pixel_size_mm)
-    levels, untouched = (
-        np.stack([read_grey(path, pictures.white) for path in same_size(image_files(text), pictures.white)])
-        for text in (pictures.balls, pictures.untouched)
-    )
-    presses = read_presses(pictures.presses, ball=ball, image_shape=(levels.shape[1], levels.shape[2]))
-    learnt = [press for number, press in enumerate(presses) if number % _HELD_OUT]
-    if len(learnt) < LEAST_BALLS:
-        raise InputError(f"{len(presses)} balls are too few: give at least 6, so that some can be held out")
-    noise = noise_of_one(untouched[0][..., None])
-    judged = check_lights(lights_from_balls(levels, untouched, learnt, ball, noise), levels, presses[::_HELD_OUT], ball)
-    lights = lights_from_balls(levels, untouched, presses, ball, noise)
+    given = pictures.read()
+    learnt, judging = divided(given.series)
+    same = given.untouched, given.ball, given.noise_grey
+    judged = check_lights(lights_from_balls(learnt, *same), judging, given.ball)
+    lights = lights_from_balls(given.series, *same)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         lights.write(out)

@@ -16,7 +16,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
 from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.records import MeasuredLens, PinGrid
+from gellight.calibration.presets import PRESETS, preset_called
+from gellight.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
 from gellight.calibration.routine import Routine
 from gellight.calibration.state import Identity, Steps, discard, unfinished
 from gellight.cli.advice import typeable
@@ -104,6 +105,7 @@ class Sizes(TypedDict, total=False):
     ball_radius_mm: float
     cylinder_diameter_mm: float
     pin_pitch_mm: float
+    pixel_size_mm: float
 
 
 @dataclass(frozen=True)
@@ -123,10 +125,29 @@ class Tools:
             help="Distance of two pins of a grid, mm: measures the distortion of the lens.", show_default="no grid"
         ),
     ] = None
+    pixel_size_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="Size of a pixel on the gel, mm, where it is known.", show_default="the cylinder measures it"
+        ),
+    ] = None
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Kind of sensor, whose usual ball is taken: {', '.join(preset.name for preset in PRESETS)}.",
+            show_default="none",
+        ),
+    ] = None
 
     def chosen(self, begun: Identity | None) -> Sizes:
-        """Return what was given, else what the calibration was begun with; nothing where a default holds."""
-        sizes = {name: getattr(begun, name, None) if size is None else size for name, size in vars(self).items()}
+        """Return what was given, else what the calibration was begun with, else the ball of the preset.
+
+        Nothing where a default holds. InputError for an unknown preset.
+        """
+        ball = preset_called(self.preset).ball_radius_mm if self.preset else None
+        given = {name: size for name, size in vars(self).items() if name != "preset"}
+        sizes = {name: getattr(begun, name, None) if size is None else size for name, size in given.items()}
+        sizes["ball_radius_mm"] = ball if sizes["ball_radius_mm"] is None else sizes["ball_radius_mm"]
         return cast(Sizes, {name: size for name, size in sizes.items() if size is not None})
 
 
@@ -227,10 +248,10 @@ def _figures_text(steps: Steps) -> Iterator[str]:
     assert size is not None
     assert gel is not None
     assert truth is not None
-    yield (
-        f"pixel {size.x_mm:.5f} x {size.y_mm:.5f} mm (cylinder {size.diameter_px:.2f} px, spread "
-        f"{size.spread_px:.2f} px); noise {gel.noise_grey:.2f} grey levels"
-    )
+    origin = "given, not measured"
+    if isinstance(size, MeasuredPixelSize):
+        origin = f"cylinder {size.diameter_px:.2f} px, spread {size.spread_px:.2f} px"
+    yield f"pixel {size.x_mm:.5f} x {size.y_mm:.5f} mm ({origin}); noise {gel.noise_grey:.2f} grey levels"
     yield _lens_text(steps.lens)
     if truth.true_depth_mm is not None:
         yield (

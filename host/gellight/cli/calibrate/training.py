@@ -103,7 +103,7 @@ def fit(
     crossed = _cross_validated(given, folds, options, recorded.refine) if folds else None
     if crossed:
         extra["cross_validation"] = crossed.as_json()
-    with _progress("training") as report:
+    with progress_bar("training") as report:
         written = training.fit(
             *given,
             bundle.out,
@@ -142,7 +142,7 @@ def evaluate(
         result = {**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
         typer.echo(json.dumps(result, indent=2))
     else:
-        felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.2f} mm"
+        felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
         typer.echo("\n".join([*_error_lines(errors), felt]))
 
 
@@ -171,7 +171,7 @@ def synthetic(
     as_json: AsJson = False,
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""
-    with _progress("training") as report:
+    with progress_bar("training") as report:
         written = make_synthetic(
             bundle.out,
             width=width,
@@ -199,7 +199,7 @@ def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous
 
 
 def _cross_validated(given: Given, folds: int, options: TrainingOptions, refine: bool) -> CrossValidation:
-    with _progress("folds") as report:
+    with progress_bar("folds") as report:
         return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
 
 
@@ -215,7 +215,7 @@ def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
 
 
 @contextmanager
-def _progress(label: str) -> Iterator[Progress]:
+def progress_bar(label: str) -> Iterator[Progress]:
     """Show a bar on a terminal, and nothing where the output goes to a file."""
     if not sys.stderr.isatty():
         yield silent

@@ -3,7 +3,7 @@
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
 import { figureRows } from "./wizard_figures.js";
-import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction } from "./wizard_texts.js";
+import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction, presetNote } from "./wizard_texts.js";
 
 const POLL_MS = 300;
 const ENDS = ["finished", "aborted", "failed"];
@@ -112,12 +112,16 @@ function showRequest(state, running) {
   element("request").hidden = running;
   element("hand-row").hidden = !state.simulated;
   element("anew-row").hidden = !state.interrupted;
+  element("kind-row").hidden = state.simulated || state.interrupted;
+  element("kind-note").hidden = running || !element("kind").value;
   if (filled) return;
   filled = true;
-  const { defaults } = state;
+  const { defaults, presets } = state;
+  element("kind").append(...presets.map(({ name, title }) => Object.assign(node("option", title), { value: name })));
   element("ball").value = defaults.ball_radius_mm;
   element("cylinder").value = defaults.cylinder_diameter_mm;
   element("pins").value = defaults.pin_pitch_mm ?? "";
+  element("pixel").value = defaults.pixel_size_mm ?? "";
   element("presses").value = defaults.presses;
   element("hand").checked = defaults.hand;
 }
@@ -127,10 +131,19 @@ function request() {
     ball_radius_mm: element("ball").valueAsNumber,
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
     pin_pitch_mm: element("pins").value ? element("pins").valueAsNumber : null,
+    pixel_size_mm: element("pixel").value ? element("pixel").valueAsNumber : null,
     presses: element("presses").valueAsNumber,
     hand: element("hand").checked,
     anew: element("anew").checked,
   };
+}
+
+/** Take the ball of the kind of sensor that was chosen, and say what is known of it. */
+function choosePreset() {
+  const preset = stats.state.presets.find(({ name }) => name === element("kind").value);
+  element("kind-note").hidden = !preset;
+  element("ball").value = preset?.ball_radius_mm ?? stats.state.defaults.ball_radius_mm;
+  element("kind-note").textContent = preset ? presetNote(preset) : "";
 }
 
 function begin() {
@@ -283,6 +296,7 @@ async function showPicture() {
 }
 
 element("which").addEventListener("change", (event) => { chosen = event.target.value; });
+element("kind").addEventListener("change", choosePreset);
 element("request").addEventListener("submit", (event) => { event.preventDefault(); begin(); });
 
 function row(...cells) {

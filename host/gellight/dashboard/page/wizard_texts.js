@@ -27,3 +27,10 @@ export function advice(state, routine, running) {
   if (!running || routine.step !== "presses" || state.hand) return "";
   return routine.advice === "enough" ? "Enough: go on when you like." : routine.advice;
 }
+
+/** What is published of a kind of sensor, and what is not. */
+export function presetNote({ title, view_mm: view, ball_radius_mm: ball, lights }) {
+  const seen = view ? `shows ${view[0]} x ${view[1]} mm of gel` : "shows an area that is not known";
+  const usual = ball ? `was calibrated with a ball of ${ball} mm` : "has no usual ball";
+  return `${title} ${seen}, ${usual}; lights: ${lights}. Let the cylinder measure the pixel size unless you know it.`;
+}

@@ -9,7 +9,8 @@ is near changes over the view. Nothing is assumed about where lights stand, how 
 """
 
 import io
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
@@ -18,13 +19,21 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.bundle.bundle import UNZIPPING
 from gellight.reconstruction.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
+FILE_NAME = "directions.npz"
+"""in a bundle"""
+_REMEDY = "make it with `gellight calibrate directions` or `gellight calibrate channels`"
 _BLOCK = 65536
 _SHADOW = 0.15
 """of what the untouched gel shows: a darker pixel is taken for shadowed"""
+
+
+def _recorded() -> NDArray[np.uint8]:
+    return np.zeros((0, 0, 3), np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,6 +47,10 @@ class LightDirections:
     noise_grey: float
     """of one pixel"""
     pixel_size_mm: float
+    groups: NDArray[np.uint8] = field(default_factory=_recorded)
+    """(G, n, 3) colours of a ring of n LEDs, shown in turn; none where the pictures come from elsewhere.
+
+    A light is then what one colour of the camera sees of one group: see `lights_of`"""
 
     @property
     def image_shape(self) -> tuple[int, int]:
@@ -69,26 +82,61 @@ class LightDirections:
         shape = self.image_shape
         return np.moveaxis(result.reshape(2, *shape), 0, 2), used.reshape(shape)
 
-    def write(self, path: Path) -> None:
-        """Write them as an .npz file; OSError where that cannot be."""
+    def content(self) -> bytes:
+        """Return them as the content of an .npz file."""
         content = io.BytesIO()
         np.savez_compressed(content, **vars(self))
-        write_file(path, content.getvalue())
+        return content.getvalue()
+
+    def write(self, path: Path) -> None:
+        """Write them as an .npz file; OSError where that cannot be."""
+        write_file(path, self.content())
 
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read them; InputError for what is no such file."""
         try:
-            with np.load(path, allow_pickle=False) as stored:
+            content = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path} holds no lights ({error}): {_REMEDY}") from error
+        return cls.of_content(content, str(path))
+
+    @classmethod
+    def of_content(cls, content: bytes, source: str) -> Self:
+        """Read them from the content of a file that came from `source`; InputError for what is no such file."""
+        try:
+            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
                 given = {name: stored[name] for name in ("vectors", "untouched", "noise_grey", "pixel_size_mm")}
-        except (OSError, ValueError, KeyError) as error:
-            remedy = "make it with `gellight calibrate directions`"
-            raise InputError(f"{path} holds no lights ({error}): {remedy}") from error
+                groups = stored["groups"] if "groups" in stored.files else _recorded()
+        except (*UNZIPPING, KeyError) as error:
+            raise InputError(f"{source} holds no lights ({error}): {_REMEDY}") from error
         vectors, untouched = given["vectors"], given["untouched"]
-        if vectors.shape != (len(untouched), 3, 3) or untouched.ndim != 3 or len(untouched) < LEAST_LIGHTS:
-            raise InputError(f"{path} holds no lights of one sensor: make it with `gellight calibrate directions`")
-        scalars = {name: float(given[name]) for name in ("noise_grey", "pixel_size_mm")}
-        return cls(vectors=vectors.astype(np.float64), untouched=untouched.astype(np.float32), **scalars)
+        right = vectors.shape == (len(untouched), 3, 3) and untouched.ndim == 3 and len(untouched) >= LEAST_LIGHTS
+        if not right or (len(groups) and len(lights_of(groups)) != len(untouched)):
+            raise InputError(f"{source} holds no lights of one sensor: {_REMEDY}")
+        return cls(
+            vectors=vectors.astype(np.float64),
+            untouched=untouched.astype(np.float32),
+            groups=groups.astype(np.uint8),
+            noise_grey=float(given["noise_grey"]),
+            pixel_size_mm=float(given["pixel_size_mm"]),
+        )
+
+
+def lights_of(groups: NDArray[np.uint8]) -> list[tuple[int, int]]:
+    """Return the lights of groups (G, n, 3): number of the group and colour of the camera, for each colour it lights.
+
+    Nothing need be unmixed: what a colour sees of LEDs of other colours too is a sum of lights, which is a light.
+    """
+    return [
+        (number, int(colour)) for number, group in enumerate(groups) for colour in np.flatnonzero(group.any(axis=0))
+    ]
+
+
+def levels_of(pictures: Sequence[Sequence[NDArray[np.uint8]]], groups: NDArray[np.uint8]) -> Floats:
+    """(K, H, W) grey levels of the lights of `groups`, from pictures (H, W, 3) of each group, which are averaged."""
+    means = [np.stack(taken).mean(axis=0, dtype=np.float32) for taken in pictures]
+    return np.stack([means[group][..., colour] for group, colour in lights_of(groups)])
 
 
 def view_places(image_shape: tuple[int, int], pixels: NDArray[np.intp]) -> Array:

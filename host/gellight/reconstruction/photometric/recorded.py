@@ -1,6 +1,6 @@
 """A series of recorded pictures, one under each light, to a tactile frame."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +16,18 @@ from gellight.reconstruction.stages import Stages, tactile_frame
 _RGB_OF = 3
 
 
-def frame_of_lights(lights: LightDirections, paths: Sequence[Path], white: float | None = None) -> TactileFrame:
+def frame_of_lights(
+    lights: LightDirections,
+    paths: Sequence[Path],
+    white: float | None = None,
+    *,
+    slopes: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None = None,
+) -> TactileFrame:
     """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
 
-    white: see `read_grey`. The picture of the frame shows the lights, in three groups, as red, green and blue. Raises
-    InputError for another number or size of pictures.
+    white: see `read_grey`. slopes: of (K, H, W) grey levels; by default least squares by the lights. The picture of
+    the frame shows the lights, in three groups, as red, green and blue. Raises InputError for another number or size of
+    pictures.
     """
     if len(paths) != len(lights.untouched):
         raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
@@ -28,12 +35,16 @@ def frame_of_lights(lights: LightDirections, paths: Sequence[Path], white: float
     if len({picture.shape for picture in pictures}) > 1:
         raise InputError(f"the images beside {paths[0]} have several sizes: give those of one camera setting")
     stages = Stages()
-    gradient_map, _ = lights.gradient_map(np.stack(pictures))
+    levels = np.stack(pictures)
+    if levels.shape != lights.untouched.shape:
+        height, width = lights.image_shape
+        raise InputError(f"the images beside {paths[0]} are no pictures of {width} x {height} px, as the lights are of")
+    gradient_map = slopes(levels) if slopes else lights.gradient_map(levels)[0]
     stages.end("slopes")
     size = (lights.pixel_size_mm, lights.pixel_size_mm)
     depth_mm = np.asarray(integrate(gradient_map, size), np.float32)
     stages.end("depth")
-    image, untouched = (as_rgb(levels) for levels in (np.stack(pictures), lights.untouched))
+    image, untouched = as_rgb(levels), as_rgb(lights.untouched)
     shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
     return tactile_frame(frame, image - untouched, gradient_map, depth_mm, size, stages)

@@ -38,7 +38,7 @@ def check_ball(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> float:
     if abs(measured / ball.radius_mm - 1) > TOLERANCE:
         raise InputError(
             f"the ball is said to have a radius of {ball.radius_mm:g} mm, but to {bundle.source} the presses look "
-            f"like a ball of {measured:.2f} mm: give that radius, press the right ball, or check the pixel size"
+            f"like a ball of {measured:.3g} mm: give that radius, press the right ball, or check the pixel size"
         )
     return measured
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
 from gellight.calibration.lights.ball_lights import check_lights, lights_from_balls
+from gellight.calibration.lights.ball_series import BallSeries, divided
 from gellight.cli.calibrate.verbs import app
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_grey
@@ -44,6 +45,10 @@ def surface(presses: list[Press]) -> np.ndarray:
     return normals(gradient)
 
 
+def series(levels: np.ndarray, presses: list[Press]) -> BallSeries:
+    return BallSeries(levels=levels, presses=tuple(presses))
+
+
 def shaded(vectors: np.ndarray, normal: np.ndarray, untouched: np.ndarray, noise: float = 0.3) -> np.ndarray:
     places = view_places(SHAPE, np.arange(SHAPE[0] * SHAPE[1]))
     lights = np.einsum("kij,jn->kin", vectors, places).reshape(len(vectors), 3, *SHAPE)
@@ -63,26 +68,38 @@ def test_lights_of_any_number_and_place_are_found_and_balls_felt(vectors: np.nda
     rows, columns = np.indices(SHAPE)
     untouched = np.stack([80 + 0.2 * k * columns + 0.1 * rows for k in range(5)]).astype(np.float32)
     pictures = shaded(vectors, surface(PRESSES), untouched)
-    lights = lights_from_balls(pictures, untouched, PRESSES[1:], BALL, 0.3)
+    lights = lights_from_balls([series(pictures, PRESSES[1:])], untouched, BALL, 0.3)
     np.testing.assert_allclose(lights.vectors, vectors, atol=0.03)
-    judged = check_lights(lights, pictures, PRESSES[:1], BALL)
+    judged = check_lights(lights, [series(pictures, PRESSES[:1])], BALL)
     assert judged.normal_deg < 0.6
     assert judged.felt_radius_mm == pytest.approx(2.0, rel=0.01)
+
+
+def test_several_series_of_one_ball_each_say_the_same_as_one_picture_of_all(vectors: np.ndarray) -> None:
+    untouched = np.full((5, *SHAPE), 100, np.float32)
+    apart = [series(shaded(vectors, surface([press]), untouched), [press]) for press in PRESSES]
+    lights = lights_from_balls(apart[1:], untouched, BALL, 0.3)
+    np.testing.assert_allclose(lights.vectors, vectors, atol=0.03)
+    learnt, judging = divided(apart)
+    assert [one.presses[0] for one in judging] == [PRESSES[0], PRESSES[4], PRESSES[8]]
+    assert len(learnt) == 6
+    with pytest.raises(InputError, match="give at least 6"):
+        divided(apart[:4])
 
 
 def test_lights_that_do_not_explain_the_balls_are_refused(vectors: np.ndarray) -> None:
     untouched = np.full((5, *SHAPE), 100, np.float32)
     pictures = shaded(vectors, surface(PRESSES), untouched)
-    lights = lights_from_balls(pictures, untouched, PRESSES[1:], BALL, 0.3)
+    lights = lights_from_balls([series(pictures, PRESSES[1:])], untouched, BALL, 0.3)
     with pytest.raises(InputError, match="degrees off, 12 are allowed"):
-        check_lights(lights, pictures[[1, 0, 3, 2, 4]], PRESSES[:1], BALL)
+        check_lights(lights, [series(pictures[[1, 0, 3, 2, 4]], PRESSES[:1])], BALL)
     with pytest.raises(InputError, match="at least 3 lights"):
-        lights_from_balls(pictures[:2], untouched[:2], PRESSES, BALL, 0.3)
+        lights_from_balls([series(pictures[:2], PRESSES)], untouched[:2], BALL, 0.3)
     with pytest.raises(InputError, match="too few to find lights by"):
-        lights_from_balls(pictures, untouched, PRESSES[:3], BALL, 0.3)
+        lights_from_balls([series(pictures, PRESSES[:3])], untouched, BALL, 0.3)
     above = np.tile(np.array([[0.01, 0, 0], [0, 0, 0], [1, 0, 0]]), (3, 1, 1))
     with pytest.raises(InputError, match="straight above"):
-        lights_from_balls(shaded(above, surface(PRESSES), untouched[:3]), untouched[:3], PRESSES, BALL, 0.3)
+        lights_from_balls([series(shaded(above, surface(PRESSES), untouched[:3]), PRESSES)], untouched[:3], BALL, 0.3)
 
 
 def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: Path) -> None:

@@ -1,0 +1,110 @@
+"""`gellight calibrate channels`: GelNet over three or more lights, shown one after the other."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gellight.base.errors import InputError
+from gellight.base.settings import load_settings
+from gellight.calibration.choices import RING_COLOURS
+from gellight.calibration.lights.ball_series import LitBalls
+from gellight.calibration.lights.channel_fit import fit_channels
+from gellight.calibration.lights.live_series import take_series
+from gellight.calibration.preparing import full_colours
+from gellight.cli.calibrate.directions import Pictures
+from gellight.cli.calibrate.training import SizedTraining, progress_bar
+from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
+from gellight.daemon.installing import sensor_name
+from gellight.opening import open_camera
+from gellight.sensor.lighting.sequence_choice import chosen_groups
+from gellight.training.presses import Ball
+
+
+@dataclass(frozen=True)
+class Given:
+    """Recorded pictures, or a sensor that shows the lights."""
+
+    ball_radius_mm: Annotated[float, typer.Option(help="radius of the balls, mm")]
+    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
+    balls: Annotated[
+        str | None, typer.Option(help="folder or quoted pattern: balls, one picture a light; or several such series")
+    ] = None
+    untouched: Annotated[
+        str | None, typer.Option(help="folder or quoted pattern: the untouched gel, in the same order")
+    ] = None
+    presses: Annotated[Path | None, typer.Option(help="csv of the circles, as `detect` writes it")] = None
+    white: Annotated[
+        float | None, typer.Option(min=1, help="level that is white", show_default="255, or 65535 of 16 bit")
+    ] = None
+    sensor: Sensor = None
+    sequence: Annotated[
+        str | None, typer.Option(help="with a sensor: its light groups, rgb, single or a JSON file")
+    ] = None
+    balls_to_press: Annotated[int, typer.Option(min=6, help="with a sensor: presses, a fourth of which judges")] = 16
+
+    def taken(self) -> LitBalls:
+        """Return the pictures, read or taken now; InputError for what cannot be used."""
+        recorded = [self.balls, self.untouched, self.presses]
+        wrong = any(recorded) if self.sequence is not None else None in recorded
+        if wrong:
+            raise InputError(
+                "give either --balls, --untouched and --presses of recorded pictures, or --sequence of a sensor"
+            )
+        if self.sequence is not None:
+            return self._from_sensor(self.sequence)
+        assert self.balls is not None
+        assert self.untouched is not None
+        assert self.presses is not None
+        size = {"ball_radius_mm": self.ball_radius_mm, "pixel_size_mm": self.pixel_size_mm}
+        return Pictures(
+            balls=self.balls, untouched=self.untouched, presses=self.presses, white=self.white, **size
+        ).read()
+
+    def _from_sensor(self, sequence: str) -> LitBalls:
+        ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        settings = load_settings({"sensor.url": self.sensor})
+        with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+            groups = chosen_groups(sequence, full_colours(settings.geometry.led_colours or RING_COLOURS))
+            name = sensor_name(camera)
+            return take_series(camera, groups, ball, self.balls_to_press, sensor=name, ask=_ask, tell=_tell)
+
+
+@dataclass(frozen=True)
+class FewBalls(SizedTraining):
+    """How a network of few balls is trained."""
+
+    recipe: Annotated[str, typer.Option(help="fast; thorough learns few balls by heart")] = "fast"
+
+
+@with_options
+def command(given: Given, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
+    """Train GelNet on balls under three or more lights, one after the other, a channel for each light.
+
+    From recorded pictures, of any lights and of one channel and 16 bit too, as `directions` takes them; `reconstruct
+    --calibration` then takes one picture a light. Or from a sensor with a ring, which shows the groups of --sequence:
+    you are asked for one press after the other, on a simulated sensor a virtual hand presses; `run --calibration` then
+    shows these groups in turn. A quarter of the balls is held out and judges GelNet beside least squares.
+    """
+    with progress_bar("training") as report:
+        bundle = fit_channels(given.taken(), new.out, options=how.options(), overwrite=new.overwrite, progress=report)
+    judged = bundle.metrics["held_out"]
+    if as_json:
+        typer.echo(json.dumps({"calibration": str(new.out), "held_out": judged}, indent=2))
+        return
+    typer.echo(f"wrote {new.out}; on {judged['network']['balls']} balls that were held out:")
+    for name, way in (("network", "GelNet"), ("least_squares", "least squares")):
+        near, wide, felt = (judged[name][key] for key in ("normal_deg", "wide_normal_deg", "felt_radius_mm"))
+        typer.echo(
+            f"{way:14} normals {near:.2f} and {wide:.2f} deg within 0.8 and 0.95 of the contact, radius {felt:.4g} mm"
+        )
+
+
+def _ask(words: str) -> None:
+    typer.prompt(f"{words}; then Enter", default="", show_default=False, err=True)
+
+
+def _tell(words: str) -> None:
+    typer.echo(words, err=True)
