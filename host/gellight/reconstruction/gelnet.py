@@ -27,24 +27,24 @@ BLOCK_ROWS = 4096
 CELL_PX = 4
 COARSE_PX = 8
 """pixels a side over which the difference is averaged where it is not significant"""
-AROUND_CELLS = 3
-"""cells a side over which the difference is averaged a second time, for gentle slopes"""
+WINDOWS_CELLS = (1, 2, 3)
+"""cells a side of the squares over which the difference is averaged: small ones see fine texture, large ones gentle
+slopes"""
 
 
 class GradientNetwork:
     """The network of one calibration bundle, ready to run on images of one size.
 
-    Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when, in any channel,
-    the mean difference of the cell itself or of the 3 x 3 cells around it exceeds 6 standard deviations of the noise
-    of such a mean (`noise_grey` / 4 and `noise_grey` / 12), and 4 times what the gel at rest differs by anyway
-    (`image_noise.RestChange`); two more cells around a touched one count too, so that
-    a steep rim stays clear of the averages outside. The small window sees fine texture, the large one sees gentle
-    slopes. Means keep their sign, so noise that is stronger than `noise_grey` somewhere widens the spread of the mean
-    but does not shift it.
+    Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when the mean difference
+    of the cell itself, of 2 x 2 cells with it, or of the 3 x 3 cells around it exceeds in its three channels together
+    6.5 standard deviations of the noise of such a mean (`noise_grey` / 4, / 8 and / 12), and in one of them 4 times
+    what the gel at rest differs by anyway (`image_noise.RestChange`); two more cells around a touched one count too,
+    so that a steep rim stays clear of the averages outside. Means keep their sign, so noise that is stronger than
+    `noise_grey` somewhere widens the spread of the mean but does not shift it.
 
     What the mask loses: a touch that changes no 12 x 12 pixels of the image by 0.5 `noise_grey` when there is no
     other touch; texture finer than 16 px of less than 1.5 `noise_grey`, and texture of exactly 4 px period.
-    tests/host/reconstruction/test_gelnet.py measures it.
+    tests/host/reconstruction/test_gelnet.py measures it, `python -m tests.benchmarks.mask` what that is in micrometres.
     """
 
     def __init__(
@@ -84,15 +84,16 @@ class GradientNetwork:
         """Mark the (ceil(H / 4), ceil(W / 4)) cells that `touched` spreads to pixels."""
         self._check(difference)
         means = cell_means(difference, CELL_PX)
-        limit, limit_around = self.limits_grey
-        around = ndimage.uniform_filter(means, size=(AROUND_CELLS, AROUND_CELLS, 1), mode="nearest")
-        cells = ((np.abs(means) > limit) | (np.abs(around) > limit_around)).any(axis=2)
+        cells = np.zeros(means.shape[:2], np.bool_)
+        for side, (together, largest) in zip(WINDOWS_CELLS, self.limits_grey, strict=True):
+            window = _window_means(means, side)
+            cells |= ((window**2).sum(axis=2) > together**2) & (np.abs(window).max(axis=2) > largest)
         return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
 
     @property
-    def limits_grey(self) -> tuple[float, float]:
-        """Limits on the mean difference of a cell, and of the 3 x 3 cells around it."""
-        return self.at_rest.limit_grey(CELL_PX), self.at_rest.limit_grey(AROUND_CELLS * CELL_PX)
+    def limits_grey(self) -> list[tuple[float, float]]:
+        """Limits on the mean difference over each window: on the channels together, and on the largest."""
+        return [self.at_rest.limits_grey(side * CELL_PX) for side in WINDOWS_CELLS]
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
         """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.
@@ -151,6 +152,19 @@ def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
         matrices.append((weights / weights.sum(axis=1, keepdims=True)).astype(np.float32))
     columns, rows = np.meshgrid(centres[1], centres[0])
     return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
+
+
+def _window_means(means: Floats, side: int) -> Floats:
+    """(h, w, 3) mean of the `side` x `side` cells around each cell; of two a side the cell is the lower right one.
+
+    At the border the window is moved inwards: a cell that counted twice would bring twice its noise. A window that is
+    larger than the image is as large as the image.
+    """
+    sides = [min(side, cells) for cells in means.shape[:2]]
+    window = ndimage.uniform_filter(means, size=(*sides, 1), mode="nearest")
+    beyond = [(side // 2, (side - 1) // 2) for side in sides]
+    inside = tuple(slice(first, cells - last) for (first, last), cells in zip(beyond, means.shape, strict=False))
+    return np.pad(window[inside], (*beyond, (0, 0)), mode="edge")
 
 
 def cell_means(difference: Floats, size: int) -> Floats:

@@ -10,7 +10,7 @@ from gellight.reconstruction.native.build import CHECKSUMS, library_file
 
 _SIGNATURES = {
     "difference_and_means": "ppppppii",
-    "touched_cells": "pffppppii",
+    "touched_cells": "ppppppii",
     "cell_rows": "ppppii",
     "coarse_rows": "ppii",
     "store_cells": "ppppppiii",

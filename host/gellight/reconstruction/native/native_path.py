@@ -62,6 +62,7 @@ class NativePath:
         self._m = WorkMemory(bundle.image_shape, self._windows)
         self._m.coarse_rows[:, 3:] = network.coarse_position
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
+        self._limits = np.array(network.limits_grey, np.float32)
         self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
@@ -110,8 +111,8 @@ class NativePath:
 
     def _touched(self) -> int:
         """How many cells are touched; which, is in `touched` of the work memory."""
-        m, limits = self._m, self._network.limits_grey
-        return self._count("touched_cells", m.means, *limits, m.touched, m.near, m.work, m.bytes)
+        m = self._m
+        return self._count("touched_cells", m.means, self._limits, m.touched, m.near, m.work, m.bytes)
 
     def _slopes(self, difference: Floats, touched: int) -> None:
         m, limit = self._m, -1.0
