@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.reconstruction.image_noise import RestChange
+from gellight.reconstruction.image_noise import SIGNIFICANT, RestChange
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
@@ -30,6 +30,8 @@ COARSE_PX = 8
 WINDOWS_CELLS = (1, 2, 3)
 """cells a side of the squares over which the difference is averaged: small ones see fine texture, large ones gentle
 slopes"""
+CLEAR = 7.2
+"""standard deviations beyond which a cell counts as touched, where any does"""
 
 
 class GradientNetwork:
@@ -37,10 +39,11 @@ class GradientNetwork:
 
     Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when the mean difference
     of the cell itself, of 2 x 2 cells with it, or of the 3 x 3 cells around it exceeds in its three channels together
-    6.5 standard deviations of the noise of such a mean (`noise_grey` / 4, / 8 and / 12), and in one of them 4 times
-    what the gel at rest differs by anyway (`image_noise.RestChange`); two more cells around a touched one count too,
-    so that a steep rim stays clear of the averages outside. Means keep their sign, so noise that is stronger than
-    `noise_grey` somewhere widens the spread of the mean but does not shift it.
+    7.2 standard deviations of the noise of such a mean (`noise_grey` / 4, / 8 and / 12), and in one of them 4 times
+    what the gel at rest differs by anyway (`image_noise.RestChange`). Where no cell does, 6.5 are enough: whether
+    anything is touched decides over the whole frame, which cells are only over detail. Two more cells around a touched
+    one count too, so that a steep rim stays clear of the averages outside. Means keep their sign, so noise that is
+    stronger than `noise_grey` somewhere widens the spread of the mean but does not shift it.
 
     What the mask loses: a touch that changes no 12 x 12 pixels of the image by 0.5 `noise_grey` when there is no
     other touch; texture finer than 16 px of less than 1.5 `noise_grey`, and texture of exactly 4 px period.
@@ -84,16 +87,19 @@ class GradientNetwork:
         """Mark the (ceil(H / 4), ceil(W / 4)) cells that `touched` spreads to pixels."""
         self._check(difference)
         means = cell_means(difference, CELL_PX)
-        cells = np.zeros(means.shape[:2], np.bool_)
-        for side, (together, largest) in zip(WINDOWS_CELLS, self.limits_grey, strict=True):
-            window = _window_means(means, side)
-            cells |= ((window**2).sum(axis=2) > together**2) & (np.abs(window).max(axis=2) > largest)
+        windows = [_window_means(means, side) for side in WINDOWS_CELLS]
+        clear, significant = (_beyond(windows, limits) for limits in self.limits_grey)
+        cells = clear if clear.any() else significant
         return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
 
     @property
-    def limits_grey(self) -> list[tuple[float, float]]:
-        """Limits on the mean difference over each window: on the channels together, and on the largest."""
-        return [self.at_rest.limits_grey(side * CELL_PX) for side in WINDOWS_CELLS]
+    def limits_grey(self) -> list[list[tuple[float, float]]]:
+        """Limits on the mean difference, clear ones and significant ones.
+
+        For each window: on the channels together, and on the largest.
+        """
+        sides = [side * CELL_PX for side in WINDOWS_CELLS]
+        return [[self.at_rest.limits_grey(side, limit) for side in sides] for limit in (CLEAR, SIGNIFICANT)]
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
         """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.
@@ -152,6 +158,14 @@ def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
         matrices.append((weights / weights.sum(axis=1, keepdims=True)).astype(np.float32))
     columns, rows = np.meshgrid(centres[1], centres[0])
     return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
+
+
+def _beyond(windows: list[Floats], limits: list[tuple[float, float]]) -> NDArray[np.bool_]:
+    """(h, w) where a mean over some window exceeds both of its limits."""
+    beyond = np.zeros(windows[0].shape[:2], np.bool_)
+    for window, (together, largest) in zip(windows, limits, strict=True):
+        beyond |= ((window**2).sum(axis=2) > together**2) & (np.abs(window).max(axis=2) > largest)
+    return beyond
 
 
 def _window_means(means: Floats, side: int) -> Floats:

@@ -5,6 +5,7 @@ The network stays in ONNX Runtime, the transform along the rows in SciPy. The le
 
 import ctypes
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,11 @@ class NativePath:
     def _touched(self) -> int:
         """How many cells are touched; which, is in `touched` of the work memory."""
         m = self._m
-        return self._count("touched_cells", m.means, self._limits, m.touched, m.near, m.work, m.bytes)
+        clear, significant = (
+            partial(self._count, "touched_cells", m.means, limits, m.touched, m.near, m.work, m.bytes)
+            for limits in self._limits
+        )
+        return clear() or significant()
 
     def _slopes(self, difference: Floats, touched: int) -> None:
         m, limit = self._m, -1.0
