@@ -1,4 +1,4 @@
-"""What it costs to give frames to other programs, at 640 x 480 and 60 frames a second; one run, ways side by side.
+"""What it costs to give frames to other programs, at 640 x 4860 frames a second; one run, ways side by side.
 
     .venv/bin/python -m tests.benchmarks.stream [seconds]
 
@@ -21,23 +21,23 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import cv2
 import numpy as np
 
 import gellight
+from gellight.base.errors import StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import EncodedImage, Provenance, TactileFrame
-from gellight.stream import network, shared_memory
+from gellight.stream import network
 from gellight.stream.publisher import Publisher
-from gellight.stream.shared_memory import SharedMemory
-from gellight.stream.wire import decode, encode
+from gellight.stream.shared_memory import FrameMemory
+from gellight.stream.subscription import Subscription
+from gellight.stream.wire import encode, encoded
 from tests.helpers.dashboard_source import bump
 
 FPS = 60.0
@@ -64,23 +64,17 @@ def processor_s() -> float:
 # ---- readers, each a process of its own ----
 
 
-def read_zenoh(endpoint: str, seconds: float) -> None:
-    session = network.subscribing_session(endpoint, config=None)
+def read_zenoh(endpoint: str, memory: str, seconds: float) -> None:
     ages: list[float] = []
-    box: Mailbox[Any] = Mailbox(32)
-    held = session.declare_subscriber("bench/frame", lambda sample: box.put(sample.payload))
-    number, begun = 0, processor_s()
-    print("ready", flush=True)
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
-        try:
-            number, payload = box.take(number, 0.2)
-        except TimeoutError:
-            continue
-        frame = decode(payload.to_bytes(), lambda zero: None)  # type: ignore[arg-type,return-value]
-        assert frame.depth_mm[0, 0] is not None
-        ages.append(time.monotonic() - frame.camera_frame.time_s)
-    del held
+    session = network.subscribing_session(endpoint, config=None)
+    with Subscription(session, "bench", memory=memory, every=True, patience_s=0.2) as frames:
+        begun = processor_s()
+        print("ready", flush=True)
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            with suppress(StreamError):  # none came
+                frame = frames.next_frame()
+                ages.append(time.monotonic() - frame.camera_frame.time_s)
     report(ages, processor_s() - begun, seconds)
     os._exit(0)
 
@@ -111,13 +105,25 @@ def report(ages: list[float], processor: float, seconds: float) -> None:
 
 
 @contextmanager
-def over_zenoh(shared: bool) -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
-    with mock.patch.object(shared_memory, "PLACE", "/dev/shm" if shared else "/proc"):  # nothing is free in /proc
-        session, endpoint = network.publishing_session(lan=False, config=None)
-        publisher = session.declare_publisher("bench/frame", congestion_control=network.zenoh.CongestionControl.DROP)
-        memory = SharedMemory()
-        yield f"zenoh {endpoint}", lambda frame: publisher.put(memory.holding(encode(frame)))
-        network.close(session)
+def over_memory() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
+    with closing(FrameMemory()) as memory, publishing("note") as (endpoint, put):
+        yield f"zenoh {endpoint} {memory.path}", lambda frame: put(memory.write(encoded(frame)))
+
+
+@contextmanager
+def over_network() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
+    with publishing("frame") as (endpoint, put):
+        yield f"zenoh {endpoint} -", lambda frame: put(encode(frame))
+
+
+@contextmanager
+def publishing(part: str) -> Iterator[tuple[str, Callable[[bytes], None]]]:
+    session, endpoint = network.publishing_session(lan=False, config=None)
+    publisher = session.declare_publisher(
+        network.key("bench", part), congestion_control=network.zenoh.CongestionControl.DROP
+    )
+    yield endpoint, publisher.put
+    network.close(session)
 
 
 @contextmanager
@@ -187,7 +193,7 @@ def recording_costs(frames: int = 100) -> None:
     bundle, base = load_bundle("synthetic"), bump(0.8, 1.0, 0.0)
     image = base.camera_frame.image
     jpeg = EncodedImage(data=cv2.imencode(".jpg", image)[1].tobytes(), letters="MJPG", line_bytes=0)
-    for kind, encoded in (("JPEG", jpeg), ("RGB", None)):
+    for kind, raw in (("JPEG", jpeg), ("RGB", None)):
         for depth in DepthKind:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "a.mcap"
@@ -195,7 +201,7 @@ def recording_costs(frames: int = 100) -> None:
                 begun, begun_s = processor_s(), time.monotonic()
                 for number in range(frames):
                     frame = frame_of(number, base)
-                    camera_frame = replace(frame.camera_frame, encoded=encoded)
+                    camera_frame = replace(frame.camera_frame, encoded=raw)
                     writer.add(FrameRecord.of(camera_frame, unix_s=time.time(), zero=bundle.identity), bundle)
                     writer.add_depth(frame)
                 writer.close()
@@ -229,7 +235,7 @@ def read_ages(frames: int) -> None:
 def main() -> None:
     """Measure every way, or be a reader of one."""
     if sys.argv[1:2] == ["zenoh"]:
-        read_zenoh(sys.argv[2], float(sys.argv[3]))
+        read_zenoh(sys.argv[2], sys.argv[3].strip("-"), float(sys.argv[4]))
     if sys.argv[1:2] == ["socket"]:
         read_socket(int(sys.argv[2]), float(sys.argv[3]))
     if sys.argv[1:2] == ["subscribe"]:
@@ -240,8 +246,8 @@ def main() -> None:
     recording_costs()
     ages_at_a_reader()
     for readers in (1, 4):
-        measure("zenoh, shared memory", lambda: over_zenoh(True), readers, seconds)
-        measure("zenoh, TCP", lambda: over_zenoh(False), readers, seconds)
+        measure("note, shared memory", over_memory, readers, seconds)
+        measure("zenoh, TCP", over_network, readers, seconds)
         measure("socket, pickled NumPy", over_socket, readers, seconds)
 
 

@@ -25,9 +25,9 @@ class NetworkRows:
     """How often the network was asked for one frame; 0 where nobody counts."""
 
     coarse: int = 0
-    """means of 8 x 8 pixels, where nothing touches"""
+    """means of 8 x 8 pixels where nothing touches, if the Jacobian at no difference does not do"""
     cells: int = 0
-    """means of 4 x 4 pixels, with the Jacobian"""
+    """means of 4 x 4 and 8 x 8 pixels near a touch, with the Jacobian"""
     pixels: int = 0
 
 
