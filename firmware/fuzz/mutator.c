@@ -58,7 +58,10 @@ static void fill_well(uint8_t code, void *payload)
             .policy = (uint8_t)chance(2), .data_pin = 2, .trigger_pin = (uint8_t)(3u + chance(2)),
             .led_count = (uint8_t)(1u + chance(24)), .colour_order = (uint8_t)chance(3),
             .status_pin = (uint8_t)(chance(2) ? NO_PIN : 25u), .output_pin = (uint8_t)(chance(2) ? NO_PIN : 4u),
-            .output_at = (uint8_t)chance(2)};
+            .output_at = (uint8_t)chance(2), .switch_pin = (uint8_t)(chance(2) ? NO_PIN : 6u),
+            .hottest_c = (uint8_t)(40u + chance(46))};
+    if (code == COMMAND_RESET)
+        *(struct magic *)payload = (struct magic){.magic = RESET_MAGIC};
     if (code == COMMAND_TRIM)
         *(struct trim *)payload = (struct trim){.phase_us = (int32_t)chance(8000) - 4000, .period = 1000};
 }
@@ -81,7 +84,8 @@ static size_t write_request(uint8_t act[ACT_BYTES])
 
 static size_t write_act(uint8_t act[ACT_BYTES])
 {
-    static const uint8_t kinds[] = {ACT_TIME, ACT_TRIGGER, ACT_TRIGGER, ACT_LINK, ACT_FAULT, ACT_COMMIT, ACT_COMMIT};
+    static const uint8_t kinds[] = {ACT_TIME, ACT_TRIGGER, ACT_TRIGGER, ACT_LINK, ACT_FAULT, ACT_COMMIT, ACT_COMMIT,
+                                    ACT_HEAT};
     size_t count = 0;
     if (chance(2))
         return write_request(act);

@@ -4,8 +4,10 @@
  *   0 n       let n * 1009 us pass          4 n       the port closes (n even) or opens (n odd)
  *   1 n ...   n bytes of rubbish            5 n       n & 4: the host takes no bytes, until the next such act
  *   2 n ...   a request: type, payload of n 6 n       COMMIT the first (n & 31) + 1 steps, n >> 6 times over
- *   3 n       an edge of the trigger pin,   7 n       as 0
+ *   3 n       an edge of the trigger pin,   7 n       the chip has n degrees Celsius from now on
  *             falling if n is odd
+ *
+ * A board that restarts has its port open again.
  *
  * COMMIT is an act of its own because no fuzzer guesses the checksum of a table.
  */
@@ -25,6 +27,7 @@ enum act {
     ACT_LINK = 4,
     ACT_FAULT = 5,
     ACT_COMMIT = 6,
+    ACT_HEAT = 7,
 };
 #define ACTS 8u
 

@@ -93,9 +93,25 @@ static void perform(struct board *board, const uint8_t *act)
     case ACT_COMMIT:
         commit(board, amount);
         break;
+    case ACT_HEAT:
+        board_warm(board, 10 * amount);
+        break;
     default:
         board_advance(board, amount * (uint64_t)TIME_UNIT_US);
     }
+}
+
+/* The board, or one that starts anew from its flash if it was told to restart. */
+static struct board *started(struct board *board)
+{
+    static uint8_t flash[BOARD_FLASH_BYTES];
+    if (!(board_flags(board) & 2u))
+        return board;
+    board_flash(board, flash);
+    board_free(board);
+    board = board_new(flash);
+    board_link(board, true, 0);
+    return board;
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -107,6 +123,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         perform(board, data + at);
         check_replies(board);
         check_state(board);
+        board = started(board);
     }
     board_free(board);
     return 0;

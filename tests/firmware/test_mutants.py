@@ -4,7 +4,6 @@ Mutants of the board are built and run in the emulator under `examine`; mutants 
 the core against a library built from the changed sources.
 """
 
-import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,24 +21,14 @@ from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncM
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
-from tests.firmware.helpers.mutations import IMAGE, LOGIC, Mutation
+from tests.firmware.helpers.mutations import IMAGE, LOGIC, Mutation, plant
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
-CHECKOUT = Path(__file__).parents[2]
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
 STATUS_PIN, SWITCH_PIN = 16, 6
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
-
-
-def mutate(mutation: Mutation, folder: Path) -> Path:
-    shutil.copytree(CHECKOUT / "firmware", folder / "firmware")
-    path = folder / mutation.file
-    source = path.read_text()
-    assert source.count(mutation.old) == 1, f"{mutation.name} does not apply any more"
-    path.write_text(source.replace(mutation.old, mutation.new))
-    return folder
 
 
 def examine(image: bytes) -> list[str]:
@@ -375,13 +364,13 @@ def test_the_committed_image_passes_the_examination(image: bytes) -> None:
 
 @pytest.mark.parametrize("mutation", IMAGE, ids=lambda m: m.name)
 def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    assert examine(build(mutate(mutation, tmp_path))) != []
+    assert examine(build(plant(mutation, tmp_path))) != []
 
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
 def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    library = compile_library(tmp_path / "core.so", "undefined", checkout=mutate(mutation, tmp_path))
+    library = compile_library(tmp_path / "core.so", "undefined", checkout=plant(mutation, tmp_path))
     done = run_core_tests(library)
     assert done.returncode != 0, "survived"
     assert "error" not in done.stdout.lower().split("short test summary")[-1].split("failed")[0], done.stdout[-2000:]

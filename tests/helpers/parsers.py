@@ -1,10 +1,12 @@
 """Every parser of bytes from outside, with a sound input, and the errors by which it may refuse others."""
 
+import json
 import random
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +15,20 @@ import numpy as np
 from pydantic import ValidationError
 
 from gellight.base.errors import BoardError, GellightError
-from gellight.base.settings import _file_layer, merge
-from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
+from gellight.base.settings import read_settings
+from gellight.bundle.bundle import REFERENCE, Bundle, load_bundle, packed_bundle, unpack_bundle
+from gellight.bundle.manifest import manifest_toml, parse_manifest
 from gellight.dashboard.access import host_name
 from gellight.dashboard.commands import COMMANDS
+from gellight.frames import picture
+from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
+from gellight.frames.picture import PictureSteps, steps_of
+from gellight.frames.view import View
+from gellight.reconstruction.lens import lens_file
 from gellight.reconstruction.network_session import NetworkSession, jacobian_session
+from gellight.reconstruction.photometric import lights_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.ring import protocol
@@ -34,6 +43,7 @@ from tests.helpers.linear_sensor import linear_bundle, reference_image
 from tests.helpers.streamed import full_frame
 
 SHAPE = (24, 32)
+_MEMORY = Path("/dev/shm")
 TOKENS = (b"\0", b"\xff" * 4, b"\x7f\xff\xff\xff", b"-1", b"1e999", b"null", b"[" * 200, b'"', b"{}", b"\xed\xa0\x80")
 
 
@@ -76,60 +86,99 @@ def _answered(content: bytes) -> None:
 
 @contextmanager
 def parsers() -> Iterator[tuple[Parser, ...]]:
-    """Yield them all; files lie in a folder that is removed."""
-    with tempfile.TemporaryDirectory() as name:
+    """Yield them all; files lie in a folder that is removed, in memory where the system has a place for that."""
+    with tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as name:
         folder = Path(name)
-        yield tuple(_parsers(folder, linear_bundle(folder / "bundle", SHAPE)))
+        bundle = linear_bundle(folder / "bundle", SHAPE)
+        yield (
+            *_of_the_board(),
+            *_of_the_bundle(bundle),
+            *_of_files(folder, bundle),
+            *_of_programs(),
+            *_of_pictures(folder),
+        )
 
 
-def _parsers(folder: Path, bundle: Bundle) -> Iterator[Parser]:
-    def by_file(suffix: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
-        path = folder / f"fuzzed{suffix}"
-
-        def parse(content: bytes) -> object:
-            path.write_bytes(content)
-            return read(path)
-
-        return parse
-
-    picture = np.clip(reference_image(SHAPE), 0, 255).astype(np.uint8)
+def _of_the_board() -> Iterator[Parser]:
     blank = protocol.HelloReply.unpack(b"\0" * protocol.HelloReply.codec().size)
     hello = replace(blank, protocol_major=protocol.VERSION[0], protocol_minor=protocol.VERSION[1])
     reply = b"\0" * 5 + hello.pack()  # status, value, record
     events = [bytes([code]) + b"\0" * record.codec().size for code, record in protocol.EVENTS.values()]
     yield Parser("packet", decode, (encode(Packet(1, 2, b"abc")).strip(b"\0"),), (ValueError,))
     yield Parser("board", _answered, (reply, b"|".join([reply, *events])), (BoardError,))
-    yield Parser("bundle", lambda content: unpack_bundle(content, "fuzz"), (packed_bundle(bundle),), (GellightError,))
-    yield Parser("network", _network, (bundle.network,), (GellightError,))
-    yield Parser("recording", by_file(".mcap", _play), (_recording(folder, bundle),), (GellightError,))
-    yield Parser(
-        "settings",
-        by_file(".toml", _settings),
-        (b"[sensor]\nurl = 'sim://'\n[dashboard]\nport = 1\n",),
-        (GellightError,),
-    )
-    yield Parser(
-        "frame", lambda content: wire.decode(content, _no_bundle), (wire.encode(full_frame()),), (GellightError,)
-    )
-    yield Parser(
-        "call",
-        read_call,
-        (b'{"type":"status"}', b'{"type":"press","object":"BALL","depth_mm":1,"x_mm":0,"y_mm":0}'),
-        (GellightError, ValueError),
-    )
-    commands = (b'{"type":"credit","count":1}', b'{"type":"press","object":"BALL","depth_mm":1,"x_mm":0,"y_mm":0}')
-    yield Parser("command", COMMANDS.validate_json, commands, (ValidationError,))
-    for suffix in (".png", ".jpg", ".bmp", ".tiff"):
-        coded = cv2.imencode(suffix, picture)[1].tobytes()
-        yield Parser(f"image{suffix}", by_file(suffix, read_image), (coded,), (GellightError,))
+
+
+def _of_the_bundle(bundle: Bundle) -> Iterator[Parser]:
+    """Yield that of a whole bundle, and of each file in it as if its checksum were right."""
+    refusals = (GellightError,)
+
+    def inside(name: str, read: Callable[[Bundle], object]) -> Callable[[bytes], object]:
+        return lambda content: read(replace(bundle, files={**bundle.files, name: content}))
+
+    manifest = manifest_toml(bundle.manifest)
+    yield Parser("bundle", lambda content: unpack_bundle(content, "fuzz"), (packed_bundle(bundle),), refusals)
+    yield Parser("manifest", lambda content: parse_manifest(content, "fuzz"), (manifest,), refusals)
+    yield Parser("network", _network, (bundle.network,), refusals)
+    reference = inside(REFERENCE, lambda changed: changed.reference)
+    yield Parser("reference", reference, (bundle.files[REFERENCE],), refusals)
+    yield Parser("lens", inside(lens_file.FILE_NAME, lens_file.read_record), (_lens(),), refusals)
+    yield Parser("lights", inside(lights_file.FILE_NAME, lights_file.read_lights), (_lights(),), refusals)
+    view = View.of_corners(((2, 3), (29, 2), (30, 21), (1, 22)), SHAPE, SHAPE)
+    steps = PictureSteps.of(SHAPE, view, Dots(diameter_px=5, darker_grey=20, count=9))
+    assert steps
+    yield Parser("picture", inside(picture.FILE_NAME, steps_of), tuple(steps.files().values()), refusals)
+
+
+def _of_files(folder: Path, bundle: Bundle) -> Iterator[Parser]:
+    recording, settings = _recording(folder, bundle), b"[sensor]\nurl = 'sim://'\n[dashboard]\nport = 1\n"
+    yield Parser("recording", _by_file(folder, ".mcap", _play), (recording,), (GellightError,))
+    yield Parser("settings", _by_file(folder, ".toml", read_settings), (settings,), (GellightError,))
+
+
+def _of_programs() -> Iterator[Parser]:
+    """Yield those of what other programs and the page send."""
+    press = b'{"type":"press","object":"BALL","depth_mm":1,"x_mm":0,"y_mm":0}'
+    frame = wire.encode(full_frame())
+    yield Parser("frame", lambda content: wire.decode(content, _no_bundle), (frame,), (GellightError,))
+    yield Parser("call", read_call, (b'{"type":"status"}', press), (GellightError, ValueError))
+    yield Parser("command", COMMANDS.validate_json, (b'{"type":"credit","count":1}', press), (ValidationError,))
     yield Parser("host", lambda content: host_name(content.decode("latin-1")), (b"127.0.0.1:8420", b"[::1]:80"), ())
+
+
+def _of_pictures(folder: Path) -> Iterator[Parser]:
+    image = np.clip(reference_image(SHAPE), 0, 255).astype(np.uint8)
+    coded = {suffix: cv2.imencode(suffix, image)[1].tobytes() for suffix in (".png", ".jpg", ".bmp", ".tiff")}
+    for suffix, sound in coded.items():
+        yield Parser(f"image{suffix}", _by_file(folder, suffix, read_image), (sound,), (GellightError,))
     mode = Mode(letters="MJPG", width=SHAPE[1], height=SHAPE[0], fps=30.0, line_bytes=0)
-    yield Parser(
-        "mjpg",
-        lambda data: decode_picture(data, mode),
-        (cv2.imencode(".jpg", picture)[1].tobytes(),),
-        (CorruptPictureError,),
-    )
+    yield Parser("mjpg", lambda content: decode_picture(content, mode), (coded[".jpg"],), (CorruptPictureError,))
+
+
+def _by_file(folder: Path, suffix: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+    path = folder / f"fuzzed{suffix}"
+
+    def parse(content: bytes) -> object:
+        path.write_bytes(content)
+        return read(path)
+
+    return parse
+
+
+def _lens() -> bytes:
+    record = lens_file.LensRecord(
+        image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=(16.0, 12.0), k1=-0.1, k2=0.01,
+        px_per_mm=(20.0, 0.0, 20.0), origin_mm=(0.0, 0.0), learnt_from_circles=False, pitch_mm=1.0, images=("a.png",),
+        pins=20, rms_before_px=1.0, rms_after_px=0.1, created=datetime(2026, 1, 1, tzinfo=UTC),
+    )  # fmt: skip
+    return record.model_dump_json().encode()
+
+
+def _lights() -> bytes:
+    """Those of the simulated sensor, of this size, each light the same all over."""
+    record = json.loads(load_bundle("synthetic").files[lights_file.FILE_NAME])
+    patterns = {kind: [[led[0][:1]] for led in leds] for kind, leds in record["patterns"].items()}
+    size = {"image_width_px": SHAPE[1], "image_height_px": SHAPE[0]}
+    return json.dumps({**record, **size, "patterns": patterns}).encode()
 
 
 def _no_bundle(zero: str) -> Bundle:
@@ -158,10 +207,6 @@ def _recording(folder: Path, bundle: Bundle) -> bytes:
     content = path.read_bytes()
     path.unlink()
     return content
-
-
-def _settings(path: Path) -> object:
-    return merge([_file_layer(path)])
 
 
 def mutated(sound: bytes, draw: random.Random) -> bytes:

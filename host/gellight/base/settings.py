@@ -10,6 +10,7 @@ import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import radians
 from pathlib import Path
 from typing import Any, Literal
@@ -312,9 +313,18 @@ def _checked(source: str, values: Any, validate: Callable[[Any], Settings] = Set
         raise ConfigError("; ".join(problems)) from error
 
 
+@cache
+def _allowed_values() -> dict[str, dict[str, str]]:
+    """What each key of each section allows, for messages."""
+    known: dict[str, dict[str, str]] = {section: {} for section in SECTIONS}
+    for setting in reference():
+        known[setting.section][setting.key] = setting.allowed
+    return known
+
+
 def _explain(problem: dict[str, Any]) -> str:
     section, *rest = (str(step) for step in problem["loc"])
-    here = {setting.key: setting.allowed for setting in reference() if setting.section == section}
+    here = _allowed_values().get(section, {})
     if problem["type"] == "extra_forbidden":
         if not rest:
             return f"unknown section {section}: {nearest(section, SECTIONS)}"

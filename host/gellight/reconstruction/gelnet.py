@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.reconstruction.image_noise import RestChange
+from gellight.reconstruction.image_noise import SIGNIFICANT, RestChange
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
@@ -27,24 +27,27 @@ BLOCK_ROWS = 4096
 CELL_PX = 4
 COARSE_PX = 8
 """pixels a side over which the difference is averaged where it is not significant"""
-AROUND_CELLS = 3
-"""cells a side over which the difference is averaged a second time, for gentle slopes"""
+WINDOWS_CELLS = (1, 2, 3)
+"""cells a side of the squares over which the difference is averaged: small ones see fine texture, large ones gentle
+slopes"""
+CLEAR = 7.2
+"""standard deviations beyond which a cell counts as touched, where any does"""
 
 
 class GradientNetwork:
     """The network of one calibration bundle, ready to run on images of one size.
 
-    Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when, in any channel,
-    the mean difference of the cell itself or of the 3 x 3 cells around it exceeds 6 standard deviations of the noise
-    of such a mean (`noise_grey` / 4 and `noise_grey` / 12), and 4 times what the gel at rest differs by anyway
-    (`image_noise.RestChange`); two more cells around a touched one count too, so that
-    a steep rim stays clear of the averages outside. The small window sees fine texture, the large one sees gentle
-    slopes. Means keep their sign, so noise that is stronger than `noise_grey` somewhere widens the spread of the mean
-    but does not shift it.
+    Which pixels are significant is decided on cells of 4 x 4 pixels. A cell counts as touched when the mean difference
+    of the cell itself, of 2 x 2 cells with it, or of the 3 x 3 cells around it exceeds in its three channels together
+    7.2 standard deviations of the noise of such a mean (`noise_grey` / 4, / 8 and / 12), and in one of them 4 times
+    what the gel at rest differs by anyway (`image_noise.RestChange`). Where no cell does, 6.5 are enough: whether
+    anything is touched decides over the whole frame, which cells are only over detail. Two more cells around a touched
+    one count too, so that a steep rim stays clear of the averages outside. Means keep their sign, so noise that is
+    stronger than `noise_grey` somewhere widens the spread of the mean but does not shift it.
 
     What the mask loses: a touch that changes no 12 x 12 pixels of the image by 0.5 `noise_grey` when there is no
     other touch; texture finer than 16 px of less than 1.5 `noise_grey`, and texture of exactly 4 px period.
-    tests/host/reconstruction/test_gelnet.py measures it.
+    tests/host/reconstruction/test_gelnet.py measures it, `python -m tests.benchmarks.mask` what that is in micrometres.
     """
 
     def __init__(
@@ -84,15 +87,19 @@ class GradientNetwork:
         """Mark the (ceil(H / 4), ceil(W / 4)) cells that `touched` spreads to pixels."""
         self._check(difference)
         means = cell_means(difference, CELL_PX)
-        limit, limit_around = self.limits_grey
-        around = ndimage.uniform_filter(means, size=(AROUND_CELLS, AROUND_CELLS, 1), mode="nearest")
-        cells = ((np.abs(means) > limit) | (np.abs(around) > limit_around)).any(axis=2)
+        windows = [_window_means(means, side) for side in WINDOWS_CELLS]
+        clear, significant = (_beyond(windows, limits) for limits in self.limits_grey)
+        cells = clear if clear.any() else significant
         return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
 
     @property
-    def limits_grey(self) -> tuple[float, float]:
-        """Limits on the mean difference of a cell, and of the 3 x 3 cells around it."""
-        return self.at_rest.limit_grey(CELL_PX), self.at_rest.limit_grey(AROUND_CELLS * CELL_PX)
+    def limits_grey(self) -> list[list[tuple[float, float]]]:
+        """Limits on the mean difference, clear ones and significant ones.
+
+        For each window: on the channels together, and on the largest.
+        """
+        sides = [side * CELL_PX for side in WINDOWS_CELLS]
+        return [[self.at_rest.limits_grey(side, limit) for side in sides] for limit in (CLEAR, SIGNIFICANT)]
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
         """Turn a (H, W, 3) difference image into the (H, W, 2) gradient map, with the noise of the camera in it.
@@ -154,6 +161,27 @@ def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
         matrices.append((weights / weights.sum(axis=1, keepdims=True)).astype(np.float32))
     columns, rows = np.meshgrid(centres[1], centres[0])
     return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
+
+
+def _beyond(windows: list[Floats], limits: list[tuple[float, float]]) -> NDArray[np.bool_]:
+    """(h, w) where a mean over some window exceeds both of its limits."""
+    beyond = np.zeros(windows[0].shape[:2], np.bool_)
+    for window, (together, largest) in zip(windows, limits, strict=True):
+        beyond |= ((window**2).sum(axis=2) > together**2) & (np.abs(window).max(axis=2) > largest)
+    return beyond
+
+
+def _window_means(means: Floats, side: int) -> Floats:
+    """(h, w, 3) mean of the `side` x `side` cells around each cell; of two a side the cell is the lower right one.
+
+    At the border the window is moved inwards: a cell that counted twice would bring twice its noise. A window that is
+    larger than the image is as large as the image.
+    """
+    sides = [min(side, cells) for cells in means.shape[:2]]
+    window = ndimage.uniform_filter(means, size=(*sides, 1), mode="nearest")
+    beyond = [(side // 2, (side - 1) // 2) for side in sides]
+    inside = tuple(slice(first, cells - last) for (first, last), cells in zip(beyond, means.shape, strict=False))
+    return np.pad(window[inside], (*beyond, (0, 0)), mode="edge")
 
 
 def cell_means(difference: Floats, size: int) -> Floats:

@@ -19,8 +19,11 @@ from gellight.reconstruction.pixel_grid import block_means
 
 SIDES_PX = (1, 4, 12)
 """of the squares over which limits are set on means"""
-SIGNIFICANT = 6.0
-"""standard deviations of the noise of a mean beyond which a change counts"""
+SIGNIFICANT = 6.5
+"""standard deviations of the noise of a mean beyond which a change counts, the three channels together, as the root of
+their squares: noise alone does that once in 280 million means"""
+_LARGEST = 0.57
+"""share that the largest of three channels always has in the root of their squares"""
 REST_TIMES = 4.0
 """and multiples of what the gel at rest differs by: that is bounded, and not drawn anew in every cell and frame"""
 _ROUNDING_GREY = float(np.sqrt(1 / 12))
@@ -48,9 +51,14 @@ class RestChange:
         """Standard deviation of one pixel, with the rounding to whole grey levels."""
         return float(np.hypot(self.noise_grey, _ROUNDING_GREY))
 
-    def limit_grey(self, side_px: int) -> float:
-        """Return the change of a mean over `side_px` x `side_px` pixels beyond which the gel counts as touched."""
-        return float(np.hypot(SIGNIFICANT * self.pixel_grey / side_px, REST_TIMES * self.rest_grey))
+    def limits_grey(self, side_px: int, significant: float = SIGNIFICANT) -> tuple[float, float]:
+        """Return what the change of a mean over `side_px` x `side_px` pixels exceeds where the gel is touched.
+
+        The root of the squares of its three channels exceeds the first, `significant` standard deviations of its noise,
+        and the largest of them the second, which the gel at rest decides.
+        """
+        noise = significant * self.pixel_grey / side_px
+        return noise, float(np.hypot(_LARGEST * noise, REST_TIMES * self.rest_grey))
 
 
 @dataclass(frozen=True, kw_only=True)

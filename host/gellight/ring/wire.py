@@ -37,8 +37,21 @@ Bytes8 = Annotated[bytes, Scalar("8s", "uint8_t", 8)]
 Bytes16 = Annotated[bytes, Scalar("16s", "uint8_t", 16)]
 
 
+Layout = tuple[tuple[str, Scalar, str], ...]
+"""name, scalar and meaning of each field"""
+
+
 class Record:
     """A packed little-endian structure; subclasses are frozen dataclasses of annotated fields."""
+
+    @classmethod
+    @functools.cache
+    def _layout(cls) -> Layout:
+        hints, rows = get_type_hints(cls, include_extras=True), []
+        for field in fields(cls):  # type: ignore[arg-type]
+            scalar, *meaning = hints[field.name].__metadata__
+            rows.append((field.name, scalar, "".join(meaning)))
+        return tuple(rows)
 
     @classmethod
     @functools.cache
@@ -85,14 +98,9 @@ class Record:
         return size == len(payload) and all(field.default is not MISSING for field in rest)
 
 
-def layout(record: type[Record]) -> tuple[tuple[str, Scalar, str], ...]:
+def layout(record: type[Record]) -> Layout:
     """Return name, scalar and meaning of each field in the order of the wire."""
-    hints = get_type_hints(record, include_extras=True)
-    rows = []
-    for field in fields(record):  # type: ignore[arg-type]
-        scalar, *meaning = hints[field.name].__metadata__
-        rows.append((field.name, scalar, "".join(meaning)))
-    return tuple(rows)
+    return record._layout()
 
 
 class Packet(NamedTuple):

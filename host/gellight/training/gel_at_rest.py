@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gellight.reconstruction.gelnet import AROUND_CELLS, CELL_PX
+from gellight.reconstruction.gelnet import CELL_PX, WINDOWS_CELLS
 from gellight.reconstruction.image_noise import RestChange
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.pixel_grid import block_means
 from gellight.training.presses import Floats, Press, distance_px
 
-_SIDES_PX = (CELL_PX, AROUND_CELLS * CELL_PX)
-"""of the squares whose means the mask sets limits on"""
+_SIDES_PX = (CELL_PX, CELL_PX * WINDOWS_CELLS[-1])
+"""of the smallest and the largest squares whose means the mask sets limits on"""
 _FAR_SHARE = 0.75
 """of the view is nearer to the press than what counts as at rest"""
 _NEAREST = 2.0

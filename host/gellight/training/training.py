@@ -140,24 +140,52 @@ def fit(
     if refine:
         refined = refinement_of(presses, reference.image, ball)
         presses, metrics["refinement"] = refined.presses, refined.record()
-    drift = drift_of_presses(presses, reference.image)
-    follow = drift > reference.noise_grey
-    table = build_table(presses, reference.image, ball, table_options or HAND_DRAWN, follow_light=follow)
     some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
     metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
-    network, record = train(table, options or TrainingOptions(), progress=progress, check=check)
+    learnt = _learn(
+        presses, reference, ball, table_options or HAND_DRAWN, options or TrainingOptions(), progress, check
+    )
     return write_bundle(
         out,
         sensor=sensor,
         reference=reference.image,
         reference_frames=reference.frames,
         noise_grey=reference.noise_grey,
-        rest_grey=rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow),
+        rest_grey=learnt.rest_grey,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
-        network=network,
-        follow_light=follow,
-        metrics={**metrics, "light_drift_grey": drift, "training": record},
-        presses=table.arrays(),
+        network=learnt.network,
+        follow_light=learnt.follow_light,
+        metrics={**metrics, **learnt.metrics},
+        presses=learnt.table.arrays(),
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
         overwrite=overwrite,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Learnt:
+    """What a bundle takes from its presses."""
+
+    network: bytes
+    table: PressTable
+    follow_light: bool
+    rest_grey: float
+    metrics: dict[str, object]
+
+
+def _learn(
+    presses: Sequence[Press],
+    reference: Reference,
+    ball: Ball,
+    table_options: TableOptions,
+    options: TrainingOptions,
+    progress: Progress,
+    check: Check,
+) -> _Learnt:
+    """Measure the light and the gel at rest, and train; errors as `fit`."""
+    drift = drift_of_presses(presses, reference.image)
+    follow = drift > reference.noise_grey
+    table = build_table(presses, reference.image, ball, table_options, follow_light=follow)
+    network, record = train(table, options, progress=progress, check=check)
+    rest = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
+    return _Learnt(network, table, follow, rest, {"light_drift_grey": drift, "training": record})

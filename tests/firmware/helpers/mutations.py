@@ -2,7 +2,11 @@
 
 # ruff: noqa: E501 (a line of C stays one line)
 
+import shutil
+from pathlib import Path
 from typing import NamedTuple
+
+CHECKOUT = Path(__file__).parents[3]
 
 
 class Mutation(NamedTuple):
@@ -12,6 +16,16 @@ class Mutation(NamedTuple):
     file: str
     old: str
     new: str
+
+
+def plant(mutation: Mutation, folder: Path) -> Path:
+    """Copy the firmware into a folder, with the fault; return the folder."""
+    shutil.copytree(CHECKOUT / "firmware", folder / "firmware")
+    path = folder / mutation.file
+    source = path.read_text()
+    assert source.count(mutation.old) == 1, f"{mutation.name} does not apply any more"
+    path.write_text(source.replace(mutation.old, mutation.new))
+    return folder
 
 
 BOARD, CORE = "firmware/boards/rp2040", "firmware/core"

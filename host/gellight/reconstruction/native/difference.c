@@ -35,16 +35,32 @@ EXPORT void difference_and_means(const uint8_t *image, const float *reference, c
     }
 }
 
-/* Mark the cells of one row whose mean, or the mean of the 3 x 3 cells around, is too large to be noise:
- * |m| > limit or |mean of 9| > limit_around. sums: w + 2. */
-static void mark_row(const float *above, const float *row, const float *below, float limit, float limit_around,
-                     uint8_t *restrict marked, float *restrict sums, int w) {
-    for (int j = 0; j < w; j++) sums[j + 1] = above[j] + row[j] + below[j];
-    sums[0] = sums[1];
-    sums[w + 1] = sums[w];
+/* The sums of `side` cells down, for row i of the three channels: with the row above from 2 on, and the one below at 3.
+ * sums: w + 2 for each channel. At the border the cells beyond it are those that move the window inwards: a cell that
+ * counted twice would bring twice its noise. */
+INLINE void sum_down(const float *means, int side, int i, int columns, int rows, float *sums, int w, int h) {
+    for (int c = 0; c < 3; c++) {
+        const float *plane = means + (ptrdiff_t)c * rows * columns, *row = plane + (ptrdiff_t)i * columns;
+        const float *above = plane + (ptrdiff_t)(i > 0 ? i - 1 : side - 1) * columns;
+        const float *below = plane + (ptrdiff_t)(i < h - 1 ? i + 1 : h - side) * columns;
+        float *restrict sum = sums + c * (w + 2) + 1;
+        for (int j = 0; j < w; j++) sum[j] = row[j] + (side > 1 ? above[j] : 0) + (side > 2 ? below[j] : 0);
+        sum[-1] = sum[side - 1];
+        sum[w] = sum[w - side];
+    }
+}
+
+/* Mark the cells of one row where the mean m over side x side cells is too large to be noise:
+ * sum over channels m^2 > limits[0]^2 and max |m| > limits[1]. sums: as sum_down left them. */
+INLINE void mark_row(const float *sums, int side, const float *limits, uint8_t *restrict marked, int w) {
+    const float *restrict r = sums, *restrict g = r + w + 2, *restrict b = g + w + 2;
+    const float cells = (float)(side * side), together = cells * limits[0] * cells * limits[0], one = cells * limits[1];
     for (int j = 0; j < w; j++) {
-        const float around = sums[j] + sums[j + 1] + sums[j + 2];
-        marked[j] |= (uint8_t)((__builtin_fabsf(row[j]) > limit) | (__builtin_fabsf(around) > 9 * limit_around));
+        const float left = side > 1, right = side > 2;
+        const float x = left * r[j] + r[j + 1] + right * r[j + 2], y = left * g[j] + g[j + 1] + right * g[j + 2];
+        const float z = left * b[j] + b[j + 1] + right * b[j + 2];
+        const float largest = larger(larger(__builtin_fabsf(x), __builtin_fabsf(y)), __builtin_fabsf(z));
+        marked[j] |= (uint8_t)((x * x + y * y + z * z > together) & (largest > one));
     }
 }
 
@@ -67,20 +83,22 @@ static void dilate(const uint8_t *from, uint8_t *to, int reach, uint8_t *along, 
 
 /* The mask as `GradientNetwork.touched_cells`; returns how many cells are touched.
  *
- * near: touched cells and their neighbours, between which slopes are blended. work: w + 2; bytes: 2 w h. */
-EXPORT int touched_cells(const float *means, float limit, float limit_around, uint8_t *touched, uint8_t *near,
-                         float *work, uint8_t *bytes, int width, int height) {
+ * limits: two for each window, of 1, 2 and 3 cells a side. near: touched cells and their neighbours, between which slopes
+ * are blended. work: 3 (w + 2); bytes: 2 w h. */
+EXPORT int touched_cells(const float *means, const float *limits, uint8_t *touched, uint8_t *near, float *work,
+                         uint8_t *bytes, int width, int height) {
     const int w = cells_of(width), h = cells_of(height), columns = 2 * ((width + 7) / 8), rows = 2 * ((height + 7) / 8);
     uint8_t *marked = bytes, *along = bytes + (ptrdiff_t)w * h;
     int any = 0;
     for (int i = 0; i < h; i++) {
         uint8_t *row = marked + (ptrdiff_t)i * w;
         for (int j = 0; j < w; j++) row[j] = 0;
-        for (int c = 0; c < 3; c++) {
-            const float *plane = means + (ptrdiff_t)c * rows * columns;
-            mark_row(plane + (ptrdiff_t)clamped(i - 1, h) * columns, plane + (ptrdiff_t)i * columns,
-                     plane + (ptrdiff_t)clamped(i + 1, h) * columns, limit, limit_around, row, work, w);
-        }
+        sum_down(means, 1, i, columns, rows, work, w, h);
+        mark_row(work, 1, limits, row, w);
+        sum_down(means, 2, i, columns, rows, work, w, h);
+        mark_row(work, 2, limits + 2, row, w);
+        sum_down(means, 3, i, columns, rows, work, w, h);
+        mark_row(work, 3, limits + 4, row, w);
         for (int j = 0; j < w; j++) any |= row[j];
     }
     if (!any) return 0;

@@ -14,7 +14,7 @@ from gellight.reconstruction.native.build import CHECKSUMS, library_file
 
 SIGNATURES = {
     "difference_and_means": "ppppppii",
-    "touched_cells": "pffppppii",
+    "touched_cells": "ppppppii",
     "mean_rows": "pppii",
     "gentle_blocks": "pppfppii",
     "split_cells": "pppfpppii",

@@ -4,6 +4,7 @@ The network stays in ONNX Runtime, the transform along the rows in SciPy. The le
 """
 
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,7 @@ class NativePath:
         if cells is not None:
             self._m.cell_rows[:, 3:] = cells.middle
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
+        self._limits = np.array(network.limits_grey, np.float32)
         self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
@@ -109,8 +111,12 @@ class NativePath:
 
     def _touched(self) -> int:
         """How many cells are touched; which, is in `touched` of the work memory."""
-        m, limits = self._m, self._network.limits_grey
-        return self._run("touched_cells", m.means, *limits, m.touched, m.near, m.work, m.bytes)
+        m = self._m
+        clear, significant = (
+            partial(self._run, "touched_cells", m.means, limits, m.touched, m.near, m.work, m.bytes)
+            for limits in self._limits
+        )
+        return clear() or significant()
 
     def _slopes(self, difference: Floats, touched: int) -> None:
         m, limit = self._m, -1.0

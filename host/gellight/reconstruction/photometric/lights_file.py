@@ -2,12 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, ConfigError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
@@ -22,7 +22,7 @@ Byte = Annotated[int, Field(ge=0, le=255)]
 class LightRecord(BundleFile):
     """The content of the file; names and units as in `LightModel`."""
 
-    ring: dict[str, float | str]
+    ring: RingGeometry
     colours: list[tuple[Byte, Byte, Byte]]
     crosstalk: tuple[tuple[Number, Number, Number], ...]
     black_grey: tuple[Number, Number, Number]
@@ -34,7 +34,7 @@ class LightRecord(BundleFile):
 
     @model_validator(mode="after")
     def _is_one_ring(self) -> "LightRecord":
-        leds = len(str(self.ring.get("led_colours", "")))
+        leds = len(self.ring.led_colours)
         if leds != len(self.colours) or len(self.crosstalk) != 3 or set(self.patterns) != set(LightGroups):
             raise ValueError(f"{leds} LEDs, {len(self.colours)} colours, patterns for {', '.join(self.patterns)}")
         for kind, pattern in self.patterns.items():
@@ -53,7 +53,10 @@ def read_lights(bundle: Bundle) -> LightModel:
     """Return the light model of a bundle; BundleError where it has none, or one that does not fit it."""
     if not has_lights(bundle):
         raise BundleError(f"{bundle.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
-    return _model(read_bundle_file(bundle, FILE_NAME, LightRecord, REMEDY))
+    try:
+        return _model(read_bundle_file(bundle, FILE_NAME, LightRecord, REMEDY))
+    except ConfigError as error:  # of the ring
+        raise BundleError(f"{bundle.source}: {FILE_NAME}: {error}; {REMEDY}") from error
 
 
 def write_lights(bundle: Bundle, model: LightModel, out: Path, *, overwrite: bool = False) -> Bundle:
@@ -67,9 +70,8 @@ _AS_THEY_ARE = ("gamma", "exposure_us", "brightest_grey", "pattern_residual")
 
 
 def _model(record: LightRecord) -> LightModel:
-    ring: dict[str, Any] = dict(record.ring)
     return LightModel(
-        ring=RingGeometry(**ring),
+        ring=record.ring,
         colours=np.array(record.colours, np.uint8),
         image_shape=(record.image_height_px, record.image_width_px),
         patterns={kind: np.array(values) for kind, values in record.patterns.items()},

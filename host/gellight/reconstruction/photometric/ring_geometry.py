@@ -7,10 +7,11 @@ at azimuth 360 degrees * i / N, counted anticlockwise in the picture from +x.
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import cos, log, radians, sin
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 
 from gellight.base.errors import ConfigError
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 class RingGeometry:
     """What of a sensor's geometry decides the direction of the light; the defaults are the sensor of the paper."""
 
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)
+    """for the file that holds it: no unknown key, no NaN"""
     led_colours: str = "RRRRGGGGBBBB"
     """one letter an LED"""
     ring_radius_mm: float = 21.5
@@ -43,8 +46,10 @@ class RingGeometry:
                 f"LEDs {self.height_mm:g} mm above the gel on a radius of {self.ring_radius_mm:g} mm: both must be "
                 "above 0; correct camera_height_mm, mounting_height_mm and ring_radius_mm in [geometry]"
             )
-        if any(self.led_colours.count(colour) == 0 for colour in "RGB"):
-            raise ConfigError(f"led_colours {self.led_colours!r}: photometric stereo needs red, green and blue LEDs")
+        if set(self.led_colours) != set("RGB"):
+            raise ConfigError(
+                f"led_colours {self.led_colours!r}: photometric stereo needs red, green and blue LEDs, R, G and B"
+            )
 
     @classmethod
     def from_overrides(cls, overrides: Mapping[str, Any]) -> Self:

@@ -55,6 +55,10 @@ def test_a_bundle_is_not_overwritten_unless_told(bundle: Bundle, model: LightMod
         ({"patterns": {"singles": [[[0.0]]]}}, "patterns for singles"),
         ({"patterns": {"singles": [[[0.0]]] * 12, "triples": [[[0.0]]] * 3}}, "3 patterns of triples for 12 LEDs"),
         ({"wavelength": 1}, "wavelength"),
+        ({"ring": {"radius_mm": 21.5}}, "ring.radius_mm"),
+        ({"ring": {"ring_radius_mm": float("nan")}}, "ring.ring_radius_mm"),
+        ({"ring": {"ring_radius_mm": -1.0}}, "on a radius of -1 mm"),
+        ({"ring": {"led_colours": "RRRRGGGGBBBX"}}, "needs red, green and blue"),
     ],
 )
 def test_a_damaged_file_is_refused(
