@@ -21,23 +21,24 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import cv2
 import numpy as np
 
 import gellight
+from gellight.base.errors import StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import EncodedImage, Provenance, TactileFrame
 from gellight.stream import network, shared_memory
 from gellight.stream.publisher import Publisher
 from gellight.stream.shared_memory import SharedMemory
-from gellight.stream.wire import decode, encode
+from gellight.stream.subscription import Subscription
+from gellight.stream.wire import encode, encoded
 from tests.helpers.dashboard_source import bump
 
 FPS = 60.0
@@ -65,22 +66,16 @@ def processor_s() -> float:
 
 
 def read_zenoh(endpoint: str, seconds: float) -> None:
-    session = network.subscribing_session(endpoint, config=None)
     ages: list[float] = []
-    box: Mailbox[Any] = Mailbox(32)
-    held = session.declare_subscriber("bench/frame", lambda sample: box.put(sample.payload))
-    number, begun = 0, processor_s()
-    print("ready", flush=True)
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
-        try:
-            number, payload = box.take(number, 0.2)
-        except TimeoutError:
-            continue
-        frame = decode(payload.to_bytes(), lambda zero: None)  # type: ignore[arg-type,return-value]
-        assert frame.depth_mm[0, 0] is not None
-        ages.append(time.monotonic() - frame.camera_frame.time_s)
-    del held
+    session = network.subscribing_session(endpoint, config=None)
+    with Subscription(session, "bench", every=True, patience_s=0.2) as frames:
+        begun = processor_s()
+        print("ready", flush=True)
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            with suppress(StreamError):  # none came
+                frame = frames.next_frame()
+                ages.append(time.monotonic() - frame.camera_frame.time_s)
     report(ages, processor_s() - begun, seconds)
     os._exit(0)
 
@@ -114,9 +109,11 @@ def report(ages: list[float], processor: float, seconds: float) -> None:
 def over_zenoh(shared: bool) -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
     with mock.patch.object(shared_memory, "PLACE", "/dev/shm" if shared else "/proc"):  # nothing is free in /proc
         session, endpoint = network.publishing_session(lan=False, config=None)
-        publisher = session.declare_publisher("bench/frame", congestion_control=network.zenoh.CongestionControl.DROP)
+        publisher = session.declare_publisher(
+            network.key("bench", "frame"), congestion_control=network.zenoh.CongestionControl.DROP
+        )
         memory = SharedMemory()
-        yield f"zenoh {endpoint}", lambda frame: publisher.put(memory.holding(encode(frame)))
+        yield f"zenoh {endpoint}", lambda frame: publisher.put(memory.holding(encoded(frame)))
         network.close(session)
 
 
@@ -187,7 +184,7 @@ def recording_costs(frames: int = 100) -> None:
     bundle, base = load_bundle("synthetic"), bump(0.8, 1.0, 0.0)
     image = base.camera_frame.image
     jpeg = EncodedImage(data=cv2.imencode(".jpg", image)[1].tobytes(), letters="MJPG", line_bytes=0)
-    for kind, encoded in (("JPEG", jpeg), ("RGB", None)):
+    for kind, raw in (("JPEG", jpeg), ("RGB", None)):
         for depth in DepthKind:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "a.mcap"
@@ -195,7 +192,7 @@ def recording_costs(frames: int = 100) -> None:
                 begun, begun_s = processor_s(), time.monotonic()
                 for number in range(frames):
                     frame = frame_of(number, base)
-                    camera_frame = replace(frame.camera_frame, encoded=encoded)
+                    camera_frame = replace(frame.camera_frame, encoded=raw)
                     writer.add(FrameRecord.of(camera_frame, unix_s=time.time(), zero=bundle.identity), bundle)
                     writer.add_depth(frame)
                 writer.close()

@@ -24,7 +24,7 @@ from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
 from gellight.stream.shared_memory import SharedMemory
-from gellight.stream.wire import MOST_DETAILS, encode
+from gellight.stream.wire import MOST_DETAILS, encoded
 
 logger = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class Publisher:
             self._wanted.clear()
 
     def _send(self, frame: TactileFrame) -> None:
-        self._publisher.put(self._memory.holding(encode(frame)))
+        self._publisher.put(self._memory.holding(encoded(frame)))
         self.frames += 1
 
     def _answer(self, query: zenoh.Query) -> None:

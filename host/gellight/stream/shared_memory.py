@@ -2,6 +2,7 @@
 
 import logging
 import os
+from collections.abc import Iterable, Sequence
 
 import zenoh
 from zenoh import shm
@@ -10,6 +11,7 @@ logger = logging.getLogger(__name__)
 FRAMES = 8
 """that may be under way at a time"""
 PLACE = "/dev/shm"
+STEP_BYTES = 1 << 18
 
 
 class SharedMemory:
@@ -20,18 +22,29 @@ class SharedMemory:
         self._provider: shm.ShmProvider | None = None
         self._size = 0
 
-    def holding(self, message: bytes) -> zenoh.ZBytes:
-        """Return the message in shared memory, or itself while all of the memory is in use."""
-        if len(message) > self._size:
-            self._provider, self._size = _pool(len(message)), len(message)
+    def holding(self, pieces: Sequence[bytes | memoryview]) -> zenoh.ZBytes:
+        """Return a message, given in pieces, in shared memory; on its own while all of the memory is in use."""
+        size = sum(map(len, pieces))
+        if size > self._size:
+            self._provider, self._size = _pool(size), size
         if self._provider is None:
-            return zenoh.ZBytes(message)
+            return zenoh.ZBytes(b"".join(pieces))
         try:
-            room = self._provider.alloc(len(message), policy=shm.GarbageCollect(shm.JustAlloc()))
+            room = self._provider.alloc(size, policy=shm.GarbageCollect(shm.JustAlloc()))
         except zenoh.ZError:  # readers that do not read hold all of it
-            return zenoh.ZBytes(message)
-        room[0 : len(message)] = message
+            return zenoh.ZBytes(b"".join(pieces))
+        _write(room, pieces)
         return zenoh.ZBytes(room)
+
+
+def _write(room: shm.ZShmMut, pieces: Iterable[bytes | memoryview]) -> None:
+    """Write the pieces one after the other; zenoh takes bytes alone, copied while the cache has them."""
+    at = 0
+    for piece in pieces:
+        for start in range(0, len(piece), STEP_BYTES):
+            step = bytes(piece[start : start + STEP_BYTES])
+            room[at : at + len(step)] = step
+            at += len(step)
 
 
 def _pool(message_bytes: int) -> shm.ShmProvider | None:

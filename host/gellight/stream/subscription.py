@@ -121,7 +121,7 @@ def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     return names[0]
 
 
-def _end(session: zenoh.Session, messages: Mailbox[zenoh.ZBytes], listening: list[threading.Thread]) -> None:
+def _end(session: zenoh.Session, messages: Mailbox[zenoh.ZBytes | bytes], listening: list[threading.Thread]) -> None:
     """End a subscription: first who waits for frames, then the session."""
     messages.close(StreamError("the subscription was closed"))
     for thread in listening:
@@ -137,7 +137,8 @@ class Subscription(FrameSource):
         """Take over `session`, which is connected to the daemon of the sensor `name`."""
         super().__init__(patience_s=patience_s)
         self.name, self._session = name, session
-        self._messages: Mailbox[zenoh.ZBytes] = Mailbox(BACKLOG if every else 1)
+        self._every = every
+        self._messages: Mailbox[zenoh.ZBytes | bytes] = Mailbox(BACKLOG if every else 1)
         self._number = 0
         self._bundles: dict[str, Bundle] = {}
         # Called in zenoh's own threads: the interpreter would wait at its end for those that zenoh makes for Python.
@@ -151,7 +152,8 @@ class Subscription(FrameSource):
         self._ended = weakref.finalize(self, _end, session, self._messages, self._listening)
 
     def _note_frame(self, sample: zenoh.Sample) -> None:
-        self._messages.put(sample.payload)
+        # What waits is copied: a backlog in shared memory would leave no room for the next frames of all readers.
+        self._messages.put(sample.payload.to_bytes() if self._every else sample.payload)
 
     def _note_presence(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
@@ -161,7 +163,7 @@ class Subscription(FrameSource):
 
     def _take(self, timeout_s: float) -> TactileFrame:
         self._number, payload = self._messages.take(self._number, timeout_s)
-        return decode(payload.to_bytes(), self._bundle_of)
+        return decode(bytes(payload), self._bundle_of)
 
     def _why_none(self) -> str:
         return str(self.status()["error"] or "the daemon is there and publishes none; see its log")

@@ -101,22 +101,26 @@ class ReceivedFrame(TactileFrame):
 
 def encode(frame: TactileFrame) -> bytes:
     """Return the message of a frame that a daemon delivered; StreamError for one that has no provenance."""
+    return b"".join(encoded(frame))
+
+
+def encoded(frame: TactileFrame) -> list[bytes | memoryview]:
+    """Return the message in pieces, of which the planes are the frame's own memory; see `encode`."""
     if frame.provenance is None:
         raise StreamError("a frame without provenance cannot be published: take it from a daemon")
     planes = _planes(frame)
     details = _details(frame)
     details_at = PREFIX.size + PLANE.size * len(planes)
-    at = _aligned(details_at + len(details))
+    place = at = _aligned(details_at + len(details))
     table: list[bytes] = []
-    blocks: list[bytes | memoryview] = []
-    place = at
+    pieces: list[bytes | memoryview] = []
     for name, plane in planes.items():
         kind, channels = CHANNELS[name]
         table.append(PLANE.pack(name.encode(), kind, channels, place))
-        blocks += [plane.data.cast("B"), bytes(_aligned(plane.nbytes) - plane.nbytes)]
+        pieces += [plane.data.cast("B"), bytes(_aligned(plane.nbytes) - plane.nbytes)]
         place += _aligned(plane.nbytes)
     prefix = _prefix(frame, frame.provenance, len(planes), details_at, len(details))
-    return b"".join([prefix, *table, details, b" " * (at - details_at - len(details)), *blocks])
+    return [prefix, *table, details, b" " * (at - details_at - len(details)), *pieces]
 
 
 def _planes(frame: TactileFrame) -> dict[str, NDArray[Any]]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from zenoh.handlers import Callback
 
 import gellight
 from gellight.base.errors import InputError, StreamError
@@ -163,6 +164,29 @@ def test_a_reader_that_stands_still_slows_nobody() -> None:
         last = frames.next_frame().camera_frame.sequence
         assert publisher.frames - published > 100
     assert last - first > 100
+
+
+def test_frames_that_wait_for_a_reader_leave_the_shared_memory_to_all() -> None:
+    daemon, _ = bump_daemon(period_s=0.005)
+    shared: list[bool] = []
+    with daemon, Publisher(daemon, name="finger"), subscribe(every=True):
+        session = subscribing_session(running()[0].endpoint, config=None)
+        note = Callback(lambda sample: shared.append(sample.payload.as_shm() is not None), indirect=False)
+        held = session.declare_subscriber(key("finger", "frame"), note)
+        end_s = time.monotonic() + 20
+        while len(shared) < 4 * shared_memory.FRAMES and time.monotonic() < end_s:
+            time.sleep(0.01)
+        held.undeclare()
+        session.close()
+    assert len(shared) >= 4 * shared_memory.FRAMES
+    assert all(shared)
+
+
+def test_a_message_in_shared_memory_is_that_of_its_pieces() -> None:
+    pieces = [b"head", memoryview(bytes(range(256)) * 4097), b"", b"end"]
+    message = shared_memory.SharedMemory().holding(pieces)
+    assert message.as_shm() is not None
+    assert message.to_bytes() == b"".join(pieces)
 
 
 def test_nothing_is_encoded_while_nobody_reads() -> None:
