@@ -50,6 +50,10 @@ class Running:
         str | None,
         typer.Option(help="Address of the dashboard; 0.0.0.0: for others too, with a token.", show_default="127.0.0.1"),
     ] = None
+    tls_cert: Annotated[
+        str | None, typer.Option(help="Certificate (PEM): the dashboard is encrypted by it.", show_default="none")
+    ] = None
+    tls_key: Annotated[str | None, typer.Option(help="Private key of --tls-cert (PEM).", show_default="none")] = None
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
@@ -83,6 +87,8 @@ class Running:
             "sensor.calibration": self.calibration,
             "dashboard.port": port,
             "dashboard.host": self.host,
+            "dashboard.tls_cert": self.tls_cert,
+            "dashboard.tls_key": self.tls_key,
             "reconstruction.mode": self.mode,
             "lighting.sequence": self.sequence,
             "lighting.light_mode": self.light_mode,
