@@ -149,12 +149,13 @@ def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
     """Publish the frames to other programs, unless the settings say no, to ROS 2 and Foxglove where they say so."""
     chosen = settings.stream
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
+    name = chosen.name or name_of_sensor(daemon.camera)
     with ExitStack() as stack:
         if chosen.enabled:
             publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
             there = f"zenoh://<this computer>:{publisher.lan_port}/{publisher.name}" if chosen.lan else publisher.name
             logs.say(f"publishing: gellight.subscribe({there!r})")
-        name = chosen.name or name_of_sensor(daemon.camera)
+            name = publisher.name  # numbered where several sensors have no name of their own
         if chosen.ros2:
             distance_mm = settings.geometry.camera_height_mm or RingGeometry.camera_height_mm
             topics = stack.enter_context(
