@@ -1,10 +1,10 @@
-"""Age of a frame on its way, from the start of its exposure: `python -m tests.benchmarks.latency [seconds]`.
+"""Age of a frame on its way, from the start of its exposure: `python -m tests.benchmarks.latency [seconds [others]]`.
 
 A simulated sensor (640 x 480, a ball 1 mm deep, steady light without an emulated board) under `gellight run`, read by a
 subscriber in this process that wants every frame; at 30 and at 60 frames a second. The camera is simulated on the same
 cores, and its picture takes the whole frame time to be exposed and sent, as with a real one. In the same run: garbage
-collection left out, and `gellight run --realtime`, which the system has to allow. 600 seconds give the 99.9th
-percentile a meaning.
+collection left out, and `gellight run --realtime`, which the system has to allow; for `others` seconds each. 600
+seconds give the 99.9th percentile a meaning.
 """
 
 import os
@@ -75,15 +75,17 @@ def ages(seconds: float) -> tuple[np.ndarray, int]:
 def main() -> None:
     """Print one line for each stage of each way."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
+    others = float(sys.argv[2]) if len(sys.argv) > 2 else seconds
     print("age in ms by stage                               p50     p95     p99   p99.9   worst  frames/s  dropped")
     for fps in (30, 60):
         for way, (first, options) in WAYS.items():
+            lasting = seconds if not first and not options else others
             with daemon(first, options, fps):
-                found, dropped = ages(seconds)
+                found, dropped = ages(lasting)
             for stage, one in zip(STAGES, found.T * 1e3, strict=True):
                 figures = " ".join(f"{value:7.1f}" for value in np.percentile(one, [50, 95, 99, 99.9, 100]))
                 print(
-                    f"{fps} frames/s, {way:22} {stage:13} {figures} {len(found) / seconds:9.1f} {dropped:8d}",
+                    f"{fps} frames/s, {way:22} {stage:13} {figures} {len(found) / lasting:9.1f} {dropped:8d}",
                     flush=True,
                 )
 
