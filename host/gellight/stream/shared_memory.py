@@ -37,6 +37,15 @@ class SharedMemory:
         return zenoh.ZBytes(room)
 
 
+def still_there(message: zenoh.ZBytes) -> bool:
+    """Whether what was read of a message until now is the message.
+
+    The memory of a reader that was stopped for 0.1 s or more may be given to the next message.
+    """
+    shared = message.as_shm()
+    return shared is None or shared.is_valid()
+
+
 def _write(room: shm.ZShmMut, pieces: Iterable[bytes | memoryview]) -> None:
     """Write the pieces one after the other; zenoh takes bytes alone, copied while the cache has them."""
     at = 0

@@ -19,6 +19,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import RunningDaemon, running
+from gellight.stream.shared_memory import still_there
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
 
@@ -152,8 +153,13 @@ class Subscription(FrameSource):
         self._ended = weakref.finalize(self, _end, session, self._messages, self._listening)
 
     def _note_frame(self, sample: zenoh.Sample) -> None:
+        if not self._every:
+            self._messages.put(sample.payload)
+            return
         # What waits is copied: a backlog in shared memory would leave no room for the next frames of all readers.
-        self._messages.put(sample.payload.to_bytes() if self._every else sample.payload)
+        content = sample.payload.to_bytes()
+        if still_there(sample.payload):
+            self._messages.put(content)
 
     def _note_presence(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
@@ -162,8 +168,11 @@ class Subscription(FrameSource):
             )
 
     def _take(self, timeout_s: float) -> TactileFrame:
-        self._number, payload = self._messages.take(self._number, timeout_s)
-        return decode(bytes(payload), self._bundle_of)
+        while True:
+            self._number, payload = self._messages.take(self._number, timeout_s)
+            content = bytes(payload)
+            if isinstance(payload, bytes) or still_there(payload):
+                return decode(content, self._bundle_of)
 
     def _why_none(self) -> str:
         return str(self.status()["error"] or "the daemon is there and publishes none; see its log")

@@ -10,6 +10,8 @@ import time
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -180,6 +182,50 @@ def test_frames_that_wait_for_a_reader_leave_the_shared_memory_to_all() -> None:
         session.close()
     assert len(shared) >= 4 * shared_memory.FRAMES
     assert all(shared)
+
+
+def test_a_frame_whose_memory_was_taken_back_is_passed_over() -> None:
+    """A process that is stopped cannot say that it still reads: zenoh may give the memory to the next message."""
+    code = (
+        "import sys, time; from gellight.stream import network; from zenoh.handlers import Callback\n"
+        "from gellight.stream.shared_memory import still_there\n"
+        "session, came = network.subscribing_session(sys.argv[1], config=None), []\n"
+        "held = session.declare_subscriber('frames', Callback(lambda one: came.append(one.payload), indirect=False))\n"
+        "print('ready', flush=True)\n"
+        "while not came: time.sleep(0.01)\n"
+        "print('came', flush=True)\n"
+        "sys.stdin.readline()\n"
+        "print(still_there(came[0]))"
+    )
+    session, endpoint = publishing_session(lan=False, config=None)
+    publisher, memory = session.declare_publisher("frames"), shared_memory.SharedMemory()
+    with started([sys.executable, "-c", code, endpoint], stdin=-1, stdout=-1, text=True, bufsize=1) as reader:
+        assert reader.stdout.readline() == "ready\n"
+        while not publisher.matching_status.matching:
+            time.sleep(0.01)
+        publisher.put(memory.holding([bytes(100_000)]))
+        assert reader.stdout.readline() == "came\n"
+        os.kill(reader.pid, signal.SIGSTOP)
+        time.sleep(1)
+        os.kill(reader.pid, signal.SIGCONT)
+        reader.stdin.write("look\n")
+        assert reader.stdout.readline() == "False\n"
+    session.close()
+
+
+def test_a_reader_takes_the_next_frame_instead() -> None:
+    class Gone:
+        def as_shm(self) -> SimpleNamespace:
+            return SimpleNamespace(is_valid=lambda: False)
+
+        def __bytes__(self) -> bytes:
+            return b"torn"
+
+    daemon, made = bump_daemon(period_s=0.05)
+    with daemon, Publisher(daemon), subscribe() as frames:
+        frames._messages.put(cast("Any", Gone()))
+        got = frames.next_frame()
+        assert np.array_equal(got.depth_mm, made.given[got.camera_frame.sequence].depth_mm)
 
 
 def test_a_message_in_shared_memory_is_that_of_its_pieces() -> None:
