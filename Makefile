@@ -9,6 +9,9 @@ ARGS   ?=
 # processes that share the tests
 JOBS   ?= 2
 
+# a real press, beside the simulated ones
+REAL   := tests/data/real/three_lights
+
 .PHONY: demo test check lint types pytest bench clean
 
 demo: $(VENV)/.host
@@ -29,7 +32,7 @@ pytest: $(VENV)/.dev | tools
 	$(BIN)/pytest --numprocesses $(JOBS) $(ARGS)
 
 bench: $(VENV)/.dev
-	$(BIN)/gellight bench $(ARGS)
+	$(BIN)/gellight bench --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
 
 # A stamp says what is installed: `host` is what a user runs, `dev` adds PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
@@ -49,8 +52,9 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
 
-# What the tests need beside Python: a real browser for the page, a second compiler for the firmware. Root installs it;
-# anyone else is told how. The virtual machine's kernel and tools are only unpacked, into a cache folder.
+# What the tests need beside Python: a real browser for the page, a second compiler for the firmware, an emulator for the
+# frame path on aarch64. Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
+# unpacked, into a cache folder.
 .PHONY: tools
 tools:
 	@missing=; \
@@ -58,6 +62,7 @@ tools:
 	[ "$$found" ] || missing="chromium"; \
 	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
 	command -v gcc >/dev/null || missing="$$missing gcc"; \
+	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \
 	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \

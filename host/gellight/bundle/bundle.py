@@ -8,6 +8,7 @@ presses.npz      the table of ball presses it was trained on (optional)
 lights.json      the light of each LED alone, for photometric stereo (optional)
 picture.json     what is done to each picture first: view, marker dots (optional)
 lens.json        the distortion of the camera, measured with a grid of pins (optional)
+force.json       the constant that turns depth into newtons (optional)
 report.html      all that its calibration measured, as a page (optional)
 """
 

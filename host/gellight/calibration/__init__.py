@@ -12,5 +12,5 @@ verify      verifying.py                                fresh presses, and the v
 
 `readiness.py` checks before the first step what all of them need. `records.py` says what is measured, `state.py` and
 `folder.py` keep it on disk, `display.py` shows it, `report.py` makes a page of it. `run.py` is what the steps share.
-`lens/` and `lights/` measure the lens and the light of each LED.
+`lens/` and `lights/` measure the lens and the light of each LED, `force/` what turns depth into newtons.
 """

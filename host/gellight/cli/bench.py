@@ -35,7 +35,10 @@ def command(
     calibration: Annotated[str, typer.Option(help="Bundle whose network is timed.")] = "synthetic",
     rounds: Annotated[int, typer.Option(min=3, help="Frames and plain runs, alternating.")] = 15,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the network, both ways.")] = 1,
-    press: Annotated[Path | None, typer.Option(help="Picture of a press in the size of the bundle, timed too.")] = None,
+    press: Annotated[Path | None, typer.Option(help="Picture of a press, timed too.")] = None,
+    untouched: Annotated[
+        Path | None, typer.Option(help="The same gel untouched, where that is not the gel of the bundle; any size.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Time the frame path, or measure depth scale or accuracy.
@@ -56,8 +59,8 @@ def command(
         ways = compare_ways(bundle)
         typer.echo(json.dumps(bench.as_rows(ways), indent=2) if as_json else _way_table(ways))
     else:
-        picture = read_image(press) if press else None
-        times = frame_times(bundle, rounds=rounds, threads=threads, press=picture)
+        pictures = [read_image(path) if path else None for path in (press, untouched)]
+        times = frame_times(bundle, rounds=rounds, threads=threads, press=pictures[0], untouched=pictures[1])
         typer.echo(json.dumps(bench.as_rows(times), indent=2) if as_json else _time_table(times))
 
 

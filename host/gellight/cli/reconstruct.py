@@ -5,10 +5,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
@@ -33,6 +34,9 @@ class Row:
     indentation_mm: float
     area_mm2: float
     centroid_mm: tuple[float, float] | None
+    force_n: float | None
+    """None where the bundle has no constant for it"""
+    force_error_n: float | None
 
 
 def command(
@@ -56,7 +60,8 @@ def command(
 ) -> None:
     """Reconstruct depth, normals and contact from images of the gel.
 
-    NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, and contact (H, W) bool.
+    NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, and contact (H, W) bool;
+    pressure_mpa (H, W) where the bundle knows its force.
     With --lights NAME is that of the first image. Each file is written whole or not at all. At an image that cannot be
     used the work ends with its name; what was written before stays.
     """
@@ -103,19 +108,22 @@ def _written(frame: TactileFrame, image: Path, out: Path, depth_scale_um: float)
         raise InputError(
             f"{npz} or .png was not written ({error.strerror}): give --out a folder that can be written and has space"
         ) from error
-    return Row(str(image), str(npz), str(png), contact.indentation_mm, contact.area_mm2, contact.centroid_mm)
+    force = (frame.force.normal_n, frame.force.error_n) if frame.force else (None, None)
+    return Row(str(image), str(npz), str(png), contact.indentation_mm, contact.area_mm2, contact.centroid_mm, *force)
 
 
 def maps_file(frame: TactileFrame) -> bytes:
     """Return the content of an .npz file with the maps of a frame."""
     content = io.BytesIO()
-    np.savez(
-        content,
-        gradient_map=frame.gradient_map,
-        normal_map=frame.normal_map,
-        depth_mm=frame.depth_mm,
-        contact=frame.contact.mask,
-    )
+    maps: dict[str, NDArray[Any]] = {
+        "gradient_map": frame.gradient_map,
+        "normal_map": frame.normal_map,
+        "depth_mm": frame.depth_mm,
+        "contact": frame.contact.mask,
+    }
+    if frame.force:
+        maps["pressure_mpa"] = frame.force.pressure_mpa
+    np.savez(content, **maps)  # type: ignore[arg-type]
     return content.getvalue()
 
 
@@ -124,5 +132,6 @@ def _table(rows: Sequence[Row]) -> str:
     lines = [f"{'image':{width}}  indentation mm  area mm2  centroid mm (x, y)"]
     for row in rows:
         place = "{:8.3f}, {:.3f}".format(*row.centroid_mm) if row.centroid_mm else "      no contact"
-        lines.append(f"{Path(row.image).name:{width}}  {row.indentation_mm:14.4f}  {row.area_mm2:8.3f}  {place}")
+        force = f"  {row.force_n:7.3f} ± {row.force_error_n:.3f} N" if row.force_n is not None else ""
+        lines.append(f"{Path(row.image).name:{width}}  {row.indentation_mm:14.4f}  {row.area_mm2:8.3f}  {place}{force}")
     return "\n".join(lines)

@@ -18,6 +18,7 @@ from gellight.daemon.switched_camera import Equip, SwitchedCamera
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
+from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
@@ -44,6 +45,14 @@ class _InUse:
         """The mean errors of the bundle on fresh presses; None where none were made, or it says nothing of them."""
         figures = self.bundle.metrics.get("verification")
         return {name: value for name, value in figures.items() if name in VERIFIED} if figures else None
+
+    @property
+    def force(self) -> dict[str, float] | None:
+        """What is known of the force of the bundle; None where it has no constant for it."""
+        record = read_force(self.bundle)
+        if record is None:
+            return None
+        return {name: getattr(record, name) for name in ("youngs_modulus_mpa", "error_share", "heaviest_n")}
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         """Reconstruct a frame, and say with what that was done."""
@@ -343,8 +352,9 @@ class Daemon:
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
         mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
-        same names), calibration {sensor, identity, verified: None, or its errors on fresh presses}, watch (None, or
-        see `SensorWatch.status`), error (text or None) and camera (what the camera says).
+        same names), calibration {sensor, identity, verified: None, or its errors on fresh presses, force: None, or its
+        constant and errors}, watch (None, or see `SensorWatch.status`), error (text or None) and camera (what the
+        camera says).
         """
         result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {
@@ -356,6 +366,7 @@ class Daemon:
                 "sensor": used.bundle.manifest.sensor,
                 "identity": used.bundle.identity,
                 "verified": used.verified,
+                "force": used.force,
             },
             "watch": used.watch.status() if used.watch else None,
             "error": self._threads.problem or camera.get("why"),

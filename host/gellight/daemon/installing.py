@@ -18,10 +18,13 @@ from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.setting import Setting
 from gellight.frames.camera import Camera
+from gellight.frames.picture import steps_of
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import Configuration
+from gellight.sensor.set_and_light import SETTLING_FRAMES
+from gellight.watch.other_unit import UnitCheck
 
 DARK_WITHIN_S = 5.0
 """a board darkens its LEDs in a millisecond; an emulated one on a busy machine takes longer"""
@@ -60,8 +63,9 @@ def install(
     """Put a bundle into service for the sensor whose serial number or name is `sensor`.
 
     running: the stream that takes the bundle over; without one, `camera` is set and lit as the bundle says. camera: of
-    the sensor, whose board remembers the bundle. Raises BundleError for a bundle of another sensor, one that was not
-    verified or not well enough, or one that the running sensor cannot use, and where the disk refuses it; BoardError or
+    the sensor, whose board remembers the bundle. Raises BundleError for a bundle of another sensor (by name or, where
+    it does not run, by its picture), one that was not verified or not well enough, or one that the running sensor
+    cannot use, and where the disk refuses it; BoardError or
     CameraError where board or camera do not answer. After any error the running bundle, the one in service, the setting
     of the camera and the memory of the board are as before; where that could not be done, the error says what is where.
     """
@@ -96,6 +100,7 @@ def _serve(
         elif camera is not None:
             before = Setting.said_by(bundle).apply(camera)
             made.append((f"camera and LEDs are set as bundle {bundle.identity} says", partial(before.apply, camera)))
+            refuse_other_unit(bundle, camera)
         if ring is not None:
             known = ring.configuration().bundle
             made.append((f"the board may remember bundle {bundle.identity}", partial(remember, ring, known)))
@@ -131,6 +136,20 @@ def check_sensor(bundle: Bundle, sensor: str) -> None:
             f"{bundle.source} is the bundle of sensor {bundle.manifest.sensor!r}, this is {sensor!r}: nothing was "
             "replaced; calibrate this sensor, or give the bundle of this one"
         )
+
+
+def refuse_other_unit(bundle: Bundle, camera: Camera) -> None:
+    """Raise BundleError where a camera, which is set and lit as the bundle says, shows another unit.
+
+    Pictures of another size than the bundle's cannot be compared, nor those of files, which are used up by reading.
+    """
+    if camera.waits:
+        return
+    for _ in range(SETTLING_FRAMES):
+        camera.read()
+    image, steps = camera.read().image, steps_of(bundle)
+    if image.shape[:2] == (steps.taken_shape if steps else bundle.image_shape):
+        UnitCheck(bundle).refuse(steps.apply(image, camera.url) if steps else image)
 
 
 def remember(ring: LightRing, identity: bytes) -> None:

@@ -17,7 +17,8 @@ The header names each plane with its offset (from the first plane) and its lengt
     contact     contact patch, one bit a pixel, rows joined without padding, highest bit first; raw deflate
     truth       like depth: the true depth map. Only a simulated sensor knows it; else the plane is not there
 
-The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`.
+The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`. Its `force`
+holds `normal_n`, `error_n` and `flags` (see `measures.Force`), or is null where the bundle has no constant for it.
 
 The page makes the rest itself. The difference image is the image minus the reference image, which the header names
 (`reference`) and the page fetches once, minus the header's `light_drift`. Slopes and normals are those of the depth
@@ -97,6 +98,7 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "indentation_mm": float(contact.indentation_mm),
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
+        "force": frame.force.as_json() if frame.force else None,
         "contacts": [vars(patch) for patch in _patches(frame, pixel_size_mm)],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},

@@ -7,6 +7,7 @@ the whole process: it also counts a second thread that a linear-algebra library 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -73,31 +74,41 @@ class Machine:
 
 
 def frame_times(
-    bundle: Bundle, *, rounds: int = 15, threads: int = 1, press: NDArray[np.uint8] | None = None
+    bundle: Bundle,
+    *,
+    rounds: int = 15,
+    threads: int = 1,
+    press: NDArray[np.uint8] | None = None,
+    untouched: NDArray[np.uint8] | None = None,
 ) -> list[FrameTimes]:
     """Time frames at rest, with 21 % of the view touched, with all of it, smooth and steep, and a picture of a press.
 
     The scenes are tinted by their slopes, as under three coloured lights. In the size of the bundle and in half of it
-    along each axis, unless the bundle has a lens. threads: of the network. press: in the size of the bundle.
+    along each axis, unless the bundle has a lens. threads: of the network. press: in the size of the bundle, or in any
+    with a picture of the same gel untouched.
     """
     machine = measure_machine()
+    tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
+    if press is not None:
+        tasks.append((bundle if untouched is None else over(bundle, untouched), {"press": press}))
     times = []
-    for sized in [bundle] if has_lens(bundle) else [bundle, halved(bundle)]:
+    for sized, pictures in tasks:
         contest = _Contest(sized, threads, machine)
-        pictures = scenes(sized)
-        if press is not None and sized is bundle:
-            pictures["press"] = press
         times += [contest.run(name, picture, rounds) for name, picture in pictures.items()]
     return times
 
 
 def halved(bundle: Bundle) -> Bundle:
     """Return a bundle for every other pixel; good for times, not for depths."""
-    reference = np.ascontiguousarray(bundle.reference[::2, ::2])
+    return over(bundle, bundle.reference[::2, ::2])
+
+
+def over(bundle: Bundle, reference: NDArray[Any]) -> Bundle:
+    """Return a bundle with another (H, W, 3) reference image of any size; good for times, not for depths."""
     height, width = reference.shape[:2]
     size = {"image_width_px": width, "image_height_px": height}
-    smaller = replace(bundle, manifest=bundle.manifest.model_copy(update=size))
-    return smaller.with_reference(reference, frames=bundle.manifest.reference_frames)
+    other = replace(bundle, manifest=bundle.manifest.model_copy(update=size))
+    return other.with_reference(np.ascontiguousarray(reference, np.float32), frames=bundle.manifest.reference_frames)
 
 
 def scenes(bundle: Bundle) -> dict[str, NDArray[np.uint8]]:

@@ -1,6 +1,7 @@
 """What travels through the host: frames, and the camera as a promise.
 
 frames.py          CameraFrame, ExposureSeries, TactileFrame, Contact; how a frame is judged where the truth is known
+measures.py        what is computed of a tactile frame when somebody asks: force, confidence
 camera.py          what every camera promises
 camera_wrapper.py  the base of cameras that stand in front of another
 timing.py          when a camera exposes its rows

@@ -11,10 +11,13 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gellight.frames.measures import Confidence, Force, FrameMeasures
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -246,10 +249,20 @@ class TactileFrame:
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)
     """wall time of each stage of the frame path"""
-    flags: tuple[str, ...] = ()
-    """what was done to the maps beyond the usual; `levelled`: a tilt of the whole surface was taken off"""
     provenance: Provenance | None = None
     """None where no daemon ran, as for the images of `gellight reconstruct`"""
+    measures: FrameMeasures | None = field(default=None, repr=False)
+    """computes the properties below when they are first asked for"""
+
+    @cached_property
+    def force(self) -> Force | None:
+        """The normal force, N, and the pressure map; None where the sensor's bundle has no constant for it."""
+        return self.measures.force(self.depth_mm) if self.measures else None
+
+    @cached_property
+    def confidence(self) -> Confidence | None:
+        """How far each pixel is to be believed, and why not; None for frames under another light, without depth."""
+        return self.measures.confidence(self.camera_frame.image, self.gradient_map) if self.measures else None
 
     def with_dropped(self, dropped: int) -> Self:
         """Return the same frame, whose maps are not copied, with another count of frames dropped before it."""

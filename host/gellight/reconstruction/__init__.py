@@ -9,14 +9,18 @@ linearised.py    the same from the network and its Jacobian at the means of cell
 network_session.py  the network in ONNX Runtime
 jacobian.py      the network that also answers its Jacobian, made from the file of the bundle
 at_rest.py       where the gel is at rest
-tilt.py          the tilt of the whole surface, taken off where rest is seen on three sides
 pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it
+fine_pattern.py  what tells one unit from another
 smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched
+confidence.py    how far each pixel is to be believed
+force.py         depth map to force and pressure
+force_file.py    its constant, in a bundle
+measures.py      what a bundle says of a frame when somebody asks
 native/          the frame path in C, for the processors it is built for
 lens/            the distortion of a lens, taken out of the gradient map
 photometric/     slopes measured from several exposures instead of learnt

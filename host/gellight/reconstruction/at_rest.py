@@ -1,7 +1,5 @@
 """Where the gel is at rest, so that depth can be counted from there."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -26,11 +24,11 @@ def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(free & far[rows[:, None], columns[None, :]])
 
 
-def far_cells(free: NDArray[np.bool_], share: float = 0.25) -> NDArray[np.bool_]:
-    """Mark the farthest quarter, or another share, of the free (h, w) cells; all of them where no cell is touched."""
+def far_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the farthest quarter of the free (h, w) cells; all of them where no cell is touched."""
     if free.all() or not free.any():
         return free
     distance = ndimage.distance_transform_cdt(free, metric="chessboard")
     distances = distance[free]
-    place = math.ceil((1 - share) * (distances.size - 1))  # of the upper quartile among them, in ascending order
+    place = -(-3 * (distances.size - 1) // 4)  # of the upper quartile among them, in ascending order
     return np.asarray(distance >= max(1, np.partition(distances, place)[place]))

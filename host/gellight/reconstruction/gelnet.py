@@ -114,10 +114,13 @@ class GradientNetwork:
     def gentle_slopes(self, difference: Floats) -> Floats:
         """Slopes (H, W, 2) from the means of 8 x 8 pixels, linear in between."""
         means = cell_means(difference, COARSE_PX)
-        slopes = self.infer(means.reshape(-1, 3), self.coarse_position) - self.coarse_zero
+        return self.spread(self.infer(means.reshape(-1, 3), self.coarse_position) - self.coarse_zero)
+
+    def spread(self, slopes: Floats) -> Floats:
+        """Slopes (h * w, 2) of all means of 8 x 8 pixels to those of pixels (H, W, 2), linear in between."""
         to_rows, to_columns = self._to_pixels
-        tall: Floats = to_rows @ slopes.reshape(means.shape[0], -1)
-        return to_columns @ tall.reshape(len(to_rows), means.shape[1], 2)
+        tall: Floats = to_rows @ slopes.reshape(to_rows.shape[1], -1)
+        return to_columns @ tall.reshape(len(to_rows), -1, 2)
 
     def infer(self, pixels: Floats, position: Floats, chosen: NDArray[np.intp] | None = None) -> Floats:
         """Run (N, 3) differences at (N, 2) positions, or the chosen ones of them, in blocks."""

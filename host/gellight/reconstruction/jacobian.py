@@ -124,7 +124,11 @@ class _Backwards:
     def _through_function(self, node: NodeProto) -> None:
         answer = self._only_column(str(node.output[0]))
         square = self._node("Mul", answer, answer)
-        self._multiply(self._node("Sub" if node.op_type == "Tanh" else "Add", self._one, square))
+        slope = self._node("Sub" if node.op_type == "Tanh" else "Add", self._one, square)
+        if self._value == self._one:  # to multiply a column by one number takes as long as a whole layer's product
+            self._value = slope
+        else:
+            self._multiply(slope)
 
     def _only_column(self, value: str) -> str:
         """Before the last layer there is one column a slope; of hidden layers all columns count."""

@@ -9,15 +9,23 @@ This is exact for a network g that is quadratic in the mean colour and linear ar
 noise, white as it came, so what follows (smoothing, and the measure of the noise in it) works as without cells. A
 mean of the cell alone would not do: neighbours would share noise, and the smoothing would take it for the surface.
 
-A pixel that differs from the mean around it by more than a limit goes through the network itself. Against all pixels
-one by one the normals of a ball differ by 0.002 degrees in the mean (0.05 at most), the depth by 0.1 micrometres.
+A pixel that differs from the mean around it by more than a limit goes through the network itself.
+
+The network is not asked at every cell either. Where a cell differs by no more than that from the blocks of 2 x 2
+cells around, its own answer is blended from theirs by the same formula, with m_i of the cell in the place of d. Where
+nothing touches, blocks have J m with the Jacobian at no difference. A ball takes a fifth of the questions, and the
+error stays: against all pixels one by one normals differ by 0.003 degrees in the mean (0.04 at most), the depth by
+0.18 micrometres (0.95 at most).
 """
+
+import itertools
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork, cell_means
+from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, cell_means
 from gellight.reconstruction.network_session import JacobianSession
 
 Floats = NDArray[np.float32]
@@ -46,15 +54,18 @@ class CellNetwork:
         """(h * w, 2) x and y, px"""
         self.zero = network.infer(np.zeros((len(middle), 3), np.float32), self.middle)
         """(h * w, 2) what the network answers there to no difference"""
+        nothing = np.zeros((len(network.coarse_position), 3), np.float32)
+        self.at_rest = self._answer(np.concatenate([nothing, network.coarse_position], axis=1))[1]
+        """(h2 * w2, 6) Jacobian at no difference, at the means of 8 x 8 pixels"""
 
     def gradient_map(self, difference: Floats, cells: Bools) -> Floats:
         """Turn a (H, W, 3) difference image into (H, W, 2) slopes; cells: what `touched_cells` marked, not empty.
 
-        Outside the cells the slopes are those of `GradientNetwork.gradient_map`.
+        Outside the cells the slopes are those of `GradientNetwork.gradient_map`, but for what `_gentle_slopes` says.
         """
         gentle = not cells.all()
-        slopes = self.network.gentle_slopes(difference) if gentle else np.empty((*difference.shape[:2], 2), np.float32)
-        near = cv2.dilate(cells.view(np.uint8), _NEIGHBOURS).view(np.bool_)
+        slopes = self._gentle_slopes(difference) if gentle else np.empty((*difference.shape[:2], 2), np.float32)
+        near = _widened(cells)
         box, window = _box(near, difference.shape[:2])
         planes = self._planes(cell_means(difference, CELL_PX), near)[box]
         mask = _spread(cells[box], difference[window].shape[:2])
@@ -64,24 +75,43 @@ class CellNetwork:
         self._single(slopes, difference, (rows + window[0].start) * difference.shape[1] + columns + window[1].start)
         return slopes
 
-    def answer(self, rows: Floats, chosen: NDArray[np.intp]) -> tuple[Floats, Floats]:
-        """Return slope less zero (N, 2) and Jacobian (N, 6) of (N, 5) rows, the middles of the chosen cells."""
+    def _gentle_slopes(self, difference: Floats) -> Floats:
+        """Slopes (H, W, 2) from the means m of 8 x 8 pixels: J m with J at no difference, as most of them are small."""
+        means = cell_means(difference, COARSE_PX).reshape(-1, 3)
+        slopes = (self.at_rest.reshape(-1, 2, 3) * means[:, None]).sum(axis=2)
+        network, strong = self.network, np.flatnonzero((np.abs(means) > LIMIT_GREY).any(axis=1))
+        asked = network.infer(means, network.coarse_position, strong)
+        slopes[strong] = asked - np.take(network.coarse_zero, strong, axis=0)
+        return network.spread(slopes)
+
+    def _planes(self, means: Floats, near: Bools) -> Floats:
+        """(h, w, 11): g - J m / 2 of both slopes, the mean m of three channels, and J; 0 where a cell is not near."""
+        blocks, network = cell_means(means, 2), self.network
+        steep = near & _far_from_blocks(means, blocks)
+        planes = self._asked(means, steep, self.middle, self.zero)
+        gentle = near & ~steep
+        if gentle.any():
+            around = self._asked(blocks, _widened(_joined(gentle)), network.coarse_position, network.coarse_zero)
+            planes[gentle] = _from_blocks(around, means)[gentle]
+        return planes
+
+    def _asked(self, means: Floats, chosen: Bools, middle: Floats, zero: Floats) -> Floats:
+        """(h, w, 11) planes of the chosen ones of (h, w) cells or blocks, from the network; 0 elsewhere."""
+        planes = np.zeros((*means.shape[:2], 11), np.float32)
+        at = np.flatnonzero(chosen)
+        mean = np.take(means.reshape(-1, 3), at, axis=0)
+        slopes, jacobian = self._answer(np.concatenate([mean, middle[at]], axis=1))
+        slopes -= np.take(zero, at, axis=0) + (jacobian.reshape(-1, 2, 3) * mean[:, None]).sum(axis=2) / 2
+        planes.reshape(-1, 11)[at] = np.concatenate([slopes, mean, jacobian], axis=1)
+        return planes
+
+    def _answer(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Slopes (N, 2) and Jacobian (N, 6) of (N, 5) rows."""
         slopes, jacobian = np.empty((len(rows), 2), np.float32), np.empty((len(rows), 6), np.float32)
         for start in range(0, len(rows), BLOCK_CELLS):
             block = slice(start, start + BLOCK_CELLS)
             slopes[block], jacobian[block] = self.jacobian.answer(rows[block])
-        slopes -= np.take(self.zero, chosen, axis=0)
         return slopes, jacobian
-
-    def _planes(self, means: Floats, near: Bools) -> Floats:
-        """(h, w, 11): g - J m / 2 of both slopes, the mean m of three channels, and J; 0 where a cell is not near."""
-        chosen = np.flatnonzero(near)
-        mean = np.take(means.reshape(-1, 3), chosen, axis=0)
-        slopes, jacobian = self.answer(np.concatenate([mean, self.middle[chosen]], axis=1), chosen)
-        slopes -= (jacobian.reshape(-1, 2, 3) * mean[:, None]).sum(axis=2) / 2
-        planes = np.zeros((*self.shape, 11), np.float32)
-        planes.reshape(-1, 11)[chosen] = np.concatenate([slopes, mean, jacobian], axis=1)
-        return planes
 
     def _single(self, slopes: Floats, difference: Floats, chosen: NDArray[np.intp]) -> None:
         """Replace the slopes of the chosen pixels by what the network answers to them."""
@@ -102,9 +132,35 @@ def _blend(planes: Floats, difference: Floats, limit: float) -> tuple[Floats, Bo
     return slopes, cv2.inRange(from_mean, (-limit,) * 3, (limit,) * 3) == 0
 
 
-def _between(cells: Floats, shape: tuple[int, ...]) -> Floats:
+def _far_from_blocks(means: Floats, blocks: Floats) -> Bools:
+    """Mark (h, w, 3) cells that differ by more than `LIMIT_GREY` from one of the four blocks they are blended from."""
+    far = np.zeros(means.shape[:2], np.bool_)
+    (above, below), (left, right) = (
+        [np.clip((np.arange(n) + step) // 2, 0, size - 1) for step in (-1, 1)]
+        for n, size in zip(means.shape[:2], blocks.shape[:2], strict=True)
+    )
+    for rows, columns in itertools.product((above, below), (left, right)):
+        far |= (np.abs(means - blocks[rows[:, None], columns]) > LIMIT_GREY).any(axis=2)
+    return far
+
+
+def _from_blocks(blocks: Floats, means: Floats) -> Floats:
+    """Planes of blocks (h2, w2, 11) to those of the cells in them, whose means (h, w, 3) are known."""
+    planes = _between(blocks, means.shape, 2)
+    away = (means - planes[..., 2:5])[..., None, :] / 2
+    planes[..., :2] += (planes[..., 5:].reshape(*means.shape[:2], 2, 3) * away).sum(axis=3)
+    planes[..., 2:5] = means
+    return planes
+
+
+def _widened(cells: Bools) -> Bools:
+    """Cells, and their eight neighbours."""
+    return cv2.dilate(cells.view(np.uint8), _NEIGHBOURS).view(np.bool_)
+
+
+def _between(cells: Floats, shape: tuple[int, ...], side: int = CELL_PX) -> Floats:
     """(h, w, k) values at the middles of cells to (H, W, k), linear in between; beyond the outermost they continue."""
-    size = cells.shape[1] * CELL_PX, cells.shape[0] * CELL_PX
+    size = cells.shape[1] * side, cells.shape[0] * side
     return np.asarray(cv2.resize(np.ascontiguousarray(cells), size)[: shape[0], : shape[1]], np.float32)
 
 
@@ -116,6 +172,12 @@ def _box(near: Bools, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], tupl
     return box, (rows, columns)
 
 
-def _spread(cells: Bools, shape: tuple[int, ...]) -> Bools:
-    """(h, w) cells to the (H, W) pixels in them."""
-    return np.repeat(np.repeat(cells, CELL_PX, axis=0), CELL_PX, axis=1)[: shape[0], : shape[1]]
+def _spread(cells: NDArray[Any], shape: tuple[int, ...], side: int = CELL_PX) -> NDArray[Any]:
+    """(h, w, ...) cells to the (H, W, ...) pixels in them."""
+    return np.repeat(np.repeat(cells, side, axis=0), side, axis=1)[: shape[0], : shape[1]]
+
+
+def _joined(cells: Bools) -> Bools:
+    """(h, w) cells to the blocks of 2 x 2 that they lie in."""
+    even = np.pad(cells, [(0, n % 2) for n in cells.shape])
+    return even[::2, ::2] | even[1::2, ::2] | even[::2, 1::2] | even[1::2, 1::2]

@@ -9,14 +9,13 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import integrate, rest_level
+from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
 from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Smoother
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages, tactile_frame
-from gellight.reconstruction.tilt import LEAST_REST_GREY, LEVELLED, take_tilt_off
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -63,14 +62,13 @@ class NumpyPath:
         if self._undistortion is not None:
             slopes, touched = self._undistortion.apply(slopes, touched)
             stages.end("lens")
-        depth_mm, flags = self._depth(slopes, touched)
+        depth_mm = self._depth(slopes, touched)
         stages.end("depth")
         where = touched if self._masked else None
         gradient_map = self._smoother.of_surface(depth_mm, self._bundle.pixel_size_mm, slopes, noise, where=where)
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
-        size_mm = self._bundle.pixel_size_mm
-        return tactile_frame(camera_frame, difference, gradient_map, depth_mm, size_mm, stages, flags=flags)
+        return tactile_frame(camera_frame, difference, gradient_map, depth_mm, self._bundle.pixel_size_mm, stages)
 
     def _slopes(self, difference: Floats, cells: Bools, touched: Bools) -> Floats:
         if not self._masked:
@@ -79,12 +77,7 @@ class NumpyPath:
             return self._network.gradient_map(difference, touched)
         return self._cells.gradient_map(difference, cells)
 
-    def _depth(self, slopes: Floats, touched: Bools) -> tuple[Floats, tuple[str, ...]]:
-        """Integrate; also return the flags of the frame."""
-        manifest, at_rest = self._bundle.manifest, far_from_touch(touched)
-        depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=at_rest, bulge=manifest.bulge)
-        depth_mm = depth_mm.astype(np.float32, copy=False)
-        if manifest.rest_grey < LEAST_REST_GREY or not take_tilt_off(depth_mm, touched):
-            return depth_mm, ()
-        depth_mm -= rest_level(depth_mm, at_rest, manifest.bulge)
-        return depth_mm, (LEVELLED,)
+    def _depth(self, slopes: Floats, touched: Bools) -> Floats:
+        manifest = self._bundle.manifest
+        depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=far_from_touch(touched), bulge=manifest.bulge)
+        return depth_mm.astype(np.float32, copy=False)

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from dataclasses import replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -15,6 +16,7 @@ from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.linearised import CellNetwork
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
@@ -78,6 +80,7 @@ class Reconstructor:
         """
         self.bundle = bundle
         self.masked = masked
+        self._measures = BundleMeasures(bundle)
         self._network = GradientNetwork(
             bundle.network,
             bundle.image_shape,
@@ -117,7 +120,7 @@ class Reconstructor:
         that is touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
         self.check(camera_frame)
-        return self._path.reconstruct(camera_frame)
+        return replace(self._path.reconstruct(camera_frame), measures=self._measures)
 
     def status(self) -> dict[str, object]:
         """Return the mode and what computes, ready for JSON."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, TactileFrame
+from gellight.frames.measures import FrameMeasures
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.integration import normals
 
@@ -25,9 +26,9 @@ class NetworkRows:
     """How often the network was asked for one frame; 0 where nobody counts."""
 
     coarse: int = 0
-    """means of 8 x 8 pixels, where nothing touches"""
+    """means of 8 x 8 pixels where nothing touches, if the Jacobian at no difference does not do"""
     cells: int = 0
-    """means of 4 x 4 pixels, with the Jacobian"""
+    """means of 4 x 4 and 8 x 8 pixels near a touch, with the Jacobian"""
     pixels: int = 0
 
 
@@ -97,7 +98,7 @@ def tactile_frame(
     pixel_size_mm: tuple[float, float],
     stages: Stages,
     exposures: ExposureReport | None = None,
-    flags: tuple[str, ...] = (),
+    measures: FrameMeasures | None = None,
 ) -> TactileFrame:
     """Do the last two stages, normals and contact, and put the frame together."""
     normal_map = normals(gradient_map)
@@ -113,5 +114,5 @@ def tactile_frame(
         contact=contact,
         exposures=exposures,
         stage_seconds=stages.seconds,
-        flags=flags,
+        measures=measures,
     )

@@ -72,6 +72,9 @@ class ContactInfo(StrictModel):
     indentation_mm: float
     area_mm2: float
     centroid_mm: tuple[float, float] | None
+    force_n: float | None = None
+    """normal force; None where the bundle has no constant for it"""
+    force_error_n: float | None = None
 
 
 class RecordingWriter:
@@ -112,6 +115,8 @@ class RecordingWriter:
             indentation_mm=contact.indentation_mm,
             area_mm2=contact.area_mm2,
             centroid_mm=contact.centroid_mm,
+            force_n=frame.force.normal_n if frame.force else None,
+            force_error_n=frame.force.error_n if frame.force else None,
         )
         image = depth_image(frame.depth_mm, self.depth)
         topic = DEPTH if self.depth is DepthKind.FLOAT32 else DEPTH_16

@@ -1,15 +1,13 @@
 """Sessions of zenoh, the transport between programs: who may reach whom, and under which keys.
 
 gellight/<name>/frame    every tactile frame, see wire.py
+gellight/<name>/note     where the same frame lies, for readers on this computer, see shared_memory.py
 gellight/<name>/call     questions and commands, see calls.py
 gellight/<name>/alive    liveliness: it is there as long as the daemon is
 """
 
 import json
-import logging
-import os
 import socket
-import sys
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -19,9 +17,7 @@ from urllib.parse import quote, unquote, urlsplit
 import zenoh
 
 from gellight.base.errors import StreamError
-from gellight.stream import shared_memory
 
-logger = logging.getLogger(__name__)
 LAN_PORT, LAN_PORTS = 7447, 16
 """where daemons listen for other computers: the first of so many ports that is free"""
 SCOUT_S = 1.5
@@ -30,7 +26,7 @@ CONNECT_MS = 3000
 
 
 def key(name: str, part: str) -> str:
-    """Return the key expression of a part of a sensor: frame, call or alive; any name becomes one piece of a key."""
+    """Return the key expression of a part of a sensor, such as frame; any name becomes one piece of a key."""
     return f"gellight/{quote(name, safe='')}/{part}"
 
 
@@ -114,13 +110,9 @@ def _settings(config: Path | None) -> zenoh.Config:
 
 
 def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Session:
-    """Open a session with these settings; shared memory is used wherever both sides can."""
-    # Without the folder zenoh would open nothing at all, as in some containers and small Linux systems.
-    shared = sys.platform != "linux" or os.access(shared_memory.PLACE, os.W_OK)
-    if not shared:
-        logger.warning("%s cannot be written: frames go through the network, which costs more", shared_memory.PLACE)
-    both = {"scouting/multicast/enabled": False, **given, "transport/shared_memory/enabled": shared}
-    for name, value in both.items():
+    """Open a session with these settings, without zenoh's shared memory: see shared_memory.py."""
+    own = {"scouting/multicast/enabled": False, **given, "transport/shared_memory/enabled": False}
+    for name, value in own.items():
         settings.insert_json5(name, json.dumps(value))
     try:
         return zenoh.open(settings)

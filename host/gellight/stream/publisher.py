@@ -1,14 +1,16 @@
 """Publishes the frames of a running daemon to other programs, and answers their calls.
 
 A thread of its own takes the newest frame and sends it, as long as somebody subscribes. Who reads too slowly, or not at
-all, loses frames and slows neither the sensor nor the other readers. Readers on this computer get frames through shared
-memory, others over the network.
+all, loses frames and slows neither the sensor nor the other readers. Readers on this computer get a note of where the
+frame lies in memory that they share, others the frame itself over the network.
 """
 
 import logging
 import threading
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import Self
 from urllib.parse import urlsplit
@@ -23,7 +25,7 @@ from gellight.stream.calls import answer, read_call
 from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
-from gellight.stream.shared_memory import SharedMemory
+from gellight.stream.shared_memory import FrameMemory
 from gellight.stream.wire import MOST_DETAILS, encoded
 
 logger = logging.getLogger(__name__)
@@ -46,7 +48,8 @@ class Publisher:
         """Publish `daemon` under `name`, by default that of its sensor; the rest: `network.publishing_session`."""
         self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
         self._until = ExitStack()
-        self._wanted, self._memory = threading.Event(), SharedMemory()
+        self._wanted, self._read_parts = threading.Event(), set[str]()
+        self._memory: FrameMemory | None = None
         self._held: tuple[object, ...] = ()
         """zenoh withdraws what nobody holds"""
         self.name = ""
@@ -62,16 +65,13 @@ class Publisher:
             self.lan_port = free_lan_port() if self._lan else 0
             session, endpoint = publishing_session(lan=self._lan, config=self._config, lan_port=self.lan_port)
             stack.callback(close, session)
+            self._memory = self._shared(stack)
             self.name = name = stack.enter_context(self._announced(endpoint)).name
-            publisher = session.declare_publisher(
-                key(name, "frame"), congestion_control=zenoh.CongestionControl.DROP, encoding="application/x-gellight"
-            )
-            publisher.declare_matching_listener(self._note_readers)
+            self._publishers = {part: self._publisher(session, part) for part in ("frame", "note")}
             self._workers = ThreadPoolExecutor(1, thread_name_prefix="calls")
             stack.callback(self._workers.shutdown, wait=True, cancel_futures=True)
             calls = session.declare_queryable(key(name, "call"), lambda one: self._workers.submit(self._answer, one))
             self._held = calls, session.liveliness().declare_token(key(name, "alive"))
-            self._publisher = publisher
             stack.enter_context(sending(self._daemon, "publish", self._send, lambda: self._wanted.wait(POLL_S)))
             self._until = stack.pop_all()
         return self
@@ -80,20 +80,50 @@ class Publisher:
         """Stop publishing; readers learn that the daemon is gone."""
         self._until.close()
 
+    def _shared(self, stack: ExitStack) -> FrameMemory | None:
+        """Return memory for readers on this computer; None where the system has none: they use the network."""
+        with suppress(OSError):
+            memory = FrameMemory()
+            stack.callback(memory.close)
+            return memory
+        return None
+
+    def _publisher(self, session: zenoh.Session, part: str) -> zenoh.Publisher:
+        publisher = session.declare_publisher(
+            key(self.name, part), congestion_control=zenoh.CongestionControl.DROP, encoding="application/x-gellight"
+        )
+        publisher.declare_matching_listener(partial(self._note_readers, part))
+        return publisher
+
     def _announced(self, endpoint: str) -> AbstractContextManager[RunningDaemon]:
         camera = self._daemon.camera
         numbered = not (self._asked or own_name(camera))
-        return announced(self._asked or name_of_sensor(camera), endpoint, camera.url, numbered=numbered)
+        memory = self._memory.path if self._memory else ""
+        name = self._asked or name_of_sensor(camera)
+        return announced(name, endpoint, camera.url, memory=memory, numbered=numbered)
 
-    def _note_readers(self, status: zenoh.MatchingStatus) -> None:
-        if status.matching:
+    def _note_readers(self, part: str, status: zenoh.MatchingStatus) -> None:
+        (self._read_parts.add if status.matching else self._read_parts.discard)(part)
+        if self._read_parts:
             self._wanted.set()
         else:
             self._wanted.clear()
 
     def _send(self, frame: TactileFrame) -> None:
-        self._publisher.put(self._memory.holding(encoded(frame)))
+        pieces = encoded(frame)
+        if "note" in self._read_parts:
+            self._publishers["note"].put(self._noted(pieces))
+        if "frame" in self._read_parts:
+            self._publishers["frame"].put(b"".join(pieces))
         self.frames += 1
+
+    def _noted(self, pieces: Sequence[bytes | memoryview]) -> bytes:
+        """Return a note of the frame, or the frame itself where there is no memory for it."""
+        try:
+            return self._memory.write(pieces) if self._memory else b"".join(pieces)
+        except OSError as error:
+            logger.warning("no shared memory (%s): a frame goes over the network", error.strerror)
+            return b"".join(pieces)
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:

@@ -35,12 +35,14 @@ class RunningDaemon(StrictModel):
     """where subscribers connect to, as zenoh writes it: `tcp/127.0.0.1:PORT`"""
     sensor: str
     """URL that it was opened with"""
+    memory: str
+    """of its frames, see shared_memory.py; empty where there is none"""
     process: int
     since_unix_s: float
 
 
 @contextmanager
-def announced(name: str, endpoint: str, sensor: str, *, numbered: bool) -> Iterator[RunningDaemon]:
+def announced(name: str, endpoint: str, sensor: str, *, memory: str = "", numbered: bool) -> Iterator[RunningDaemon]:
     """Announce the daemon of this process under `name`, as long as the context lasts.
 
     numbered: where another one has the name, take NAME-2, NAME-3, ...: there may be several, as of simulated sensors.
@@ -49,7 +51,7 @@ def announced(name: str, endpoint: str, sensor: str, *, numbered: bool) -> Itera
     handle, free = _locked(name, numbered)
     with handle:
         daemon = RunningDaemon(
-            name=free, endpoint=endpoint, sensor=sensor, process=os.getpid(), since_unix_s=time.time()
+            name=free, endpoint=endpoint, sensor=sensor, memory=memory, process=os.getpid(), since_unix_s=time.time()
         )
         handle.truncate(0)
         handle.write(daemon.model_dump_json())

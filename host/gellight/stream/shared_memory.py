@@ -1,70 +1,133 @@
-"""Memory that publisher and readers on the same computer share, so that a frame need not go through the network."""
+"""Frames for readers on the same computer: memory that the publisher writes and that its readers map.
 
-import logging
+The memory has PLACES places, which are filled in turn, and before them a table with the number of the message in each.
+A reader gets a note over the network: where the message lies and its number. The publisher clears the number of a place
+long before it writes there, one frame ahead; a reader copies the message and then compares the number, so it never
+takes a message that was written over meanwhile.
+
+The memory is a file without a name (Linux), which programs of the same user open through /proc. It is gone with the
+last program that uses it, however that ends, and needs no room in /dev/shm. Zenoh's own shared memory is not used: a
+reader keeps the memory of every publisher that it ever met, locked, until the reader ends.
+"""
+
+import mmap
 import os
-from collections.abc import Iterable, Sequence
+import struct
+from collections.abc import Sequence
+from pathlib import Path
 
-import zenoh
-from zenoh import shm
+from gellight.base.errors import StreamError
 
-logger = logging.getLogger(__name__)
-FRAMES = 8
-"""that may be under way at a time"""
-PLACE = "/dev/shm"
-STEP_BYTES = 1 << 18
+PLACES = 16
+"""messages that a reader may be behind"""
+NAME = "gellight-frames"
+NOTE = struct.Struct("<QQQ")
+"""where the message begins, its bytes, its number"""
+NUMBER = struct.Struct("<Q")
 
 
-class SharedMemory:
-    """A pool for messages, made when the first one comes; where there is no room they are sent as they are."""
+class OverwrittenError(Exception):
+    """The message has made room for a newer one."""
+
+
+def _number(places: mmap.mmap, message: int, number: int) -> None:
+    """Set the number of the place of a message."""
+    NUMBER.pack_into(places, message % PLACES * NUMBER.size, number)
+
+
+class FrameMemory:
+    """The publisher's side."""
 
     def __init__(self) -> None:
-        """Start without a pool."""
-        self._provider: shm.ShmProvider | None = None
-        self._size = 0
+        """Make memory that is still empty; OSError where the system cannot."""
+        if not hasattr(os, "memfd_create"):
+            raise OSError("files without a name are Linux's")
+        self._file = os.memfd_create(NAME)
+        self.path = f"/proc/{os.getpid()}/fd/{self._file}"
+        self._map: mmap.mmap | None = None
+        self._place_bytes = 0
+        self._number = 0
 
-    def holding(self, pieces: Sequence[bytes | memoryview]) -> zenoh.ZBytes:
-        """Return a message, given in pieces, in shared memory; on its own while all of the memory is in use."""
+    def write(self, pieces: Sequence[bytes | memoryview]) -> bytes:
+        """Write a message, given in pieces; return the note of it. OSError where the system has too little memory."""
         size = sum(map(len, pieces))
-        if size > self._size:
-            self._provider, self._size = _pool(size), size
-        if self._provider is None:
-            return zenoh.ZBytes(b"".join(pieces))
-        try:
-            room = self._provider.alloc(size, policy=shm.GarbageCollect(shm.JustAlloc()))
-        except zenoh.ZError:  # readers that do not read hold all of it
-            return zenoh.ZBytes(b"".join(pieces))
-        _write(room, pieces)
-        return zenoh.ZBytes(room)
+        places = self._with_room(size)
+        self._number += 1
+        _number(places, self._number + 1, 0)
+        end = begin = mmap.PAGESIZE + self._number % PLACES * self._place_bytes
+        for piece in pieces:
+            places[end : end + len(piece)] = piece
+            end += len(piece)
+        _number(places, self._number, self._number)
+        return NOTE.pack(begin, size, self._number)
+
+    def _with_room(self, size: int) -> mmap.mmap:
+        """Return table and places, made larger where a message needs it."""
+        if self._map is None or size > self._place_bytes:
+            place_bytes = -(-size // mmap.PAGESIZE) * mmap.PAGESIZE
+            whole = mmap.PAGESIZE + PLACES * place_bytes
+            # Now rather than page by page: a page that is not to be had later would end the process.
+            os.posix_fallocate(self._file, 0, whole)
+            self._give_back_map()
+            self._map, self._place_bytes = mmap.mmap(self._file, whole), place_bytes
+            for place in range(PLACES):
+                _number(self._map, place, 0)
+        return self._map
+
+    def _give_back_map(self) -> None:
+        if self._map is not None:
+            self._map.close()
+
+    def close(self) -> None:
+        """Give the memory back; readers keep what they have mapped."""
+        self._give_back_map()
+        os.close(self._file)
 
 
-def still_there(message: zenoh.ZBytes) -> bool:
-    """Whether what was read of a message until now is the message.
+class MappedMemory:
+    """A reader's side."""
 
-    The memory of a reader that was stopped for 0.1 s or more may be given to the next message.
-    """
-    shared = message.as_shm()
-    return shared is None or shared.is_valid()
+    def __init__(self, path: str) -> None:
+        """Open the memory at `FrameMemory.path`; OSError where it is not there, or not ours."""
+        if not str(Path(path).readlink()).startswith(f"/memfd:{NAME} "):
+            raise OSError(f"{path} is no memory of frames")
+        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        self._map: mmap.mmap | None = None
 
+    def read(self, note: bytes) -> bytes:
+        """Return the message of a note, or the note itself where it is the message, for which there was no memory.
 
-def _write(room: shm.ZShmMut, pieces: Iterable[bytes | memoryview]) -> None:
-    """Write the pieces one after the other; zenoh takes bytes alone, copied while the cache has them."""
-    at = 0
-    for piece in pieces:
-        for start in range(0, len(piece), STEP_BYTES):
-            step = bytes(piece[start : start + STEP_BYTES])
-            room[at : at + len(step)] = step
-            at += len(step)
+        Raises OverwrittenError where it has made room, StreamError where the note points beyond the memory.
+        """
+        if len(note) != NOTE.size:
+            return note
+        at, size, number = NOTE.unpack(note)
+        places = self._holding(at + size)
+        self._expect(places, number)  # who is late already would be later still for a copy in vain
+        message = places[at : at + size]
+        self._expect(places, number)
+        return message
 
+    @staticmethod
+    def _expect(places: mmap.mmap, number: int) -> None:
+        if NUMBER.unpack_from(places, number % PLACES * NUMBER.size)[0] != number:
+            raise OverwrittenError
 
-def _pool(message_bytes: int) -> shm.ShmProvider | None:
-    """Return a pool of shared memory; None where the system has too little: writing to it would end the process."""
-    wanted = FRAMES * message_bytes
-    try:
-        facts = os.statvfs(PLACE)
-        if facts.f_bavail * facts.f_frsize < 2 * wanted:
-            logger.warning("%s has less than %.0f MB free: frames go through the network", PLACE, 2 * wanted / 1e6)
-            return None
-        return shm.ShmProvider.default_backend(wanted)
-    except (OSError, zenoh.ZError) as error:
-        logger.warning("no shared memory (%s): frames go through the network", error)
-        return None
+    def _holding(self, end: int) -> mmap.mmap:
+        """Return the places, mapped anew where they have grown."""
+        if self._map is None or len(self._map) < end:
+            there = os.fstat(self._file).st_size
+            if there < end:
+                raise StreamError(f"the daemon names byte {end} of a memory of {there}: is it of this version?")
+            self._give_back_map()
+            self._map = mmap.mmap(self._file, there, access=mmap.ACCESS_READ)
+        return self._map
+
+    def _give_back_map(self) -> None:
+        if self._map is not None:
+            self._map.close()
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self._give_back_map()
+        os.close(self._file)

@@ -1,6 +1,7 @@
 """`gellight.subscribe`: the tactile frames of a daemon in another process, on this computer or another one."""
 
 import json
+import logging
 import threading
 import weakref
 from contextlib import suppress
@@ -19,10 +20,11 @@ from gellight.frames.frames import TactileFrame
 from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import RunningDaemon, running
-from gellight.stream.shared_memory import still_there
+from gellight.stream.shared_memory import MappedMemory, OverwrittenError
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
 
+logger = logging.getLogger(__name__)
 TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
 """of zenoh, by the scheme of a URL"""
 LISTENER_S = 2.0
@@ -46,17 +48,18 @@ def subscribe(
     """
     path = Path(config) if config is not None else None
     if "://" in target:
-        endpoint, name = _parsed(target)
+        endpoint, name, memory = *_parsed(target), ""
     elif target == "auto" and not running():
-        endpoint, name = _on_the_lan("", path)
+        endpoint, name, memory = *_on_the_lan("", path), ""
     elif target != "auto" and target not in [daemon.name for daemon in running()]:
-        endpoint, name = _on_the_lan(target, path)
+        endpoint, name, memory = *_on_the_lan(target, path), ""
     else:
         found = _running(target)
-        endpoint, name = found.endpoint, found.name
+        endpoint, name, memory = found.endpoint, found.name, found.memory
     session = subscribing_session(endpoint, config=path)
     try:
-        return Subscription(session, _present(session, name, endpoint), every=every, patience_s=patience_s)
+        name = _present(session, name, endpoint)
+        return Subscription(session, name, memory=memory, every=every, patience_s=patience_s)
     except BaseException:
         close(session)
         raise
@@ -122,44 +125,56 @@ def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     return names[0]
 
 
-def _end(session: zenoh.Session, messages: Mailbox[zenoh.ZBytes | bytes], listening: list[threading.Thread]) -> None:
-    """End a subscription: first who waits for frames, then the session."""
+def _mapped(memory: str) -> MappedMemory | None:
+    """Return the memory of a daemon; None where it has none, or keeps it from this program, as a container may."""
+    try:
+        return MappedMemory(memory) if memory else None
+    except OSError as error:
+        logger.info("frames come over the network: %s", error)
+        return None
+
+
+def _end(
+    session: zenoh.Session,
+    messages: Mailbox[zenoh.ZBytes | bytes],
+    listening: list[threading.Thread],
+    memory: MappedMemory | None,
+) -> None:
+    """End a subscription: first who waits for frames, then the session, then the memory that both read."""
     messages.close(StreamError("the subscription was closed"))
     for thread in listening:
         if thread is not threading.current_thread():
             thread.join(LISTENER_S)
     close(session)
+    if memory:
+        memory.close()
 
 
 class Subscription(FrameSource):
     """The frames of one sensor from another process."""
 
-    def __init__(self, session: zenoh.Session, name: str, *, every: bool, patience_s: float) -> None:
-        """Take over `session`, which is connected to the daemon of the sensor `name`."""
+    def __init__(self, session: zenoh.Session, name: str, *, memory: str, every: bool, patience_s: float) -> None:
+        """Take over `session`, which is connected to the daemon of the sensor `name`; see `RunningDaemon.memory`."""
         super().__init__(patience_s=patience_s)
         self.name, self._session = name, session
-        self._every = every
+        shared, self._every = _mapped(memory), every
+        self._fetch = shared.read if shared else bytes
         self._messages: Mailbox[zenoh.ZBytes | bytes] = Mailbox(BACKLOG if every else 1)
         self._number = 0
         self._bundles: dict[str, Bundle] = {}
         # Called in zenoh's own threads: the interpreter would wait at its end for those that zenoh makes for Python.
         note_frame = Callback(self._note_frame, indirect=False)
         note_presence = Callback(self._note_presence, indirect=False)
-        frames = session.declare_subscriber(key(name, "frame"), note_frame)
+        frames = session.declare_subscriber(key(name, "note" if shared else "frame"), note_frame)
         # Without its history zenoh does not tell a client that a daemon was killed which was there before.
         presence = session.liveliness().declare_subscriber(key(name, "alive"), note_presence, history=True)
         self._held = frames, presence
         # For programs that do not close it.
-        self._ended = weakref.finalize(self, _end, session, self._messages, self._listening)
+        self._ended = weakref.finalize(self, _end, session, self._messages, self._listening, shared)
 
     def _note_frame(self, sample: zenoh.Sample) -> None:
-        if not self._every:
-            self._messages.put(sample.payload)
-            return
-        # What waits is copied: a backlog in shared memory would leave no room for the next frames of all readers.
-        content = sample.payload.to_bytes()
-        if still_there(sample.payload):
-            self._messages.put(content)
+        with suppress(OverwrittenError):  # in memory, what waits for its turn would be written over
+            self._messages.put(self._fetch(sample.payload.to_bytes()) if self._every else sample.payload)
 
     def _note_presence(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
@@ -170,8 +185,8 @@ class Subscription(FrameSource):
     def _take(self, timeout_s: float) -> TactileFrame:
         while True:
             self._number, payload = self._messages.take(self._number, timeout_s)
-            content = bytes(payload)
-            if isinstance(payload, bytes) or still_there(payload):
+            with suppress(OverwrittenError):
+                content = payload if isinstance(payload, bytes) else self._fetch(payload.to_bytes())
                 return decode(content, self._bundle_of)
 
     def _why_none(self) -> str:

@@ -13,14 +13,16 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Provenance, TactileFrame
+from gellight.frames.measures import Force
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.light_drift import difference_of
+from gellight.reconstruction.measures import BundleMeasures
 
 MAGIC = b"GELT"
 VERSION = 1
@@ -59,6 +61,14 @@ class ExposureFigures(StrictModel):
     least_lights: int
 
 
+class ForceFigures(StrictModel):
+    """`Force` without its map, which the reader computes from `depth_mm` and the bundle."""
+
+    normal_n: FiniteFloat
+    error_n: FiniteFloat
+    flags: tuple[str, ...]
+
+
 class Details(StrictModel):
     """What the prefix leaves out, as JSON."""
 
@@ -67,7 +77,7 @@ class Details(StrictModel):
     label: LightLabel | None
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
-    flags: tuple[str, ...] = ()
+    force: ForceFigures | None = None
     provenance: Provenance
 
 
@@ -77,8 +87,9 @@ _DETAILS = TypeAdapter(Details)
 class ReceivedFrame(TactileFrame):
     """A tactile frame from another process. Its arrays cannot be written.
 
-    Normals are computed when they are first asked for. So is the difference image, for which the reference image is
-    fetched from the daemon, once for each zero; StreamError where the zero has changed since the frame was taken.
+    Normals are computed when they are first asked for. So are the difference image and the pressure map, for which the
+    bundle is fetched from the daemon, once for each zero; StreamError where the zero has changed since the frame was
+    taken.
     """
 
     def __init__(self, bundle_of: Callable[[str], Bundle], fields: Mapping[str, Any]) -> None:
@@ -97,6 +108,12 @@ class ReceivedFrame(TactileFrame):
         bundle = vars(self)["_bundle_of"](self.provenance.zero)
         image = self.camera_frame.image
         return difference_of(image, bundle.reference, follow_light=bundle.manifest.follow_light)
+
+    @cached_property
+    def measures(self) -> BundleMeasures:
+        """Computes what does not travel, such as the pressure map, from the maps and the bundle."""
+        assert self.provenance is not None
+        return BundleMeasures(vars(self)["_bundle_of"](self.provenance.zero))
 
 
 def encode(frame: TactileFrame) -> bytes:
@@ -157,10 +174,14 @@ def _details(frame: TactileFrame) -> bytes:
             label=camera_frame.label,
             stage_seconds=frame.stage_seconds,
             exposures=figures,
-            flags=frame.flags,
+            force=_figures(frame.force),
             provenance=replace(provenance, ages_s=published),
         )
     )
+
+
+def _figures(force: Force | None) -> ForceFigures | None:
+    return ForceFigures(normal_n=force.normal_n, error_n=force.error_n, flags=force.flags) if force else None
 
 
 def _aligned(size: int) -> int:
@@ -201,10 +222,25 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
-        "flags": details.flags,
         "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
     }
-    return ReceivedFrame(bundle_of, fields)
+    frame = ReceivedFrame(bundle_of, fields)
+    vars(frame)["force"] = _force(details.force, frame)
+    return frame
+
+
+def _force(figures: ForceFigures | None, frame: ReceivedFrame) -> Force | None:
+    """Return the force that travelled, with a pressure map that is computed when it is asked for."""
+    if figures is None:
+        return None
+
+    def pressure_mpa() -> NDArray[np.float32]:
+        force = frame.measures.force(frame.depth_mm)
+        if force is None:
+            raise StreamError("the daemon's bundle has no force.json any more: read a newer frame")
+        return force.pressure_mpa
+
+    return Force(**figures.model_dump(), pressure_of=pressure_mpa)
 
 
 def check_version(message: bytes) -> None:

@@ -18,6 +18,7 @@ from gellight.frames.dots import Dots, find_dots
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from gellight.opening import open_camera
+from gellight.reconstruction.fine_pattern import pattern_match
 from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 from gellight.training.child import Check, Progress, go_on, run_module, silent
 from gellight.training.gel_at_rest import rest_of_presses
@@ -27,6 +28,8 @@ from gellight.training.trainer import TrainerName, chosen_trainer
 
 Floats = NDArray[np.float32]
 RECIPES = ("fast", "thorough", "paper")
+MATCHED_PRESSES = 9
+"""so many, evenly chosen, show how well the fine pattern of the unit can be seen"""
 HAND_DRAWN = TableOptions(rim_share=0.25)
 """what is learnt from presses whose circles a hand may have drawn"""
 
@@ -128,6 +131,7 @@ def fit(
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
     (`gel_at_rest`). refine: refit the circles together with the light first (`labelling.refinement`); the metrics then
     say by how much. The rim of circles whose radius no light decided weighs less, unless `table_options` say otherwise.
+    The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
     them, ready for JSON. Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
@@ -139,6 +143,8 @@ def fit(
     drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
     table = build_table(presses, reference.image, ball, table_options or HAND_DRAWN, follow_light=follow)
+    some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
+    metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
     network, record = train(table, options or TrainingOptions(), progress=progress, check=check)
     return write_bundle(
         out,

@@ -7,6 +7,7 @@ from enum import StrEnum
 from gellight.watch.cells import CELL_PX
 from gellight.watch.expected import ExpectedError
 from gellight.watch.explanation import Explanation
+from gellight.watch.other_unit import UnitFigures
 from gellight.watch.spots import Spot, SpotKind
 
 DEAD, DIMMED = 0.15, 0.9
@@ -32,7 +33,8 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest, zero_off or recalibrate"""
+    """other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest, zero_off or
+    recalibrate"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -129,6 +131,17 @@ def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[
             "area_mm2": round(area, 2),
             "light": [round(share, 3) for share in spot.light],
         },
+    )
+
+
+def other_unit(figures: UnitFigures, felt_deg: float) -> WatchFinding:
+    """Return the finding that the bundle was made with another unit; felt_deg: the mean slope felt as it is."""
+    return WatchFinding(
+        kind="other_unit",
+        severity=Severity.FAULT,
+        text=f"this bundle was made with another unit: {figures.reason}; as it is, the gel is felt {felt_deg:.0f} "
+        "degrees tilted; calibrate this sensor, or give its own bundle",
+        figures={**figures.as_json(), "felt_deg": round(felt_deg, 1)},
     )
 
 

@@ -15,7 +15,8 @@ from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.watch.cells import Cells, cell_means, spread
 from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
-from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, spot_finding
+from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, other_unit, spot_finding
+from gellight.watch.other_unit import UnitCheck
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
 from gellight.watch.untouched_model import Mask, UntouchedModel
@@ -36,6 +37,8 @@ JUMP_GREY = 0.5
 NOISE_LOOKS = 20
 MOST_NOISE = 2.0
 """times the noise of the bundle; what is louder than that counts as touched"""
+UNIT_LOOKS = (3, 9)
+"""looks at which the unit is compared with that of the bundle; both have to find another one"""
 ESTIMATE_GREY = 0.3
 """rms by which the change must have changed for another estimate of its cost"""
 
@@ -84,6 +87,9 @@ class SensorWatch:
         self._touched = False
         self._state = "starting"
         self._findings: list[WatchFinding] = []
+        self._unit_check: UnitCheck | None = None
+        self._other_units: list[WatchFinding] = []
+        """what the comparisons of the unit have found"""
         self._suspected: set[tuple[str, object]] = set()
         self._lock = threading.Lock()
         self._zero = np.zeros_like(self._model.reference)
@@ -104,7 +110,21 @@ class SensorWatch:
         with self._lock:
             self._look(cell_means(camera_frame.image) - self._model.reference, camera_frame.time_s)
         self._looks += 1
+        if self._looks in UNIT_LOOKS:
+            self._compare_units(camera_frame)
         self._costs_s.append(time.perf_counter() - begun_s)
+
+    def _compare_units(self, frame: CameraFrame) -> None:
+        """Note whether a frame is of another unit than the bundle."""
+        self._unit_check = self._unit_check or UnitCheck(self.bundle)
+        figures = self._unit_check.figures(frame.image)
+        if figures.reason:
+            self._estimate = self._estimate or ErrorEstimate(self.bundle)
+            change = cell_means(frame.image) - self._model.reference
+            felt_deg = self._estimate.of(change, self._model.reference, self._zero).zero_deg
+            self._other_units.append(other_unit(figures, felt_deg))
+        if self._looks == UNIT_LOOKS[-1]:
+            self._unit_check = None
 
     def _under_other_light(self, frame: CameraFrame) -> bool:
         """Whether the ring was set to other colours than when the sensor was calibrated."""
@@ -186,6 +206,8 @@ class SensorWatch:
         with self._lock:
             if not asked and not self.rezero:
                 return "the zero is set only when asked (watch.rezero)"
+            if self._of_another_unit:
+                return self._of_another_unit[0].text
             return refusal(self._situation(), asked=asked)
 
     def _situation(self) -> Situation:
@@ -222,7 +244,11 @@ class SensorWatch:
 
     def findings(self) -> list[WatchFinding]:
         """Return what two judgements in a row have found; empty while the sensor is as it was calibrated."""
-        return self._findings
+        return [*self._of_another_unit, *self._findings]
+
+    @property
+    def _of_another_unit(self) -> list[WatchFinding]:
+        return self._other_units[-1:] if len(self._other_units) == len(UNIT_LOOKS) else []
 
     def status(self) -> dict[str, object]:
         """Return all of it, ready for JSON: state, findings, expected errors, the zero, what it costs."""
@@ -230,7 +256,7 @@ class SensorWatch:
         return {
             "state": self._state,
             "looks": self._looks,
-            "findings": [vars(finding) for finding in self._findings],
+            "findings": [vars(finding) for finding in self.findings()],
             "expected": expected.as_json() if expected else None,
             "change_grey": round(judgement.explanation.size_grey, 3) if judgement else None,
             "gains": [round(gain, 4) for gain in judgement.explanation.gains] if judgement else None,

@@ -1,10 +1,9 @@
-"""The calibration routine from end to end on the simulated sensor, and what it does with bad input."""
+"""The calibration routine from end to end on the simulated sensor."""
 
 import json
 import re
 import shutil
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError, GellightError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
@@ -22,47 +21,12 @@ from gellight.evaluation.object_errors import object_errors, summary
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
-from gellight.frames.image_files import ImageCamera
 from gellight.opening import open_camera
 from gellight.reconstruction.lens.lens_file import read_record
 from gellight.report.pictures import write_png
 from gellight.simulator.simulated_camera import SimulatedCamera
 from gellight.simulator.virtual_hand import VirtualHand
-from gellight.training.training import TrainingOptions
-
-GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
-URL = "sim://?fps=500&board=0&led_spread=0.05"
-LIT = "sim://?fps=500&led_spread=0.05"
-
-
-def camera(url: str = URL) -> Camera:
-    return open_camera(url, geometry=GEOMETRY)
-
-
-def options(folder: Path, **changes: Any) -> RoutineOptions:
-    few = {"presses": 12, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
-    return RoutineOptions(
-        out=folder / "bundle", sensor="one", **{**few, "training": TrainingOptions(recipe="fast"), **changes}
-    )
-
-
-def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
-    """Start a routine that needs nobody, and wait for its end."""
-    routine.act("start")
-    routine.join(timeout_s)
-    assert routine.ended
-    return routine.snapshot()
-
-
-def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> dict[str, Any]:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        snapshot = routine.snapshot()
-        if what(snapshot):
-            return snapshot
-        assert not routine.ended, snapshot["problem"]
-        time.sleep(0.01)
-    raise AssertionError(f"did not come: {routine.snapshot()}")
+from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
 
 
 class Remembering(CameraWrapper):
@@ -204,87 +168,6 @@ def test_a_bundle_needs_the_controls_it_was_made_with(calibrated: tuple[Path, di
         open_camera(tmp_path / "a.png", bundle=load_bundle(calibrated[0] / "bundle"))
 
 
-class Clumsy(VirtualHand):
-    """A hand that presses as it is told by the test."""
-
-    ball_press: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    at_rest = False
-    last = "BALL"
-
-    def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the ball always in the same way."""
-        self._stage.press("BALL", *self.ball_press)
-
-    def lift(self) -> None:
-        """Lift, or forget to."""
-        if not self.at_rest:
-            super().lift()
-
-
-def refused(tmp_path: Path, prepare: Callable[[Clumsy, SimulatedCamera], None], url: str = URL, **changes: Any) -> str:
-    """Run a routine that is disturbed by `prepare`; returns the reason of its end."""
-    with camera(url) as sensor:
-        assert isinstance(sensor, SimulatedCamera)
-        hand = Clumsy(sensor.stage)
-        routine = Routine(sensor, options(tmp_path, **changes), tmp_path / "state", hand=hand)
-        prepare(hand, sensor)
-        snapshot = finished(routine)
-    assert snapshot["step"] == "failed"
-    assert isinstance(routine.error, GellightError)
-    assert not (tmp_path / "bundle").exists()
-    return str(snapshot["problem"])
-
-
-def test_a_hand_on_the_gel_during_the_reference_is_noticed(tmp_path: Path) -> None:
-    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        sensor.stage.press("CYLINDER", 0.5, 2.0, 1.0)
-
-    assert "something lies on it" in refused(tmp_path, press)
-
-
-def test_a_press_that_is_too_shallow_or_off_the_picture_is_told(tmp_path: Path) -> None:
-    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        hand.ball_press = (0.5, 18.5, 0.0)
-
-    assert "press nearer to the middle" in refused(tmp_path, press, presses=8)
-
-
-def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
-    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        hand.at_rest = True
-
-    assert "lift the tool" in refused(tmp_path, press)
-
-
-def test_a_dead_led_is_named(tmp_path: Path) -> None:
-    def unsolder(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        sensor._scene.led_gain[5] = 0.0
-
-    assert "LED 5 stays dark" in refused(tmp_path, unsolder, LIT)
-
-
-def test_leds_in_the_wrong_order_are_named(tmp_path: Path) -> None:
-    def swap(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        sensor._response = sensor._scene.response = type(sensor._response)(
-            exposure=sensor._response.exposure, crosstalk=((0, 1, 0), (1, 0, 0), (0, 0, 1))
-        )
-
-    assert "shines in another colour: check the colour order" in refused(tmp_path, swap, LIT)
-
-
-def test_a_ball_of_another_radius_is_noticed_and_the_right_one_named(tmp_path: Path) -> None:
-    with camera() as sensor:
-        assert sensor.stage is not None
-        routine = Routine(
-            sensor, options(tmp_path, ball_radius_mm=3.0), tmp_path / "state", hand=VirtualHand(sensor.stage)
-        )
-        snapshot = finished(routine)
-    assert snapshot["step"] == "failed"
-    assert "named as 3 mm" in snapshot["problem"]
-    fits = float(snapshot["problem"].split("about ")[1].split(" mm")[0])
-    assert fits == pytest.approx(4.0, rel=0.1)
-
-
 class Person:
     """A user of the guided routine: goes on when asked, presses and lifts on the stage."""
 
@@ -410,12 +293,3 @@ def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[
     fields = {"files", "created", "led", "camera"}
     assert bundle.manifest.model_dump(exclude=fields) == draft.manifest.model_dump(exclude=fields)
     assert bundle.metrics["training"] == draft.metrics["training"]
-
-
-def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:
-    write_png(tmp_path / "a.png", np.full((240, 320, 3), 120, np.uint8))
-    routine = Routine(ImageCamera([tmp_path / "a.png"]), options(tmp_path), tmp_path / "state")
-    routine.act("start")
-    routine.join(10)
-    assert isinstance(routine.error, CameraError)
-    assert "a calibration needs a camera that goes on delivering" in str(routine.error)

@@ -12,12 +12,14 @@ import typer
 from typer.testing import CliRunner, Result
 
 from gellight.base.errors import GellightError
+from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.cli.reconstruct import command
 from gellight.evaluation.analytic_surfaces import gaussian
 from gellight.frames.image_files import read_image
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_bar, depth_picture, difference_picture, four_panels, normal_picture
 from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.weighed import force_files
 
 SHAPE = (120, 160)
 app = typer.Typer()
@@ -64,6 +66,22 @@ def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path
     assert read_image(tmp_path / "out" / "deep" / "press1.png").shape[0] > 2 * SHAPE[0]
     assert "press1.png" in result.stdout
     assert "indentation mm" in result.stdout
+
+
+def test_force_and_pressure_are_written_where_the_bundle_knows_them(tmp_path: Path, bundle: Path) -> None:
+    plain = load_bundle(bundle)
+    extend_bundle(plain, tmp_path / "knowing", force_files(plain))
+    path = press(tmp_path / "in" / "press.png")
+    result = run(path, "--calibration", tmp_path / "knowing", "--out", tmp_path / "out", "--json")
+    (row,) = json.loads(result.stdout)
+    with np.load(tmp_path / "out" / "press.npz") as maps:
+        assert maps["pressure_mpa"].shape == SHAPE
+        assert maps["pressure_mpa"].sum() * 0.05**2 == pytest.approx(row["force_n"], rel=1e-3)
+    assert 0 < row["force_error_n"] < row["force_n"]
+    (row,) = json.loads(run(path, "--calibration", bundle, "--out", tmp_path / "out", "--json").stdout)
+    assert row["force_n"] is None
+    words = run(path, "--calibration", tmp_path / "knowing", "--out", tmp_path / "out").stdout
+    assert " N\n" in words
 
 
 def test_json_has_the_contact_of_each_image(tmp_path: Path, bundle: Path) -> None:

@@ -15,6 +15,7 @@ from gellight.dashboard.view import DEPTH_UNIT_MM, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
 from tests.helpers.view_messages import decode
+from tests.helpers.weighed import HeavyFrames
 
 PIXEL = (PIXEL_MM, PIXEL_MM)
 
@@ -72,6 +73,12 @@ def test_the_header_carries_the_figures() -> None:
     }
     assert header["light"] == LIGHT.tolist()
     assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
+
+
+def test_the_header_carries_the_force_where_it_is_known() -> None:
+    assert decode(encode(FRAME, pixel_size_mm=PIXEL)).header["force"] is None
+    force = decode(encode(replace(FRAME, measures=HeavyFrames()), pixel_size_mm=PIXEL)).header["force"]
+    assert force == {"normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"]}
 
 
 def test_the_header_numbers_the_contacts_by_depth() -> None:

@@ -1,5 +1,7 @@
 """The page in a real browser: what a visitor sees equals what the sensor said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -7,6 +9,7 @@ from playwright.sync_api import Browser, Page, expect
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import Open, draw, playing
 from tests.helpers.dashboard_source import PIXEL_MM, FormulaSource, bump
+from tests.helpers.weighed import HeavyFrames
 
 pytestmark = pytest.mark.browser
 
@@ -42,6 +45,15 @@ def test_frames_are_drawn_as_they_come(opened_3d: Open, source: FormulaSource) -
         expect(page.get_by_test_id("state")).to_have_text("live")
         drawn = page.evaluate("gellight.sequence")
         page.wait_for_function("drawn => gellight.sequence > drawn + 3", arg=drawn)
+
+
+def test_the_force_is_shown_where_the_bundle_knows_it(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    expect(page.get_by_test_id("force-row")).to_be_hidden()
+    source.put(replace(bump(0.5, 0.0, 0.0), measures=HeavyFrames()))
+    expect(page.get_by_test_id("force-row")).to_have_text("force1.25 ±0.10 N")
+    expect(page.get_by_test_id("force-row")).to_have_attribute("title", "heavier than calibrated")
 
 
 def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> None:

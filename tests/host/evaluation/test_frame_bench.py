@@ -27,6 +27,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.stages import STAGES
 from tests.helpers.linear_sensor import linear_bundle, linear_network, tanh_network
+from tests.helpers.places import REAL_CROPS
 
 app = typer.Typer()
 app.command()(command)
@@ -43,12 +44,24 @@ def test_both_sizes_and_all_scenes_are_timed(bundle: Bundle) -> None:
     found = frame_times(bundle, rounds=1, press=press)
     scenes = ["at rest", "ball", "all touched, smooth", "all touched, steep"]
     assert [(t.image_width_px, t.scene) for t in found] == [
-        *((160, scene) for scene in (*scenes, "press")),
+        *((160, scene) for scene in scenes),
         *((80, scene) for scene in scenes),
+        (160, "press"),
     ]
     for times in found:
         assert tuple(times.stages) == STAGES
         assert tuple(times.others) == tuple(times.ratios) == OTHERS
+
+
+def test_the_press_of_a_clone_is_timed_in_its_own_size(tmp_path: Path) -> None:
+    """What `make bench` gives: a real gel, whose pictures have another size than the bundle's."""
+    real = ["--press", str(REAL_CROPS / "three_lights/press.png")]
+    real += ["--untouched", str(REAL_CROPS / "three_lights/untouched.png")]
+    linear_bundle(tmp_path / "b", (120, 160), network=tanh_network(8))
+    result = CliRunner().invoke(app, ["--calibration", str(tmp_path / "b"), "--rounds", "3", *real, "--json"])
+    found = json.loads(result.stdout)[-1]
+    assert (found["scene"], found["image_width_px"], found["image_height_px"]) == ("press", 306, 230)
+    assert found["touched"] > 0.05
 
 
 def test_the_scenes_touch_what_they_say() -> None:

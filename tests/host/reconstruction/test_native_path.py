@@ -20,8 +20,9 @@ from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import angle_deg
 from gellight.reconstruction.native import build, judge, library
 from gellight.reconstruction.native.native_path import NativePath
-from gellight.reconstruction.pipeline import Form, Reconstructor
+from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.native_forms import agree, both, worst
 from tests.helpers.places import REAL_IMAGES
 
 ROOT = Path(__file__).parents[3]
@@ -34,39 +35,12 @@ needs_a_library = pytest.mark.skipif(not RUNNABLE, reason="no library is built f
 def name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Each library that runs here, in turn, as the one that is chosen."""
     chosen = str(request.param)
-    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.load(build.library_file(chosen))))
+    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(build.library_file(chosen))))
     return chosen
-
-
-def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructor]:
-    native, cells = (Reconstructor(bundle, form=form, **options) for form in (Form.NATIVE, Form.CELLS))  # type: ignore[arg-type]
-    assert str(native.status()["computed_by"]).startswith("C, ")
-    assert cells.status()["computed_by"] == "NumPy, cells"
-    return native, cells
-
-
-def worst(found: TactileFrame, right: TactileFrame) -> tuple[float, float]:
-    """Largest angle between normals, degrees, and difference of depth, mm, of any pixel."""
-    angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
-    return float(angle.max()), float(np.abs(found.depth_mm - right.depth_mm).max())
 
 
 def frame_of(image: np.ndarray) -> CameraFrame:
     return CameraFrame(image=image, time_s=0.0, sequence=0)
-
-
-def assert_equal(found: TactileFrame, right: TactileFrame) -> None:
-    degrees, depth_mm = worst(found, right)
-    assert degrees < 0.02
-    assert depth_mm < 1e-5
-    np.testing.assert_allclose(found.difference, right.difference, atol=1e-4)
-    np.testing.assert_allclose(found.gradient_map, right.gradient_map, atol=2e-4, rtol=2e-4)
-    assert np.count_nonzero(found.contact.mask != right.contact.mask) <= 1e-4 * right.depth_mm.size
-    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, abs=1e-5)
-    assert found.contact.area_mm2 == pytest.approx(right.contact.area_mm2, rel=1e-3, abs=0.01)
-    if right.contact.centroid_mm is not None:
-        assert found.contact.centroid_mm == pytest.approx(right.contact.centroid_mm, abs=1e-3)
-    assert tuple(found.stage_seconds) == tuple(right.stage_seconds)
 
 
 @needs_a_library
@@ -74,7 +48,7 @@ def assert_equal(found: TactileFrame, right: TactileFrame) -> None:
 def test_every_library_computes_what_numpy_computes(name: str, seed: int) -> None:
     native, cells = both(SYNTHETIC)
     frame = frame_of(judge.made_up_image(SYNTHETIC, seed))
-    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
 
 
 @needs_a_library
@@ -82,7 +56,7 @@ def test_every_library_computes_what_numpy_computes(name: str, seed: int) -> Non
 def test_any_width_of_the_smoothing(name: str, smoothing_px: int) -> None:
     native, cells = both(SYNTHETIC, smoothing_px=smoothing_px)
     frame = frame_of(judge.made_up_image(SYNTHETIC))
-    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
 
 
 @needs_a_library
@@ -112,7 +86,7 @@ def test_a_press_anywhere_in_an_image_of_any_size(
     native, cells = both(bundle)
     found, right = native.reconstruct(frame), cells.reconstruct(frame)
     if height % 4 == 0 and width % 4 == 0:
-        assert_equal(found, right)
+        agree(found, right)
     else:
         degrees, depth_mm = worst(found, right)
         assert degrees < 1.0
@@ -128,7 +102,7 @@ def test_the_mask_goes_by_the_gel_at_rest(name: str) -> None:
     bundle = replace(SYNTHETIC, manifest=SYNTHETIC.manifest.model_copy(update={"rest_grey": 1.7}))
     native, cells = both(bundle)
     frame = frame_of(judge.made_up_image(SYNTHETIC, 1))
-    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
     noisy = Reconstructor(SYNTHETIC)
     noisy.reconstruct(frame)
     assert 0 < native.network_rows.cells < noisy.network_rows.cells
@@ -142,7 +116,7 @@ def test_light_that_drifts_is_followed(name: str, tmp_path: Path) -> None:
     drifted = frame_of(np.clip(frame.image + np.array([7, 3, 11]), 0, 255).astype(np.uint8))
     native, cells = both(bundle)
     found, right = native.reconstruct(drifted), cells.reconstruct(drifted)
-    assert_equal(found, right)
+    agree(found, right)
     assert np.abs(found.difference[:20].mean(axis=(0, 1))).max() < 1
 
 
@@ -155,7 +129,7 @@ def test_a_view_that_is_touched_all_over(name: str, tmp_path: Path) -> None:
     native, cells = both(linear_bundle(tmp_path / "b", shape))
     frame = photograph(slopes, noise_grey=1.0)
     assert cells.touched(cells.reconstruct(frame).difference).all()
-    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
 
 
 @needs_a_library
@@ -197,7 +171,7 @@ def test_a_press_on_a_real_sensor(tmp_path: Path, press: int) -> None:
     )
     native, cells = both(load_bundle(tmp_path / "b"))
     frame = frame_of(read_image(REAL_IMAGES / "gelsight_mini_ball" / name))
-    assert_equal(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
 
 
 def numpy_because(bundle: Bundle, caplog: pytest.LogCaptureFixture) -> str:
@@ -236,7 +210,7 @@ def test_a_damaged_library_is_not_used(
 def test_a_file_that_is_no_library_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.so").write_text("no library")
     with pytest.raises(library.NativePathError, match=r"text\.so cannot be loaded \(.*too short"):
-        library.load(tmp_path / "text.so")
+        library.Library(tmp_path / "text.so")
 
 
 @needs_a_library
@@ -280,7 +254,7 @@ from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.native import judge, library
 sys.path.insert(0, {root!r})
 from tests.helpers.linear_sensor import linear_bundle
-loaded = library.load(Path({path!r}))
+loaded = library.Library(Path({path!r}))
 pipeline.fitting_library = lambda: ("sanitized", loaded)
 for number, shape in enumerate(((32, 32), (33, 47), (50, 35), (61, 83), (64, 96), (120, 161))):
     bundle = linear_bundle(Path({folder!r}) / str(number), shape)

@@ -1,5 +1,6 @@
 """The whole frame path on a sensor whose answer is known in closed form."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -139,3 +140,14 @@ def test_an_image_of_another_size_or_type_is_refused(tmp_path: Path, image: np.n
     reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     with pytest.raises(InputError, match=message):
         reconstructor.reconstruct(CameraFrame(image=image, time_s=0, sequence=0, source="press.png"))
+
+
+def test_an_unsteady_gel_gives_the_same_depth_as_a_steady_one(tmp_path: Path) -> None:
+    """The gel at rest is no witness of a tilt: on real presses a plane through it makes depth worse."""
+    bundle = linear_bundle(tmp_path / "b", SHAPE)
+    slopes = gaussian(SHAPE, 12, (10, -5), height=9).gradient_map + np.array((0.006, -0.004), np.float32)
+    depths = []
+    for rest_grey in (0.4, 1.0):
+        manifest = bundle.manifest.model_copy(update={"rest_grey": rest_grey})
+        depths.append(Reconstructor(replace(bundle, manifest=manifest)).reconstruct(photograph(slopes)).depth_mm)
+    assert np.abs(depths[0] - depths[1]).mean() < 0.003

@@ -196,7 +196,7 @@ def test_depth_computed_on_another_processor_keeps_to_the_stated_bound(
     bundle, maps = Recording(recording).bundle, {}
     for name in (*library.fitting(), ""):
         if name:
-            loaded = library.load(library.library_file(name))
+            loaded = library.Library(library.library_file(name))
             monkeypatch.setattr(pipeline, "fitting_library", lambda found=(name, loaded): found)
         reconstructor = Reconstructor(bundle, form=pipeline.Form.NATIVE if name else pipeline.Form.CELLS)
         assert reconstructor.status()["computed_by"] == (f"C, {name}" if name else "NumPy, cells")

@@ -1,6 +1,7 @@
 """Frames go to other programs, and nothing that those do slows the sensor."""
 
 import asyncio
+import errno
 import os
 import signal
 import socket
@@ -10,17 +11,14 @@ import time
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
-from zenoh.handlers import Callback
 
 import gellight
 from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import TactileFrame
-from gellight.stream import shared_memory
+from gellight.stream import subscription
 from gellight.stream.network import key, publishing_session, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
@@ -51,15 +49,56 @@ def test_a_frame_arrives_as_the_daemon_made_it() -> None:
             assert got.contact.indentation_mm == sent.contact.indentation_mm
 
 
-def test_without_shared_memory_frames_go_through_the_network(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("every", [False, True])
+def test_without_shared_memory_frames_go_through_the_network(monkeypatch: pytest.MonkeyPatch, every: bool) -> None:
+    monkeypatch.delattr(os, "memfd_create")
+    daemon, made = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger", every=every) as frames:
+        assert running()[0].memory == ""
+        got = frames.next_frame()
+        assert np.array_equal(got.depth_mm, made.given[got.camera_frame.sequence].depth_mm)
+
+
+def test_a_frame_for_which_there_is_no_memory_goes_through_the_network(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(shared_memory, "PLACE", str(tmp_path / "missing"))
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
     daemon, made = bump_daemon()
     with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
         got = frames.next_frame()
         assert np.array_equal(got.depth_mm, made.given[got.camera_frame.sequence].depth_mm)
-    assert "missing cannot be written" in caplog.text
+    assert "No space left" in caplog.text
+
+
+def test_memory_that_cannot_be_opened_is_no_obstacle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "other").symlink_to(tmp_path / "elsewhere")
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"):
+        for path in ("/proc/0/fd/3", str(tmp_path / "other")):
+            found = running()[0].model_copy(update={"memory": path})
+            monkeypatch.setattr(subscription, "running", lambda found=found: [found])
+            with subscribe("finger") as frames:
+                frames.next_frame()
+
+
+def test_publishers_and_readers_that_ended_leave_nothing_behind() -> None:
+    def held() -> tuple[int, int]:
+        return len(list(Path("/proc/self/fd").iterdir())), len(list(Path("/dev/shm").glob("*.zenoh")))
+
+    def once() -> None:
+        daemon, _ = bump_daemon()
+        with daemon, Publisher(daemon), subscribe() as one, subscribe(every=True) as other:
+            one.next_frame()
+            other.next_frame()
+
+    once()
+    before = held()
+    for _ in range(3):
+        once()
+    assert held() == before
 
 
 def test_another_process_gets_frames_too() -> None:
@@ -130,7 +169,7 @@ def test_what_a_callback_raises_is_raised_at_the_end() -> None:
 
 
 def test_the_event_loop_goes_on_while_a_frame_is_waited_for() -> None:
-    daemon, _ = bump_daemon(period_s=0.05)
+    daemon, _ = bump_daemon(period_s=0.2)
     turns = 0
 
     async def count() -> None:
@@ -168,73 +207,6 @@ def test_a_reader_that_stands_still_slows_nobody() -> None:
     assert last - first > 100
 
 
-def test_frames_that_wait_for_a_reader_leave_the_shared_memory_to_all() -> None:
-    daemon, _ = bump_daemon(period_s=0.005)
-    shared: list[bool] = []
-    with daemon, Publisher(daemon, name="finger"), subscribe(every=True):
-        session = subscribing_session(running()[0].endpoint, config=None)
-        note = Callback(lambda sample: shared.append(sample.payload.as_shm() is not None), indirect=False)
-        held = session.declare_subscriber(key("finger", "frame"), note)
-        end_s = time.monotonic() + 20
-        while len(shared) < 4 * shared_memory.FRAMES and time.monotonic() < end_s:
-            time.sleep(0.01)
-        held.undeclare()
-        session.close()
-    assert len(shared) >= 4 * shared_memory.FRAMES
-    assert all(shared)
-
-
-def test_a_frame_whose_memory_was_taken_back_is_passed_over() -> None:
-    """A process that is stopped cannot say that it still reads: zenoh may give the memory to the next message."""
-    code = (
-        "import sys, time; from gellight.stream import network; from zenoh.handlers import Callback\n"
-        "from gellight.stream.shared_memory import still_there\n"
-        "session, came = network.subscribing_session(sys.argv[1], config=None), []\n"
-        "held = session.declare_subscriber('frames', Callback(lambda one: came.append(one.payload), indirect=False))\n"
-        "print('ready', flush=True)\n"
-        "while not came: time.sleep(0.01)\n"
-        "print('came', flush=True)\n"
-        "sys.stdin.readline()\n"
-        "print(still_there(came[0]))"
-    )
-    session, endpoint = publishing_session(lan=False, config=None)
-    publisher, memory = session.declare_publisher("frames"), shared_memory.SharedMemory()
-    with started([sys.executable, "-c", code, endpoint], stdin=-1, stdout=-1, text=True, bufsize=1) as reader:
-        assert reader.stdout.readline() == "ready\n"
-        while not publisher.matching_status.matching:
-            time.sleep(0.01)
-        publisher.put(memory.holding([bytes(100_000)]))
-        assert reader.stdout.readline() == "came\n"
-        os.kill(reader.pid, signal.SIGSTOP)
-        time.sleep(1)
-        os.kill(reader.pid, signal.SIGCONT)
-        reader.stdin.write("look\n")
-        assert reader.stdout.readline() == "False\n"
-    session.close()
-
-
-def test_a_reader_takes_the_next_frame_instead() -> None:
-    class Gone:
-        def as_shm(self) -> SimpleNamespace:
-            return SimpleNamespace(is_valid=lambda: False)
-
-        def __bytes__(self) -> bytes:
-            return b"torn"
-
-    daemon, made = bump_daemon(period_s=0.05)
-    with daemon, Publisher(daemon), subscribe() as frames:
-        frames._messages.put(cast("Any", Gone()))
-        got = frames.next_frame()
-        assert np.array_equal(got.depth_mm, made.given[got.camera_frame.sequence].depth_mm)
-
-
-def test_a_message_in_shared_memory_is_that_of_its_pieces() -> None:
-    pieces = [b"head", memoryview(bytes(range(256)) * 4097), b"", b"end"]
-    message = shared_memory.SharedMemory().holding(pieces)
-    assert message.as_shm() is not None
-    assert message.to_bytes() == b"".join(pieces)
-
-
 def test_nothing_is_encoded_while_nobody_reads() -> None:
     daemon, made = bump_daemon(period_s=0.005)
     with daemon, Publisher(daemon) as publisher:
@@ -244,7 +216,7 @@ def test_nothing_is_encoded_while_nobody_reads() -> None:
 
 
 def test_a_daemon_that_ends_is_told_at_once() -> None:
-    daemon, _ = bump_daemon()
+    daemon, _ = bump_daemon(period_s=0.2)
     with daemon:
         publisher = Publisher(daemon, name="finger").__enter__()
         with subscribe("finger", patience_s=60) as frames:

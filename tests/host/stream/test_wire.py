@@ -10,12 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gellight.base.errors import StreamError
-from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.reconstruction.integration import normals
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.stream.wire import PLANE, PREFIX, decode, encode
 from tests.helpers.dashboard_source import bump
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.streamed import SHAPE, full_frame
+from tests.helpers.weighed import force_files
 
 
 def no_bundle(zero: str) -> Bundle:
@@ -71,6 +73,29 @@ def test_the_difference_image_is_made_with_the_reference_of_its_zero(tmp_path: P
     image = sent.camera_frame.image.astype(np.float32)
     assert np.allclose(got.difference, image - bundle.reference)
     assert asked == [sent.provenance.zero]
+
+
+def test_the_force_arrives_and_its_pressure_map_is_made_with_the_bundle(tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
+    bundle = extend_bundle(plain, tmp_path / "bundle", force_files(plain))
+    sent = replace(full_frame(), measures=BundleMeasures(bundle))
+    assert sent.force is not None
+    asked: list[str] = []
+
+    def bundle_of(zero: str) -> Bundle:
+        asked.append(zero)
+        return bundle
+
+    got = decode(encode(sent), bundle_of).force
+    assert got.as_json() == sent.force.as_json()
+    assert got.normal_n > 0
+    assert asked == []
+    assert np.array_equal(got.pressure_mpa, sent.force.pressure_mpa)
+    assert asked == [sent.provenance.zero]
+
+
+def test_a_frame_of_a_bundle_without_a_constant_has_no_force() -> None:
+    assert decode(encode(full_frame()), no_bundle).force is None
 
 
 def test_a_frame_without_contact_has_no_centre() -> None:

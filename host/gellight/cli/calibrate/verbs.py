@@ -22,6 +22,7 @@ VERBS = lazy_group(
         "lens": ("calibrate.lens:command", "Measure the distortion of the lens and write the bundle with it."),
         "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
         "directions": ("calibrate.directions:command", "Find the direction of each light on balls of known radius."),
+        "force": ("calibrate.force:command", "Find what turns depth into newtons, with weights or a load cell."),
         "objects": ("calibrate.objects:command", "Measure the error of a bundle on the ten benchmark objects."),
         "list": (
             "calibrate.bundles:list_bundles",

@@ -19,6 +19,18 @@ export function showContact({ indentation_mm: indentation, area_mm2: area, centr
   write("centroid", centroid ? centroid.map((mm) => fixed(mm, 2)).join(", ") : "–");
 }
 
+const FORCE_FLAGS = { beyond_view: "and more beyond the view", heavier: "heavier than calibrated" };
+
+/** Show the normal force of one frame; nothing where the bundle has no constant for it. */
+export function showForce(force) {
+  element("force-row").hidden = !force;
+  if (!force) return;
+  write("force", fixed(force.normal_n, 2));
+  write("force-error", `±${fixed(force.error_n, 2)}`);
+  element("force-row").title = force.flags.map((flag) => FORCE_FLAGS[flag] ?? flag).join(", ");
+  element("force-row").classList.toggle("notice", force.flags.length > 0);
+}
+
 /** Show what the daemon says of itself. */
 export function showStatus(status) {
   write("sensor", status.sensor ?? "");

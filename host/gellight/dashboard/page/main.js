@@ -6,7 +6,7 @@ import { offerSensors } from "./chooser.js";
 import { Connection } from "./connection.js";
 import { Contacts } from "./contacts.js";
 import { Detail, LEVELS, RELIEF } from "./detail.js";
-import { showContact, showStatus } from "./figures.js";
+import { showContact, showForce, showStatus } from "./figures.js";
 import { History } from "./history.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
@@ -201,6 +201,7 @@ function tick() {
   element("kept").textContent = `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`;
   if (shown) {
     showContact(shown.header.contact);
+    showForce(shown.header.force);
     contacts.show(stats.contacts);
   }
   judgeState(now / 1000);

@@ -10,6 +10,8 @@ leans by (X(u) - X(c)) / R = J (u - c) / R, with J = dX/du. So the truth is J n 
 that learnt true slopes (as that of the simulated sensor) needs no such step.
 """
 
+from typing import Any, TypeVar, cast
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from gellight.reconstruction.pixel_grid import gel_points_mm
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
+Image = TypeVar("Image", bound=NDArray[Any])
 
 _RIM_POINTS = 72
 _STEEPEST = 0.995
@@ -72,6 +75,10 @@ class Undistortion:
         if not self.seen.all():
             moved[~self.seen] = 0
         return moved, np.asarray(moved_touch, np.bool_)
+
+    def picture(self, image: Image) -> Image:
+        """Return (H, W, 3) grey levels over the picture as the same over the gel, each from the nearest pixel."""
+        return cast("Image", cv2.remap(image, self._x, self._y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE))
 
     def _resampled(self, gradient_map: Floats, window: tuple[slice, slice], how: int) -> Floats:
         x, y = self._x[window], self._y[window]

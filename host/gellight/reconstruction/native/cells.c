@@ -1,50 +1,133 @@
 /* Difference image to slopes, between what the network answers: `linearised.py` has the formulas. */
 #include "frame_path.h"
 
-/* Rows (n, 5) of the network for the chosen cells: mean difference of three channels, x and y of the middle in px.
- * Returns n; index: (n) which cell each row is. */
-EXPORT int cell_rows(const float *means, const uint8_t *chosen, int32_t *index, float *rows, int width, int height) {
-    const int w = cells_of(width), h = cells_of(height), columns = 2 * ((width + 7) / 8);
-    const ptrdiff_t plane = (ptrdiff_t)columns * 2 * ((height + 7) / 8);
+/* Colours of all rows (h w, 5) of cells, or (h2 w2, 5) of blocks of 2 x 2 cells; the places are in them already. */
+EXPORT void mean_rows(const float *means, float *cells, float *blocks, int width, int height) {
+    const int w = cells_of(width), h = cells_of(height), columns = 2 * ((width + 7) / 8), lines = 2 * ((height + 7) / 8);
+    for (int c = 0; c < 3; c++) {
+        const float *plane = means + (ptrdiff_t)c * lines * columns;
+        for (int i = 0; i < h; i++)
+            for (int j = 0; j < w; j++) cells[5 * ((ptrdiff_t)i * w + j) + c] = plane[i * columns + j];
+        for (int i = 0; i < lines / 2; i++)
+            for (int j = 0; j < columns / 2; j++) {
+                const float *m = plane + (ptrdiff_t)2 * i * columns + 2 * j;
+                blocks[5 * ((ptrdiff_t)i * (columns / 2) + j) + c] =
+                    (m[0] + m[1] + m[columns] + m[columns + 1]) * 0.25f;
+            }
+    }
+}
+
+/* Whether a pixel in a cell that is not touched takes its slopes from block (i, j) of 2 x 2 cells. */
+static int reaches_out(const uint8_t *touched, int i, int j, int w, int h) {
+    for (int a = larger_int(2 * i - 1, 0); a < h && a <= 2 * i + 2; a++)
+        for (int b = larger_int(2 * j - 1, 0); b < w && b <= 2 * j + 2; b++)
+            if (!touched[a * w + b]) return 1;
+    return 0;
+}
+
+/* Slopes of blocks less zero, (h2 w2, 2): J m with the Jacobian at no difference, (h2 w2, 6), as the differences are small
+ * where nothing touches. strong: the blocks that differ by more than `limit` in a channel and still count outside the
+ * touched cells; the caller asks the network for those. Returns how many. */
+EXPORT int gentle_blocks(const float *blocks, const float *jacobian, const uint8_t *touched, float limit, float *slopes,
+                         uint8_t *strong, int width, int height) {
+    const int w = cells_of(width), h = cells_of(height), w2 = (w + 1) / 2, h2 = (h + 1) / 2;
     int count = 0;
-    for (int i = 0; i < h; i++)
-        for (int j = 0; j < w; j++) {
-            if (!chosen[i * w + j]) continue;
-            float *row = rows + 5 * (ptrdiff_t)count;
-            for (int c = 0; c < 3; c++) row[c] = means[c * plane + i * columns + j];
-            row[3] = (float)(CELL * j) + 1.5f;
-            row[4] = (float)(CELL * i) + 1.5f;
-            index[count++] = i * w + j;
+    for (int i = 0; i < h2; i++)
+        for (int j = 0; j < w2; j++) {
+            const ptrdiff_t at = (ptrdiff_t)i * w2 + j;
+            const float *m = blocks + 5 * at, *row = jacobian + 6 * at;
+            for (int o = 0; o < 2; o++)
+                slopes[2 * at + o] = row[3 * o] * m[0] + row[3 * o + 1] * m[1] + row[3 * o + 2] * m[2];
+            const float most = larger(larger(__builtin_fabsf(m[0]), __builtin_fabsf(m[1])), __builtin_fabsf(m[2]));
+            strong[at] = most > limit && reaches_out(touched, i, j, w, h);
+            count += strong[at];
         }
     return count;
 }
 
-/* The same for every 2 x 2 cells, whose places are in `rows` already. */
-EXPORT void coarse_rows(const float *means, float *rows, int width, int height) {
-    const int columns = 2 * ((width + 7) / 8), lines = 2 * ((height + 7) / 8);
-    for (int i = 0; i < lines / 2; i++)
-        for (int j = 0; j < columns / 2; j++)
-            for (int c = 0; c < 3; c++) {
-                const float *m = means + ((ptrdiff_t)c * lines + 2 * i) * columns + 2 * j;
-                rows[5 * ((ptrdiff_t)i * (columns / 2) + j) + c] = (m[0] + m[1] + m[columns] + m[columns + 1]) * 0.25f;
+/* Divide the cells near a touch: gentle ones, which differ from each of the four blocks that they are blended from by at most
+ * `limit` in all channels, and steep ones. around: the blocks that gentle ones are blended from. Returns how many are gentle. */
+EXPORT int split_cells(const float *cells, const float *blocks, const uint8_t *near, float limit, uint8_t *steep,
+                       uint8_t *gentle, uint8_t *around, int width, int height) {
+    const int w = cells_of(width), h = cells_of(height), w2 = (w + 1) / 2, h2 = (h + 1) / 2;
+    int count = 0;
+    for (int at = 0; at < w2 * h2; at++) around[at] = 0;
+    for (int i = 0; i < h; i++)
+        for (int j = 0; j < w; j++) {
+            const ptrdiff_t at = (ptrdiff_t)i * w + j;
+            steep[at] = gentle[at] = 0;
+            if (!near[at]) continue;
+            const int rows[2] = {(i - 1) / 2, clamped((i + 1) / 2, h2)}, columns[2] = {(j - 1) / 2, clamped((j + 1) / 2, w2)};
+            for (int k = 0; k < 4; k++) {
+                const float *m = cells + 5 * at, *block = blocks + 5 * ((ptrdiff_t)rows[k / 2] * w2 + columns[k % 2]);
+                for (int c = 0; c < 3; c++) steep[at] |= __builtin_fabsf(m[c] - block[c]) > limit;
             }
+            if (steep[at]) continue;
+            gentle[at] = 1;
+            count++;
+            for (int k = 0; k < 4; k++) around[rows[k / 2] * w2 + columns[k % 2]] = 1;
+        }
+    return count;
 }
 
-/* Keep what the network answers to `count` rows of cells as 11 planes (h, w): g - J m / 2 of both slopes, the mean m of
- * three channels, J of both slopes. slopes (n, 2), jacobian (n, 6), zero (h w, 2): its answer to no difference. */
+/* Rows (n, 5) of the chosen ones of `all`. Returns n; index: (n) which each row is. */
+EXPORT int chosen_rows(const float *all, const uint8_t *chosen, int32_t *index, float *rows, int size) {
+    int count = 0;
+    for (int at = 0; at < size; at++) {
+        if (!chosen[at]) continue;
+        for (int c = 0; c < 5; c++) rows[5 * (ptrdiff_t)count + c] = all[5 * (ptrdiff_t)at + c];
+        index[count++] = at;
+    }
+    return count;
+}
+
+/* Keep what the network answers to `count` rows of cells or blocks as 11 planes of `size`: g - J m / 2 of both slopes, the
+ * mean m of three channels, J of both slopes. slopes (n, 2), jacobian (n, 6), zero (size, 2): its answer to no difference. */
 EXPORT void store_cells(const int32_t *index, const float *rows, const float *slopes, const float *jacobian,
-                        const float *zero, float *planes, int count, int width, int height) {
-    const ptrdiff_t size = (ptrdiff_t)cells_of(width) * cells_of(height);
+                        const float *zero, float *planes, int count, int size) {
     for (int n = 0; n < count; n++) {
         const float *m = rows + 5 * (ptrdiff_t)n;
         float *cell = planes + index[n];
         for (int o = 0; o < 2; o++) {
             const float *j = jacobian + 6 * (ptrdiff_t)n + 3 * o;
             const float g = slopes[2 * (ptrdiff_t)n + o] - zero[2 * (ptrdiff_t)index[n] + o];
-            cell[o * size] = g - 0.5f * (j[0] * m[0] + j[1] * m[1] + j[2] * m[2]);
-            for (int c = 0; c < 3; c++) cell[(5 + 3 * o + c) * size] = j[c];
+            cell[(ptrdiff_t)o * size] = g - 0.5f * (j[0] * m[0] + j[1] * m[1] + j[2] * m[2]);
+            for (int c = 0; c < 3; c++) cell[(ptrdiff_t)(5 + 3 * o + c) * size] = j[c];
         }
-        for (int c = 0; c < 3; c++) cell[(2 + c) * size] = m[c];
+        for (int c = 0; c < 3; c++) cell[(ptrdiff_t)(2 + c) * size] = m[c];
+    }
+}
+
+/* The planes of gentle cells from those of the blocks around: the formula of the pixels, with a cell's mean m_i for d:
+ * q_i = q + J (m_i - m) / 2 and J_i = J, where q, m and J are blended. work: 12 (w + 16). */
+EXPORT void cells_from_blocks(const float *blocks, const float *cells, const uint8_t *gentle, float *planes, float *work,
+                              int width, int height) {
+    const int w = cells_of(width), h = cells_of(height), w2 = (w + 1) / 2, h2 = (h + 1) / 2, stride = w + 16;
+    const ptrdiff_t size = (ptrdiff_t)w * h;
+    for (int i = 0; i < h; i++) {
+        const uint8_t *row = gentle + (ptrdiff_t)i * w;
+        int any = 0;
+        for (int j = 0; j < w; j++) any |= row[j];
+        if (!any) continue;
+        for (int k = 0; k < 11; k++) {
+            between_rows(blocks + (ptrdiff_t)k * w2 * h2, 2, i, h2, w2, 0, w2, work + 11 * stride);
+            between_pairs(work + 11 * stride, w2, work + k * stride);
+        }
+        for (int j = 0; j < w; j++) {
+            if (!row[j]) continue;
+            const float *m = cells + 5 * ((ptrdiff_t)i * w + j);
+            float *cell = planes + (ptrdiff_t)i * w + j, *blended = work + j;
+            for (int o = 0; o < 2; o++) {
+                float q = blended[o * stride];
+                for (int c = 0; c < 3; c++) {
+                    const float slope = blended[(5 + 3 * o + c) * stride];
+                    q += 0.5f * slope * (m[c] - blended[(2 + c) * stride]);
+                    cell[(5 + 3 * o + c) * size] = slope;
+                }
+                cell[o * size] = q;
+            }
+            for (int c = 0; c < 3; c++) cell[(2 + c) * size] = m[c];
+        }
     }
 }
 

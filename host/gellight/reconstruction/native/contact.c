@@ -32,16 +32,20 @@ static int join(int32_t *parent, float *deepest, int a, int b) {
 /* Label the regions of blocks deeper than the threshold, eight neighbours a block; 0 elsewhere. Returns how many labels. */
 static int label_regions(const float *blocks, float threshold, int32_t *label, int32_t *parent, float *deepest, int w, int h) {
     int labels = 1;
-    for (int i = 0; i < h; i++)
-        for (int j = 0; j < w; j++) {
+    for (int i = 0; i < h; i++) {
+        const float *row = blocks + (ptrdiff_t)i * w;
+        int any = 0;
+        for (int j = 0; j < w; j++) any |= row[j] > threshold;
+        for (int j = 0; j < w; j++) label[(ptrdiff_t)i * w + j] = 0;
+        for (int j = 0; any && j < w; j++) {
             const ptrdiff_t at = (ptrdiff_t)i * w + j;
-            label[at] = 0;
             if (!(blocks[at] > threshold)) continue;
             const int before[4] = {j ? label[at - 1] : 0, i && j ? label[at - w - 1] : 0, i ? label[at - w] : 0,
                                    i && j < w - 1 ? label[at - w + 1] : 0};
             int mine = 0;
             for (int k = 0; k < 4; k++)
-                if (before[k]) mine = mine ? join(parent, deepest, mine, before[k]) : root(parent, before[k]);
+                if (before[k] && before[k] != mine)
+                    mine = mine ? join(parent, deepest, mine, before[k]) : root(parent, before[k]);
             if (!mine) {
                 mine = labels++;
                 parent[mine] = mine;
@@ -50,7 +54,32 @@ static int label_regions(const float *blocks, float threshold, int32_t *label, i
             label[at] = mine;
             deepest[mine] = larger(deepest[mine], blocks[at]);
         }
+    }
     return labels;
+}
+
+/* Mark the pixels of row y that are as deep as the level of their block, and add them to the result; level: 0 for none. */
+static void mark_row(const float *restrict row, const float *restrict level, uint8_t *restrict out, int y, double *result,
+                     int width) {
+    int count = 0, places = 0;
+    if (!level)
+        for (int x = 0; x < width; x++) out[x] = 0;
+    for (int j = 0; level && j < width / 2; j++) {
+        const int left = row[2 * j] >= level[j], right = row[2 * j + 1] >= level[j];
+        out[2 * j] = (uint8_t)left;
+        out[2 * j + 1] = (uint8_t)right;
+        count += left + right;
+        places += left * 2 * j + right * (2 * j + 1);
+    }
+    if (level && width % 2) {
+        const int last = row[width - 1] >= level[width / 2];
+        out[width - 1] = (uint8_t)last;
+        count += last;
+        places += last * (width - 1);
+    }
+    result[0] += count;
+    result[2] += places;
+    result[3] += (double)count * y;
 }
 
 /* `find_contact`: mask of what is at least half as deep as the deepest point of its region.
@@ -66,22 +95,13 @@ EXPORT void find_contact(const float *depth, float threshold, uint8_t *mask, dou
     for (int a = 1; a < labels; a++)
         if (root(parent, a) == a && deepest[a] > result[1]) result[1] = deepest[a];
     for (int i = 0; i < h; i++) {
+        int any = 0;
         for (int j = 0; j < w; j++) {
             const int a = label[(ptrdiff_t)i * w + j];
             level[j] = a ? larger(deepest[root(parent, a)] / 2, threshold) : __builtin_inff();
+            any |= a;
         }
-        for (int y = 2 * i; y < 2 * i + 2 && y < height; y++) {
-            const float *row = depth + (ptrdiff_t)y * width;
-            uint8_t *out = mask + (ptrdiff_t)y * width;
-            int64_t count = 0, places = 0;
-            for (int x = 0; x < width; x++) {
-                out[x] = row[x] >= level[x / 2];
-                count += out[x];
-                places += out[x] ? x : 0;
-            }
-            result[0] += (double)count;
-            result[2] += (double)places;
-            result[3] += (double)count * y;
-        }
+        for (int y = 2 * i; y < 2 * i + 2 && y < height; y++)
+            mark_row(depth + (ptrdiff_t)y * width, any ? level : 0, mask + (ptrdiff_t)y * width, y, result, width);
     }
 }

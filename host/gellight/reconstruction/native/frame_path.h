@@ -16,6 +16,8 @@
 
 INLINE int clamped(int i, int n) { return i < 0 ? 0 : i >= n ? n - 1 : i; }
 INLINE int cells_of(int pixels) { return (pixels + CELL - 1) / CELL; }
+INLINE int smaller_int(int a, int b) { return a < b ? a : b; }
+INLINE int larger_int(int a, int b) { return a > b ? a : b; }
 INLINE float smaller(float a, float b) { return a < b ? a : b; }
 INLINE float larger(float a, float b) { return a > b ? a : b; }
 
@@ -38,6 +40,15 @@ INLINE void between_columns(const float *restrict cells, int count, float *restr
         out[4 * j + 1] = here + 0.125f * left;
         out[4 * j + 2] = here + 0.125f * right;
         out[4 * j + 3] = here + 0.375f * right;
+    }
+}
+
+/* The same for cells of 2 x 2. */
+INLINE void between_pairs(const float *restrict cells, int count, float *restrict out) {
+    for (int j = 0; j < count; j++) {
+        const float here = cells[j + 1];
+        out[2 * j] = here + 0.25f * (cells[j] - here);
+        out[2 * j + 1] = here + 0.25f * (cells[j + 2] - here);
     }
 }
 

@@ -5,15 +5,22 @@ import hashlib
 import platform
 import sys
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gellight.reconstruction.native.build import CHECKSUMS, library_file
 
-_SIGNATURES = {
+SIGNATURES = {
     "difference_and_means": "ppppppii",
     "touched_cells": "pffppppii",
-    "cell_rows": "ppppii",
-    "coarse_rows": "ppii",
-    "store_cells": "ppppppiii",
+    "mean_rows": "pppii",
+    "gentle_blocks": "pppfppii",
+    "split_cells": "pppfpppii",
+    "chosen_rows": "ppppi",
+    "store_cells": "ppppppii",
+    "cells_from_blocks": "pppppii",
     "blend": "ppippfppppii",
     "pixel_rows": "pppii",
     "store_pixels": "ppppiii",
@@ -22,12 +29,12 @@ _SIGNATURES = {
     "solve_columns": "pppii",
     "resting_depths": "pppiiipii",
     "level_and_slopes": "pfpffpii",
-    "widen": "pppppppppiiiiii",
+    "widen": "pppppppppiiiiiii",
     "slopes_and_normals": "pppii",
     "find_contact": "pfpppppppii",
 }
 """arguments of each function: pointer, int, float"""
-_COUNTING = ("touched_cells", "cell_rows", "blend", "resting_depths")
+_COUNTING = ("touched_cells", "gentle_blocks", "split_cells", "chosen_rows", "blend", "resting_depths")
 """functions that return an int; the others return nothing"""
 _KINDS = {"p": ctypes.c_void_p, "i": ctypes.c_int, "f": ctypes.c_float}
 
@@ -65,14 +72,40 @@ class NativePathError(Exception):
     """The native path cannot be used here; the text says why."""
 
 
-def fitting_library() -> tuple[str, ctypes.CDLL]:
+class Library:
+    """The functions of the frame path, for arrays and numbers."""
+
+    def __init__(self, path: Path) -> None:
+        """Load a file; NativePathError where that fails."""
+        try:
+            loaded = ctypes.CDLL(str(path))
+            self._functions = {name: getattr(loaded, name) for name in SIGNATURES}
+        except (OSError, AttributeError) as error:
+            raise NativePathError(f"{path} cannot be loaded ({error}): install gellight again") from error
+        for name, kinds in SIGNATURES.items():
+            self._functions[name].argtypes = [_KINDS[kind] for kind in kinds]
+            self._functions[name].restype = ctypes.c_int if name in _COUNTING else None
+
+    def call(self, function: str, *arguments: NDArray[Any] | float) -> int:
+        """Call a function with contiguous arrays and numbers; return what it counts, 0 for others."""
+        given = [address(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        return int(self._functions[function](*given) or 0)
+
+
+def address(array: NDArray[Any]) -> int:
+    """Where a contiguous array lies."""
+    # A third of the time that `array.ctypes.data` takes, which counts at eighty a frame.
+    return int(array.__array_interface__["data"][0])
+
+
+def fitting_library() -> tuple[str, Library]:
     """Return the fastest library that runs on this machine, and its name; NativePathError where none does."""
     names = fitting()
     if not names:
         raise NativePathError(f"no library is built for {sys.platform} on {platform.machine()}")
     path = library_file(names[0])
     check_whole(path)
-    return names[0], load(path)
+    return names[0], Library(path)
 
 
 def check_whole(path: Path) -> None:
@@ -84,16 +117,3 @@ def check_whole(path: Path) -> None:
     expected = dict(zip(listed[1::2], listed[::2], strict=True)).get(path.name)
     if found != expected:
         raise NativePathError(f"{path} is damaged (SHA-256 {found}, not {expected}): install gellight again")
-
-
-def load(path: Path) -> ctypes.CDLL:
-    """Load a library and declare its functions; NativePathError where that fails."""
-    try:
-        library = ctypes.CDLL(str(path))
-        for name, kinds in _SIGNATURES.items():
-            function = getattr(library, name)
-            function.argtypes = [_KINDS[kind] for kind in kinds]
-            function.restype = ctypes.c_int if name in _COUNTING else None
-    except (OSError, AttributeError) as error:
-        raise NativePathError(f"{path} cannot be loaded ({error}): install gellight again") from error
-    return library

@@ -3,7 +3,6 @@
 The network stays in ONNX Runtime, the transform along the rows in SciPy. The lens is taken out by the NumPy stage.
 """
 
-import ctypes
 import time
 from typing import Any
 
@@ -19,13 +18,12 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import drift_of
-from gellight.reconstruction.linearised import BLOCK_CELLS, CellNetwork
-from gellight.reconstruction.native.library import NativePathError
-from gellight.reconstruction.native.work import WorkMemory, address
+from gellight.reconstruction.linearised import BLOCK_CELLS, LIMIT_GREY, CellNetwork
+from gellight.reconstruction.native.library import Library, NativePathError
+from gellight.reconstruction.native.work import WorkMemory
 from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Windows
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
-from gellight.reconstruction.tilt import LEAST_REST_GREY, LEVELLED, take_tilt_off
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -40,7 +38,7 @@ class NativePath:
 
     def __init__(
         self,
-        library: ctypes.CDLL,
+        library: Library,
         bundle: Bundle,
         network: GradientNetwork,
         cells: CellNetwork | None,
@@ -61,6 +59,8 @@ class NativePath:
         self._windows = Windows.of(smoothing_px) if smoothing_px >= 2 else None
         self._m = WorkMemory(bundle.image_shape, self._windows)
         self._m.coarse_rows[:, 3:] = network.coarse_position
+        if cells is not None:
+            self._m.cell_rows[:, 3:] = cells.middle
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._clock = clock
         self.network_rows = NetworkRows()
@@ -82,7 +82,7 @@ class NativePath:
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
-        depth_mm, flags = self._depth(touched_pixels)
+        depth_mm = self._depth(touched_pixels)
         stages.end("depth")
         self._widen(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
@@ -97,7 +97,6 @@ class NativePath:
             depth_mm=depth_mm,
             contact=contact,
             stage_seconds=stages.seconds,
-            flags=flags,
         )
 
     def _difference(self, image: NDArray[np.uint8]) -> Floats:
@@ -111,39 +110,58 @@ class NativePath:
     def _touched(self) -> int:
         """How many cells are touched; which, is in `touched` of the work memory."""
         m, limits = self._m, self._network.limits_grey
-        return self._count("touched_cells", m.means, *limits, m.touched, m.near, m.work, m.bytes)
+        return self._run("touched_cells", m.means, *limits, m.touched, m.near, m.work, m.bytes)
 
     def _slopes(self, difference: Floats, touched: int) -> None:
         m, limit = self._m, -1.0
+        self._run("mean_rows", m.means, m.cell_rows, m.coarse_rows)
+        coarse = near = 0
         if touched < m.touched.size:
-            self._run("coarse_rows", m.means, m.coarse_rows)
-            np.subtract(self._network.session.slopes(m.coarse_rows), self._network.coarse_zero, out=m.coarse)
-        near = 0
+            coarse = self._coarse(self._cells)
         if self._cells is not None:
             near = self._at_cells(self._cells)
             limit = self._cells.limit_grey
-        single = self._count(
+        single = self._run(
             "blend", difference, m.touched, touched, m.planes, m.coarse, limit, m.slopes, m.index, m.work, m.bytes
         )
-        coarse = len(m.coarse) if touched < m.touched.size else 0
         self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
         for start in range(0, single, _BLOCK_PIXELS):
             count = min(_BLOCK_PIXELS, single - start)
-            at, rows = address(m.index, start), m.rows[:count]
-            self._c.pixel_rows(address(difference), at, address(rows), count, self._width)
-            answer, zero = self._network.session.slopes(rows), address(self._network.zero)
-            self._c.store_pixels(at, address(answer), zero, address(m.slopes), count, self._width, self._height)
+            at, rows = m.index[start:], m.rows[:count]
+            self._c.call("pixel_rows", difference, at, rows, count, self._width)
+            self._run("store_pixels", at, self._network.session.slopes(rows), self._network.zero, m.slopes, count)
+
+    def _coarse(self, cells: CellNetwork | None) -> int:
+        """The slopes of the blocks, for where nothing touches; returns of how many the network was asked."""
+        m, count = self._m, len(self._m.coarse)
+        if cells is None:
+            m.around[:] = 1
+        else:
+            count = self._run("gentle_blocks", m.coarse_rows, cells.at_rest, m.touched, LIMIT_GREY, m.coarse, m.around)
+        if count:
+            self._c.call("chosen_rows", m.coarse_rows, m.around, m.index, m.rows, len(m.coarse))
+            at = m.index[:count]
+            m.coarse[at] = self._network.session.slopes(m.rows[:count]) - self._network.coarse_zero[at]
+        return count
 
     def _at_cells(self, cells: CellNetwork) -> int:
-        """The network and its Jacobian at the means of the cells near a touch, into planes; returns how many cells."""
+        """The planes of the cells near a touch; returns of how many cells and blocks the network was asked."""
+        m, asked = self._m, 0
+        if self._run("split_cells", m.cell_rows, m.coarse_rows, m.near, LIMIT_GREY, m.steep, m.gentle, m.around):
+            asked = self._asked(cells, m.coarse_rows, m.around, self._network.coarse_zero, m.coarse_planes)
+            self._run("cells_from_blocks", m.coarse_planes, m.cell_rows, m.gentle, m.planes, m.work)
+        return asked + self._asked(cells, m.cell_rows, m.steep, cells.zero, m.planes)
+
+    def _asked(self, cells: CellNetwork, rows: Floats, chosen: NDArray[np.uint8], zero: Floats, planes: Floats) -> int:
+        """The network and its Jacobian at the chosen rows, into planes; returns how many rows."""
         m = self._m
-        near = self._count("cell_rows", m.means, m.near, m.index, m.rows)
-        for start in range(0, near, BLOCK_CELLS):
-            rows = m.rows[start : min(start + BLOCK_CELLS, near)]
-            slopes, jacobian = cells.jacobian.answer(rows)
-            at = [address(a) for a in (rows, slopes, jacobian, cells.zero, m.planes)]
-            self._c.store_cells(address(m.index, start), *at, len(rows), self._width, self._height)
-        return near
+        count = self._c.call("chosen_rows", rows, chosen, m.index, m.rows, chosen.size)
+        for start in range(0, count, BLOCK_CELLS):
+            block = m.rows[start : min(start + BLOCK_CELLS, count)]
+            slopes, jacobian = cells.jacobian.answer(block)
+            answer = (m.index[start:], block, slopes, jacobian, zero, planes)
+            self._c.call("store_cells", *answer, len(block), chosen.size)
+        return count
 
     def _narrow(self) -> None:
         m, windows = self._m, self._windows
@@ -164,19 +182,14 @@ class NativePath:
         m.measured[:] = np.moveaxis(slopes, 2, 0)
         return touched
 
-    def _depth(self, touched_pixels: Bools | None) -> tuple[Floats, tuple[str, ...]]:
-        """Integrate the measured slopes; also differentiate the depth into `slopes` of the work memory.
-
-        Returns depth, and the flags of the frame.
-        """
+    def _depth(self, touched_pixels: Bools | None) -> Floats:
+        """Integrate the measured slopes; also differentiate the depth into `slopes` of the work memory."""
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
         depth = np.empty(self._bundle.image_shape, np.float32)
         self._run("divergence", m.measured, depth, *size, m.work)
         waves = fft.dct(depth, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1)
         self._run("solve_columns", waves, m.factors, m.column)
         depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
-        touched = m.touched.view(np.bool_) if touched_pixels is None else touched_pixels
-        levelled = self._bundle.manifest.rest_grey >= LEAST_REST_GREY and take_tilt_off(depth, touched)
         if touched_pixels is None:
             level = level_of_sample(depth, self._resting(depth), bulge)
         else:
@@ -184,7 +197,7 @@ class NativePath:
         if not np.isfinite(level):
             raise ValueError("the gradient map has values that are NaN or infinite")
         self._run("level_and_slopes", depth, float(level), m.slopes, *size, m.work)
-        return depth, (LEVELLED,) if levelled else ()
+        return depth
 
     def _resting(self, depth: Floats) -> Floats:
         """The depths at rest among those on the sample grid."""
@@ -192,7 +205,7 @@ class NativePath:
         far = far_cells(~m.touched[1::2, 1::2].view(np.bool_))
         everywhere = far if far.any() else np.ones_like(far)
         step = sample_grid(depth.shape)[0].step
-        count = self._count("resting_depths", depth, m.touched, everywhere, *everywhere.shape[::-1], step, m.work_plane)
+        count = self._run("resting_depths", depth, m.touched, everywhere, *everywhere.shape[::-1], step, m.work_plane)
         return m.work_plane[:count]
 
     def _widen(self, touched: NDArray[Any]) -> None:
@@ -205,9 +218,9 @@ class NativePath:
         top, left = (int(span[0]) * side // CELL_PX * CELL_PX for span in (rows, columns))
         bottom, right = min((int(rows[-1]) + 1) * side, self._height), min((int(columns[-1]) + 1) * side, self._width)
         reach, energies = windows.reach, windows.energies
-        box = (left, top, right, bottom)
+        sizes = (m.kept_rows, left, top, right, bottom)
         self._run(
-            "widen", m.slopes, m.measured, m.noise, windows.taps, reach, energies, m.small, m.changes, m.work, *box
+            "widen", m.slopes, m.measured, m.noise, windows.taps, reach, energies, m.small, m.changes, m.work, *sizes
         )
 
     def _normals(self, depth_mm: Floats) -> tuple[Floats, Floats]:
@@ -231,11 +244,6 @@ class NativePath:
             centroid_mm=centroid and (centroid[0] * size_x, centroid[1] * size_y),
         )
 
-    def _run(self, function: str, *arguments: NDArray[Any] | float) -> None:
+    def _run(self, function: str, *arguments: NDArray[Any] | float) -> int:
         """Call a function of the library with arrays and numbers, then width and height."""
-        self._count(function, *arguments)
-
-    def _count(self, function: str, *arguments: NDArray[Any] | float) -> int:
-        """The same for a function that counts."""
-        given = [address(a) if isinstance(a, np.ndarray) else a for a in arguments]
-        return int(getattr(self._c, function)(*given, self._width, self._height) or 0)
+        return self._c.call(function, *arguments, self._width, self._height)

@@ -9,11 +9,19 @@ INLINE void filter_row(const float *plane, ptrdiff_t stride, int y, const float 
                        float *restrict out, int width, int height) {
     const float *restrict row = plane + y * stride;
     float *restrict down = padded + reach;
-    for (int x = 0; x < width; x++) down[x] = taps[0] * row[x];
-    for (int k = 1; k <= reach; k++) {
-        const float *restrict above = plane + clamped(y - k, height) * stride;
-        const float *restrict below = plane + clamped(y + k, height) * stride;
-        for (int x = 0; x < width; x++) down[x] += taps[k] * (above[x] + below[x]);
+    if (y >= reach && y < height - reach)
+        for (int x = 0; x < width; x++) {
+            float sum = taps[0] * row[x];
+            for (int k = 1; k <= reach; k++) sum += taps[k] * (row[x - k * stride] + row[x + k * stride]);
+            down[x] = sum;
+        }
+    else {
+        for (int x = 0; x < width; x++) down[x] = taps[0] * row[x];
+        for (int k = 1; k <= reach; k++) {
+            const float *restrict above = plane + clamped(y - k, height) * stride;
+            const float *restrict below = plane + clamped(y + k, height) * stride;
+            for (int x = 0; x < width; x++) down[x] += taps[k] * (above[x] + below[x]);
+        }
     }
     for (int k = 1; k <= reach; k++) {
         down[-k] = down[0];
@@ -47,14 +55,12 @@ static void add_squares(const float *restrict row, float *restrict squares, floa
     for (int x = CELL * whole; x < width; x++) cells[whole] += squares[x];
 }
 
-/* Sums over cells to means over the pixels of each, cut cells included. */
-static void cell_means(float *cells, int width, int height) {
-    const int w = cells_of(width), h = cells_of(height);
-    for (int i = 0; i < h; i++) {
-        const int tall = i == h - 1 ? height - CELL * i : CELL;
-        for (int j = 0; j < w - 1; j++) cells[i * w + j] *= 1.0f / (float)(CELL * tall);
-        cells[i * w + w - 1] *= 1.0f / (float)((width - CELL * (w - 1)) * tall);
-    }
+/* Sums over row i of cells to means over the pixels of each, cut cells included. */
+static void cell_means(float *cells, int i, int width, int height) {
+    const int w = cells_of(width), tall = smaller_int(height - CELL * i, CELL);
+    float *row = cells + (ptrdiff_t)i * w;
+    for (int j = 0; j < w - 1; j++) row[j] *= 1.0f / (float)(CELL * tall);
+    row[w - 1] *= 1.0f / (float)((width - CELL * (w - 1)) * tall);
 }
 
 INLINE int mirrored(int i, int n) {
@@ -98,7 +104,7 @@ EXPORT void narrow(const float *slopes, float *smoothed, const float *taps, int 
             for (int x = 0; x < width; x++) less[x] = row[x] - out[x];
             add_squares(taken, padded, energy + (ptrdiff_t)(y / CELL) * w, width);
         }
-        cell_means(energy, width, height);
+        for (int i = 0; i < h; i++) cell_means(energy, i, width, height);
         for (int i = 0; i < h; i++) {
             float *restrict out = noise + (ptrdiff_t)i * w;
             box_row(energy, i, 4, padded, out, w, h);
@@ -107,13 +113,33 @@ EXPORT void narrow(const float *slopes, float *smoothed, const float *taps, int 
     }
 }
 
-/* A rectangle of the image that begins at a cell, and what `widen` needs in it. */
+/* A rectangle of the image that begins at a cell, and what `widen` needs in it.
+ *
+ * It goes down the rows of cells once, each step as far behind the one before as it needs, so that all it reads is still in
+ * the cache. What a window changes is kept for `kept` rows of pixels alone. */
 typedef struct {
-    int width, height, w, h;
+    int width, height, w, h, kept;
     ptrdiff_t stride, plane;
-    const float *measured;
+    const float *measured, *taps, *energies;
+    const int32_t *reach;
     float *slopes, *noise, *shares, *energy, *changes, *work;
 } Window;
+
+/* Row y of a slope of the rectangle: of the surface, or as measured. */
+INLINE ptrdiff_t at_row(const Window *a, int o, int y) { return o * a->plane + y * a->stride; }
+
+/* Row y of what window l changes in slope o. */
+INLINE float *change_row(const Window *a, int l, int o, int y) {
+    return a->changes + ((ptrdiff_t)(2 * l + o) * a->kept + y % a->kept) * a->width;
+}
+
+/* Row i of cells of the energy that the change of window l has in slope o; l = 3: the surface against the measured slopes. */
+INLINE float *energy_row(const Window *a, int l, int o, int i) {
+    return a->energy + ((ptrdiff_t)(2 * l + o) * a->h + i) * a->w;
+}
+
+/* End of row i of cells, in rows of pixels. */
+INLINE int end_of(const Window *a, int i) { return smaller_int(CELL * (i + 1), a->height); }
 
 /* Multiply a row of shares by how far noise explains the energy of a change: 1 up to 1.5 times what noise makes, 0 from 3
  * times on, for the worse of both slopes. seen: (2, w); noise: planes (2, h, w). */
@@ -126,16 +152,11 @@ static void explain_row(const Window *a, const float *restrict seen, int i, floa
     }
 }
 
-/* Shares (h, w) from the energies (2, h, w) of a change, over 2 reach + 1 cells a side. share holds those of the narrower
- * window. */
-static void explain(const Window *a, float *energies, int reach, float energy, float *share) {
+/* Row i of the shares of change l from its energies, over 2 reach + 1 cells a side. share: those of the narrower window. */
+static void explain(const Window *a, int l, int i, int reach, float energy, float *share) {
     float *seen = a->work, *padded = a->work + 2 * a->w;
-    const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
-    for (int o = 0; o < 2; o++) cell_means(energies + o * size, a->width, a->height);
-    for (int i = 0; i < a->h; i++) {
-        for (int o = 0; o < 2; o++) box_row(energies + o * size, i, reach, padded, seen + o * a->w, a->w, a->h);
-        explain_row(a, seen, i, energy, share + (ptrdiff_t)i * a->w);
-    }
+    for (int o = 0; o < 2; o++) box_row(energy_row(a, l, o, 0), i, reach, padded, seen + o * a->w, a->w, a->h);
+    explain_row(a, seen, i, energy, share);
 }
 
 /* Row y of the pixels' shares. */
@@ -144,103 +165,125 @@ static void share_row(const Window *a, const float *share, int y, float *cells, 
     between_columns(cells, a->w, out);
 }
 
-/* Take the measured slopes where the surface differs from them by more than noise explains (`Smoother._reconcile`):
- * slope = measured + share (slope - measured), and the noise of the result grows by 1 + (1 - share)^2. */
-static void reconcile(const Window *a, int reach, float energy) {
-    const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
-    float *change = a->work + 2 * a->width, *squares = change + a->width + 8;
-    for (int o = 0; o < 2; o++)
-        for (int y = 0; y < a->height; y++) {
-            const ptrdiff_t at = o * a->plane + y * a->stride;
-            const float *restrict surface = a->slopes + at, *restrict measured = a->measured + at;
+/* Row i of cells of the energy of the surface against the measured slopes. */
+static void compare(const Window *a, int i) {
+    float *change = a->work, *squares = change + a->width;
+    for (int o = 0; o < 2; o++) {
+        for (int y = CELL * i; y < end_of(a, i); y++) {
+            const float *restrict surface = a->slopes + at_row(a, o, y), *restrict measured = a->measured + at_row(a, o, y);
             float *restrict out = change;
             for (int x = 0; x < a->width; x++) out[x] = surface[x] - measured[x];
-            add_squares(change, squares, a->energy + o * size + (ptrdiff_t)(y / CELL) * a->w, a->width);
+            add_squares(change, squares, energy_row(a, 3, o, i), a->width);
         }
-    explain(a, a->energy, reach, energy, a->shares);
-    for (ptrdiff_t at = 0; at < size; at++) {
-        const float left = 1 - a->shares[at], more = 1 + left * left;
-        a->noise[at] *= more;
-        a->noise[size + at] *= more;
+        cell_means(energy_row(a, 3, o, 0), i, a->width, a->height);
     }
-    for (int y = 0; y < a->height; y++) {
-        share_row(a, a->shares, y, squares, change);
+}
+
+/* How far row i of the surface is taken: where it differs from the measured slopes by more than noise explains, they are,
+ * and the noise of the result grows by 1 + (1 - share)^2 (`Smoother._reconcile`). */
+static void trust(const Window *a, int i) {
+    float *share = a->shares + (ptrdiff_t)(3 * a->h + i) * a->w;
+    for (int j = 0; j < a->w; j++) share[j] = 1;
+    explain(a, 3, i, a->reach[4], a->energies[0], share);
+    for (int o = 0; o < 2; o++) {
+        float *restrict noise = a->noise + ((ptrdiff_t)o * a->h + i) * a->w;
+        for (int j = 0; j < a->w; j++) noise[j] *= 1 + (1 - share[j]) * (1 - share[j]);
+    }
+}
+
+/* slope = measured + share (slope - measured) in row i of cells. */
+static void reconcile(const Window *a, int i) {
+    float *row = a->work, *cells = row + a->width + 8;
+    for (int y = CELL * i; y < end_of(a, i); y++) {
+        share_row(a, a->shares + (ptrdiff_t)3 * a->h * a->w, y, cells, row);
         for (int o = 0; o < 2; o++) {
-            const ptrdiff_t at = o * a->plane + y * a->stride;
-            const float *restrict measured = a->measured + at, *restrict part = change;
-            float *restrict slope = a->slopes + at;
+            const float *restrict measured = a->measured + at_row(a, o, y), *restrict part = row;
+            float *restrict slope = a->slopes + at_row(a, o, y);
             for (int x = 0; x < a->width; x++) slope[x] = measured[x] + (slope[x] - measured[x]) * part[x];
         }
     }
 }
 
-/* What each of three wider windows changes against the next narrower one, six planes, and its energy in cells. */
-static void wider_windows(const Window *a, const float *taps, const int *reach) {
-    const ptrdiff_t size = (ptrdiff_t)a->w * a->h, area = (ptrdiff_t)a->width * a->height;
+/* What each of three wider windows changes in row i of cells against the next narrower one, and its energy. */
+static void wider_windows(const Window *a, int i) {
     float *smoothed[2] = {a->work, a->work + a->width}, *padded = a->work + 2 * a->width;
-    for (int o = 0; o < 2; o++)
-        for (int y = 0; y < a->height; y++) {
-            const float *last = a->slopes + o * a->plane + y * a->stride;
-            const float *plane = a->slopes + o * a->plane, *tap = taps;
-            for (int l = 0; l < 3; tap += reach[l] + 1, l++) {
-                float *restrict change = a->changes + (2 * l + o) * area + (ptrdiff_t)y * a->width;
-                float *wide = smoothed[l & 1];
-                smooth_row(plane, a->stride, y, tap, reach[l], padded, wide, a->width, a->height);
+    for (int o = 0; o < 2; o++) {
+        for (int y = CELL * i; y < end_of(a, i); y++) {
+            const float *last = a->slopes + at_row(a, o, y), *tap = a->taps;
+            for (int l = 0; l < 3; tap += a->reach[1 + l] + 1, l++) {
+                float *restrict change = change_row(a, l, o, y), *wide = smoothed[l & 1];
+                smooth_row(a->slopes + o * a->plane, a->stride, y, tap, a->reach[1 + l], padded, wide, a->width, a->height);
                 for (int x = 0; x < a->width; x++) change[x] = wide[x] - last[x];
-                add_squares(change, padded, a->energy + (2 * l + o) * size + (ptrdiff_t)(y / CELL) * a->w, a->width);
+                add_squares(change, padded, energy_row(a, l, o, i), a->width);
                 last = wide;
             }
         }
+        for (int l = 0; l < 3; l++) cell_means(energy_row(a, l, o, 0), i, a->width, a->height);
+    }
 }
 
-/* Add the changes by their shares: slope += sum over windows of share change. */
-static void add_changes(const Window *a) {
-    const ptrdiff_t size = (ptrdiff_t)a->w * a->h, area = (ptrdiff_t)a->width * a->height;
+/* How far row i of each window is taken: as far as noise explains what it and all narrower ones change. */
+static void choose(const Window *a, int i) {
+    const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
+    for (int l = 0; l < 3; l++) {
+        float *share = a->shares + l * size + (ptrdiff_t)i * a->w;
+        for (int j = 0; j < a->w; j++) share[j] = l ? share[j - size] : 1;
+        explain(a, l, i, a->reach[5 + l], a->energies[1 + l], share);
+    }
+}
+
+/* Add the changes by their shares in row i of cells: slope += sum over windows of share change. */
+static void add_changes(const Window *a, int i) {
+    const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
     float *rows = a->work, *cells = a->work + 3 * (a->width + 8);
-    for (int y = 0; y < a->height; y++) {
+    for (int y = CELL * i; y < end_of(a, i); y++) {
         for (int l = 0; l < 3; l++) share_row(a, a->shares + l * size, y, cells, rows + l * (a->width + 8));
         for (int o = 0; o < 2; o++) {
-            float *restrict slope = a->slopes + o * a->plane + y * a->stride;
-            const float *restrict c0 = a->changes + o * area + (ptrdiff_t)y * a->width, *restrict c1 = c0 + 2 * area,
-                        *restrict c2 = c1 + 2 * area, *restrict s0 = rows, *restrict s1 = rows + a->width + 8,
+            float *restrict slope = a->slopes + at_row(a, o, y);
+            const float *restrict c0 = change_row(a, 0, o, y), *restrict c1 = change_row(a, 1, o, y),
+                        *restrict c2 = change_row(a, 2, o, y), *restrict s0 = rows, *restrict s1 = rows + a->width + 8,
                         *restrict s2 = s1 + a->width + 8;
             for (int x = 0; x < a->width; x++) slope[x] += s0[x] * c0[x] + s1[x] * c1[x] + s2[x] * c2[x];
         }
     }
 }
 
+/* Run one step of `widen` for row i of cells, where there is one. */
+static void step(void (*run)(const Window *, int), const Window *a, int i) {
+    if (i >= 0 && i < a->h) run(a, i);
+}
+
 /* `Smoother.widen` inside the rectangle of pixels [left, right) x [top, bottom), left and top at cells.
  *
  * slopes: two planes of the integrated surface, changed in place; measured, noise: what `narrow` made. taps: of the three
  * windows one after the other. reach: of the windows, then of the cells that their energy is taken over; energies: what
- * white noise makes. Both begin with those of the narrowest window. small: 11 planes of cells; changes: 6 planes of pixels;
- * work: 6 width + 2 reach[3] + 64. */
+ * white noise makes. Both begin with those of the narrowest window. small: 14 planes of cells; changes: 6 planes of
+ * `kept` rows; work: 6 width + 2 reach[3] + 64. */
 EXPORT void widen(float *slopes, const float *measured, const float *noise, const float *taps, const int32_t *reach,
-                  const float *energies, float *small, float *changes, float *work, int left, int top, int right,
+                  const float *energies, float *small, float *changes, float *work, int kept, int left, int top, int right,
                   int bottom, int width, int height) {
     const ptrdiff_t begin = (ptrdiff_t)top * width + left, all = (ptrdiff_t)cells_of(width) * cells_of(height);
     Window a = {.width = right - left, .height = bottom - top, .stride = width, .plane = (ptrdiff_t)width * height,
-                .measured = measured + begin, .slopes = slopes + begin, .changes = changes, .work = work};
+                .kept = kept, .measured = measured + begin, .slopes = slopes + begin, .taps = taps, .reach = reach,
+                .energies = energies, .changes = changes, .work = work};
     a.w = cells_of(a.width), a.h = cells_of(a.height);
     const ptrdiff_t size = (ptrdiff_t)a.w * a.h;
-    a.noise = small, a.shares = small + 2 * size, a.energy = small + 5 * size;
+    a.noise = small, a.shares = small + 2 * size, a.energy = small + 6 * size;
     for (int o = 0; o < 2; o++)
         for (int i = 0; i < a.h; i++) {
             const float *row = noise + o * all + (ptrdiff_t)(top / CELL + i) * cells_of(width) + left / CELL;
             for (int j = 0; j < a.w; j++) a.noise[o * size + i * a.w + j] = row[j] + TINY;
         }
-    for (ptrdiff_t at = 0; at < 6 * size; at++) a.energy[at] = 0;
-    for (ptrdiff_t at = 0; at < size; at++) a.shares[at] = 1;
-    reconcile(&a, reach[4], energies[0]);
-    for (ptrdiff_t at = 0; at < 2 * size; at++) a.energy[at] = 0;
-    const int windows[3] = {reach[1], reach[2], reach[3]};
-    wider_windows(&a, taps, windows);
-    for (ptrdiff_t at = 0; at < size; at++) a.shares[at] = 1;
-    for (int l = 0; l < 3; l++) {
-        float *share = a.shares + l * size;
-        if (l)
-            for (ptrdiff_t at = 0; at < size; at++) share[at] = share[at - size];
-        explain(&a, a.energy + 2 * l * size, reach[5 + l], energies[1 + l], share);
+    for (ptrdiff_t at = 0; at < 8 * size; at++) a.energy[at] = 0;
+    /* Each step waits for the rows of cells below that it reads, and the last one changes no row that is still read. */
+    const int trusted = reach[4], reconciled = trusted + 1, widened = reconciled + cells_of(reach[3]);
+    const int chosen = widened + reach[7], added = larger_int(chosen + 1, widened + cells_of(reach[3]));
+    for (int i = 0; i < a.h + added; i++) {
+        step(compare, &a, i);
+        step(trust, &a, i - trusted);
+        step(reconcile, &a, i - reconciled);
+        step(wider_windows, &a, i - widened);
+        step(choose, &a, i - chosen);
+        step(add_changes, &a, i - added);
     }
-    add_changes(&a);
 }

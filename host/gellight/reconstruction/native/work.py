@@ -1,7 +1,5 @@
 """The working memory of the native path, taken once: a frame allocates nothing but what it returns."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,20 +17,23 @@ class WorkMemory:
         height, width = image_shape
         h, w = (-(-n // CELL_PX) for n in image_shape)
         coarse_h, coarse_w = (-(-n // COARSE_PX) for n in image_shape)
-        widest = int(windows.reach[3]) if windows else 0
+        widest, reach_cells = (int(windows.reach[k]) for k in (3, 7)) if windows else (0, 0)
         self.shift = _floats(width, 3)
         self.means = _floats(3, 2 * coarse_h, 2 * coarse_w)
-        self.touched, self.near = np.zeros((2, h, w), np.uint8)
+        self.touched, self.near, self.steep, self.gentle = np.zeros((4, h, w), np.uint8)
+        self.around = np.zeros((coarse_h, coarse_w), np.uint8)
         self.bytes = np.zeros(2 * h * w + width + 4, np.uint8)
+        self.cell_rows = _floats(h * w, 5)
         self.coarse_rows, self.coarse = _floats(coarse_h * coarse_w, 5), _floats(coarse_h * coarse_w, 2)
         self.index = np.zeros(height * width, np.int32)
         self.rows = _floats(max(h * w, 4096), 5)
-        self.planes = _floats(11, h, w)
+        self.planes, self.coarse_planes = _floats(11, h, w), _floats(11, coarse_h, coarse_w)
         self.slopes, self.measured = _floats(2, height, width), _floats(2, height, width)
         self.noise, self.energy = _floats(2, h, w), _floats(h, w)
         self.factors, self.column = elimination(image_shape), np.zeros(height)
-        self.small = _floats(11, h, w)
-        self.changes = _floats(6, height, width) if windows else _floats(1)
+        self.small = _floats(14, h, w)
+        self.kept_rows = CELL_PX * (max(-(-widest // CELL_PX), reach_cells + 1) + 1)
+        self.changes = _floats(6, self.kept_rows, width)
         self.work, self.work_plane = _floats(16 * (width + 64) + 2 * widest), _floats(height * width)
         blocks = -(-height // 2) * -(-width // 2)
         self.blocks, self.deepest = _floats(blocks), _floats(blocks + 1)
@@ -51,12 +52,6 @@ def elimination(image_shape: tuple[int, int]) -> Floats:
             factors[y] = -1 / (wave + (2 if y < height - 1 else 1) + factors[y - 1])
     factors[:, 0] = 0
     return factors.astype(np.float32)
-
-
-def address(array: NDArray[Any], start: int = 0) -> int:
-    """Where element `start` of a contiguous array lies."""
-    # A third of the time that `array.ctypes.data` takes, which counts at eighty a frame.
-    return int(array.__array_interface__["data"][0]) + start * array.itemsize
 
 
 def _floats(*shape: int) -> Floats:

@@ -17,6 +17,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.photometric import static_scene
 from gellight.reconstruction.photometric.level import find_level
 from gellight.reconstruction.photometric.light_model import (
@@ -85,6 +86,7 @@ class PhotometricReconstructor:
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
         self._last: ExposureReport | None = None
+        self._measures = BundleMeasures(bundle, learnt=False)
 
     def status(self) -> dict[str, object]:
         """Return the mode and what the last series said about its scene, ready for JSON."""
@@ -111,7 +113,8 @@ class PhotometricReconstructor:
         gradient_map, depth = self._enlarged(gradient_map), self._enlarged(depth)
         self._last = report = self._report(series, signals, used, predicted)
         stages.end("still")
-        return tactile_frame(picture, difference, gradient_map, depth, self.bundle.pixel_size_mm, stages, report)
+        size_mm, measures = self.bundle.pixel_size_mm, self._measures
+        return tactile_frame(picture, difference, gradient_map, depth, size_mm, stages, report, measures=measures)
 
     def _signals(self, series: ExposureSeries) -> Signals:
         """Take the pictures apart into the light of each LED."""

@@ -1,0 +1,96 @@
+"""The modulus of the gel from forces and what the sensor felt under them.
+
+The layer of `reconstruction.force` makes of a depth map the integral q of its pressure for a modulus of 1, so a force
+is F = E q. E is fitted to all readings, each weighed by the share of error that a force has. What the fit leaves is the
+error: readings above a fifth of the heaviest give its share, the lighter ones and those without contact its floor. The
+share is never below `SHAPE_SHARE`: one object says nothing of how well another one is weighed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from gellight.base.errors import InputError
+
+Array = NDArray[np.float64]
+
+SHAPE_SHARE = 0.05
+"""error of the force on other objects than the one that was weighed, on the finite-element gel (docs/force.md)"""
+FEWEST = 3
+"""readings in contact"""
+LEAST_RANK = 0.8
+"""correlation of the ranks of forces and answers, where the forces differ by `SPREAD`: they must rise together"""
+SPREAD = 1.5
+MOST_SHARE = 0.3
+"""a worse fit than that is no calibration"""
+LIGHT_SHARE = 0.2
+"""of the heaviest reading: lighter ones tell the floor of the error"""
+UNFELT_SHARE = 0.2
+"""of the heaviest reading: so large a force must be felt"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceFit:
+    """The constant and how well it explains the readings."""
+
+    youngs_modulus_mpa: float
+    error_share: float
+    error_floor_n: float
+    readings: int
+    """in contact"""
+    lightest_n: float
+    heaviest_n: float
+    rms_n: float
+    """of what the fit leaves"""
+
+
+def fit_force(force_n: Array, integral_mm2: Array, source: str) -> ForceFit:
+    """Fit the modulus to (n,) forces and the (n,) integrals of the pressure for a modulus of 1.
+
+    Raises InputError, naming `source` and the reason, for readings that cannot be explained by one modulus.
+    """
+    felt = (integral_mm2 > 0) & (force_n > 0)
+    heaviest = float(force_n.max())
+    _check_contact(force_n, integral_mm2, felt, heaviest, source)
+    weights = 1 / np.maximum(force_n[felt], LIGHT_SHARE * heaviest) ** 2
+    modulus = float((weights * force_n[felt] * integral_mm2[felt]).sum() / (weights * integral_mm2[felt] ** 2).sum())
+    left = force_n - modulus * integral_mm2
+    heavy = force_n >= LIGHT_SHARE * heaviest
+    share = float(np.sqrt(np.mean((left[heavy] / force_n[heavy]) ** 2)))
+    if share > MOST_SHARE:
+        raise InputError(
+            f"{source}: one modulus leaves {share:.0%} of the forces: press objects that are smaller than the view, "
+            "upright and slowly, and see that forces and pictures belong together"
+        )
+    light = left[~heavy]
+    return ForceFit(
+        youngs_modulus_mpa=modulus,
+        error_share=float(np.hypot(share, SHAPE_SHARE)),
+        error_floor_n=float(np.sqrt(np.mean(light**2))) if light.size else LIGHT_SHARE * share * heaviest,
+        readings=int(felt.sum()),
+        lightest_n=float(force_n[felt].min()),
+        heaviest_n=heaviest,
+        rms_n=float(np.sqrt(np.mean(left**2))),
+    )
+
+
+def _check_contact(force_n: Array, integral_mm2: Array, felt: NDArray[np.bool_], heaviest: float, source: str) -> None:
+    """Refuse readings without enough contact, and those whose forces and depths do not rise together."""
+    unfelt = (force_n >= UNFELT_SHARE * heaviest) & (integral_mm2 == 0)
+    if unfelt.any():
+        raise InputError(
+            f"{source}: nothing is felt in {int(unfelt.sum())} of {len(force_n)} readings, the largest of "
+            f"{float(force_n[unfelt].max()):g} N: give pictures of the pressed gel, and the bundle of this sensor"
+        )
+    if felt.sum() < FEWEST:
+        raise InputError(f"{source}: {int(felt.sum())} readings in contact: give at least {FEWEST}")
+    if force_n[felt].max() < SPREAD * force_n[felt].min():
+        return
+    rank = float(stats.spearmanr(force_n[felt], integral_mm2[felt]).statistic)
+    if not rank >= LEAST_RANK:
+        raise InputError(
+            f"{source}: force and depth do not rise together (rank correlation {rank:.2f}, at least {LEAST_RANK} is "
+            "needed): see that forces and pictures belong together and that their clocks agree"
+        )

@@ -1,0 +1,54 @@
+"""`gellight calibrate force`: find what turns depth into newtons, and add it to a bundle."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gellight.bundle.bundle import load_bundle
+from gellight.calibration.force.adding import add_force, measure_force
+from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.reconstruction.force import Layer
+from gellight.reconstruction.force_file import ForceRecord
+
+
+@with_options
+def command(
+    forces: Annotated[
+        Path, typer.Argument(help="CSV: image,force_n for known weights, or unix_s,force_n of a load cell")
+    ],
+    gel_thickness_mm: Annotated[float, typer.Option(help="thickness of the soft gel, mm")],
+    calibration: Annotated[str, typer.Option(help="bundle that the force is added to")],
+    new: NewBundle,
+    recording: Annotated[
+        Path | None, typer.Option(help="recording of `gellight record`, of the same time as the load cell's readings")
+    ] = None,
+    poisson_ratio: Annotated[float, typer.Option(help="of the gel; silicones hardly change their volume")] = 0.49,
+    as_json: AsJson = False,
+) -> None:
+    """Find what turns depth into newtons and write the bundle with it.
+
+    The pictures show the gel pressed by known weights, or the recording runs while a load cell is read. Frames then
+    carry the normal force and a pressure map.
+    """
+    bundle = load_bundle(calibration)
+    record = measure_force(bundle, forces, recording, Layer(gel_thickness_mm, poisson_ratio))
+    written = add_force(bundle, record, new.out, overwrite=new.overwrite)
+    if as_json:
+        found = {"calibration": str(new.out), "identity": written.identity, **record.model_dump(mode="json")}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    typer.echo(_text(record, new.out))
+
+
+def _text(record: ForceRecord, out: Path) -> str:
+    return "\n".join(
+        [
+            f"{record.readings} readings in contact, {record.lightest_n:g} to {record.heaviest_n:g} N",
+            f"modulus   {record.youngs_modulus_mpa:.4g} MPa of a layer of {record.gel_thickness_mm:g} mm",
+            f"error     {100 * record.error_share:.1f} % of a force, and {record.error_floor_n:.3g} N",
+            f"the load cell came {record.lag_s:g} s after the pictures",
+            f"wrote {out}",
+        ]
+    )

@@ -1,0 +1,64 @@
+"""What is computed of a tactile frame only when somebody asks for it: the force, the confidence of each pixel."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+BEYOND_VIEW = "beyond_view"
+"""flag of a force: the touch reaches the border of the view, so a part of it is missing"""
+HEAVIER = "heavier"
+"""flag of a force: it is larger than any that the sensor was calibrated with"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Force:
+    """The force that presses the gel, along its normal; found by depth, so shear is not in it."""
+
+    normal_n: float
+    """N, 0 where nothing touches"""
+    error_n: float
+    """N, one standard deviation; with a flag the force may be farther off"""
+    flags: tuple[str, ...] = ()
+    """`beyond_view`, `heavier`"""
+    pressure_of: Callable[[], NDArray[np.float32]] = field(repr=False)
+    """computes the pressure map"""
+
+    @cached_property
+    def pressure_mpa(self) -> NDArray[np.float32]:
+        """(H, W) pressure on the gel, MPa (N / mm2), constant over cells of a tenth of the gel's thickness.
+
+        Its integral is the force.
+        """
+        return self.pressure_of()
+
+    def as_json(self) -> dict[str, object]:
+        """Return the figures without the map, ready for JSON."""
+        return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
+
+
+STEEP, DARK, CLIPPED = 1, 2, 4
+"""bits of the doubts of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Confidence:
+    """How far each pixel is to be believed."""
+
+    value: NDArray[np.float32]
+    """(H, W) from 1, as good as the calibration, down to 0.05, a guess; for weights, no probability"""
+    doubts: NDArray[np.uint8]
+    """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
+
+
+class FrameMeasures(Protocol):
+    """Computes what a sensor can say of a frame beyond its maps."""
+
+    def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
+        """Return the force that makes a (H, W) depth map; None for a sensor without a constant for it."""
+
+    def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
+        """Judge the pixels of a frame by its (H, W, 3) picture and its (H, W, 2) slopes."""

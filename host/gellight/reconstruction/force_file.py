@@ -1,0 +1,51 @@
+"""`force.json`: what turns depth into newtons, a file of a calibration bundle."""
+
+from typing import Annotated
+
+from pydantic import AwareDatetime, Field
+
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.reconstruction.force import ForceScale, Layer
+
+FILE_NAME = "force.json"
+REMEDY = "measure it again with `gellight calibrate force FORCES.csv --calibration BUNDLE --out NEW`"
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class ForceRecord(BundleFile):
+    """The content of the file."""
+
+    gel_thickness_mm: Positive
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    youngs_modulus_mpa: Positive
+    """the constant; of the layer model and this sensor's depth, not of the rubber"""
+    error_share: Positive
+    """standard deviation of a force, as a share of it; see `calibration.force.fit`"""
+    error_floor_n: NotNegative
+    """and of no force at all"""
+    lightest_n: NotNegative
+    heaviest_n: Positive
+    readings: Annotated[int, Field(ge=1)]
+    lag_s: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    """by which the record of the load cell came later than the pictures"""
+    source: str
+    """name of the record"""
+    created: AwareDatetime
+
+    @property
+    def scale(self) -> ForceScale:
+        """What the frame path needs of it."""
+        return ForceScale(
+            layer=Layer(self.gel_thickness_mm, self.poisson_ratio),
+            youngs_modulus_mpa=self.youngs_modulus_mpa,
+            error_share=self.error_share,
+            error_floor_n=self.error_floor_n,
+            heaviest_n=self.heaviest_n,
+        )
+
+
+def read_force(bundle: Bundle) -> ForceRecord | None:
+    """Return the checked content of the file, None where the bundle has none; BundleError where it is damaged."""
+    return read_bundle_file(bundle, FILE_NAME, ForceRecord, REMEDY) if FILE_NAME in bundle.files else None

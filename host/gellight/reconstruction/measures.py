@@ -1,0 +1,45 @@
+"""What a bundle can say of its frames beyond their maps, computed when somebody asks."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.bundle.bundle import Bundle
+from gellight.frames.measures import Confidence, Force
+from gellight.reconstruction.confidence import confidence_of, steepest_of
+from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
+
+PRESSES = "presses.npz"
+SLOPES = slice(5, 7)
+"""columns of the rows of that table"""
+
+
+class BundleMeasures:
+    """The measures of the frames of one sensor."""
+
+    def __init__(self, bundle: Bundle, *, learnt: bool = True) -> None:
+        """Take what the bundle knows; BundleError for a damaged file. learnt: the slopes are those of the network."""
+        record = read_force(bundle)
+        self._bundle, self._learnt = bundle, learnt
+        self._scale = record.scale if record else None
+
+    def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
+        """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
+        return self._scale.force(depth_mm, self._bundle.pixel_size_mm) if self._scale else None
+
+    def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
+        """Judge the pixels of a frame; with a lens, the pixels of the undistorted gel."""
+        reference = self._bundle.reference
+        if has_lens(self._bundle):
+            lens = read_undistortion(self._bundle)
+            image, reference = lens.picture(image), lens.picture(reference)
+        return confidence_of(image, reference, gradient_map, self._steepest)
+
+    @cached_property
+    def _steepest(self) -> float | None:
+        """The steepest slope that the network has learnt; None where it was not learnt, or the bundle does not say."""
+        if not self._learnt or PRESSES not in self._bundle.files:
+            return None
+        return steepest_of(self._bundle.presses()["rows"][:, SLOPES])

@@ -1,0 +1,49 @@
+"""The calibration routine on the simulated sensor: opened, run to its end, waited for."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gellight.calibration.choices import RoutineOptions
+from gellight.calibration.routine import Routine
+from gellight.frames.camera import Camera
+from gellight.opening import open_camera
+from gellight.training.training import TrainingOptions
+
+GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
+URL = "sim://?fps=500&board=0&led_spread=0.05"
+LIT = "sim://?fps=500&led_spread=0.05"
+
+
+def camera(url: str = URL) -> Camera:
+    """Return the simulated sensor with small pictures."""
+    return open_camera(url, geometry=GEOMETRY)
+
+
+def options(folder: Path, **changes: Any) -> RoutineOptions:
+    """Return what a short routine is told, with `changes`."""
+    few = {"presses": 12, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
+    return RoutineOptions(
+        out=folder / "bundle", sensor="one", **{**few, "training": TrainingOptions(recipe="fast"), **changes}
+    )
+
+
+def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
+    """Start a routine that needs nobody, and wait for its end."""
+    routine.act("start")
+    routine.join(timeout_s)
+    assert routine.ended
+    return routine.snapshot()
+
+
+def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> dict[str, Any]:
+    """Return the first snapshot of which `what` is true; AssertionError if none comes."""
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        snapshot = routine.snapshot()
+        if what(snapshot):
+            return snapshot
+        assert not routine.ended, snapshot["problem"]
+        time.sleep(0.01)
+    raise AssertionError(f"did not come: {routine.snapshot()}")

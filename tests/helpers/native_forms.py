@@ -1,0 +1,36 @@
+"""The native form of the frame path beside the NumPy form it must agree with."""
+
+import numpy as np
+import pytest
+
+from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.integration import angle_deg
+from gellight.reconstruction.pipeline import Form, Reconstructor
+
+
+def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructor]:
+    native, cells = (Reconstructor(bundle, form=form, **options) for form in (Form.NATIVE, Form.CELLS))  # type: ignore[arg-type]
+    assert str(native.status()["computed_by"]).startswith("C, ")
+    assert cells.status()["computed_by"] == "NumPy, cells"
+    return native, cells
+
+
+def worst(found: TactileFrame, right: TactileFrame) -> tuple[float, float]:
+    """Largest angle between normals, degrees, and difference of depth, mm, of any pixel."""
+    angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
+    return float(angle.max()), float(np.abs(found.depth_mm - right.depth_mm).max())
+
+
+def agree(found: TactileFrame, right: TactileFrame) -> None:
+    degrees, depth_mm = worst(found, right)
+    assert degrees < 0.02
+    assert depth_mm < 1e-5
+    np.testing.assert_allclose(found.difference, right.difference, atol=1e-4)
+    np.testing.assert_allclose(found.gradient_map, right.gradient_map, atol=2e-4, rtol=2e-4)
+    assert np.count_nonzero(found.contact.mask != right.contact.mask) <= 1e-4 * right.depth_mm.size
+    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, abs=1e-5)
+    assert found.contact.area_mm2 == pytest.approx(right.contact.area_mm2, rel=1e-3, abs=0.01)
+    if right.contact.centroid_mm is not None:
+        assert found.contact.centroid_mm == pytest.approx(right.contact.centroid_mm, abs=1e-3)
+    assert tuple(found.stage_seconds) == tuple(right.stage_seconds)

@@ -1,0 +1,130 @@
+"""`gellight calibrate force`: weights or a load cell's record in, a bundle that knows its force out."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gellight.base.errors import GellightError
+from gellight.bundle.bundle import load_bundle
+from gellight.cli.main import app
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction.force_file import read_force
+from gellight.recording.frame_record import FrameRecord
+from gellight.recording.recording_file import RecordingWriter
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.weighed import LAYER, MODULUS_MPA, PIXEL_MM, SHAPE, weighed, write_weighings
+
+DEPTHS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.6)
+BEGUN_S = 1e9
+PERIOD_S = 1 / 30
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    linear_bundle(tmp_path / "bundle", SHAPE, pixel_size_mm=(PIXEL_MM, PIXEL_MM))
+    return tmp_path
+
+
+def run(folder: Path, *more: object) -> Any:
+    given: list[object] = ["calibrate", "force", folder / "forces.csv", "--gel-thickness-mm", LAYER.thickness_mm]
+    given += [
+        "--poisson-ratio",
+        LAYER.poisson_ratio,
+        "--calibration",
+        folder / "bundle",
+        "--out",
+        folder / "new",
+        *more,
+    ]
+    return CliRunner().invoke(app, [str(one) for one in given])
+
+
+def refused(result: Any) -> str:
+    assert isinstance(result.exception, GellightError), result.output
+    return str(result.exception)
+
+
+def test_weights_give_the_modulus_and_the_bundle_keeps_all_the_rest(folder: Path) -> None:
+    write_weighings(folder, [weighed(depth) for depth in DEPTHS])
+    result = run(folder, "--json")
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["youngs_modulus_mpa"] == pytest.approx(MODULUS_MPA, rel=0.05)
+    assert said["readings"] == len(DEPTHS) - 1
+    old, new = load_bundle(folder / "bundle"), load_bundle(folder / "new")
+    assert {**old.files, "force.json": new.files["force.json"]} == new.files
+    record = read_force(new)
+    assert record is not None
+    assert record.heaviest_n == pytest.approx(weighed(0.6).force_n)
+
+
+def test_words_say_what_was_found(folder: Path) -> None:
+    write_weighings(folder, [weighed(depth) for depth in DEPTHS])
+    result = run(folder)
+    assert "5 readings in contact" in result.stdout
+    assert "MPa of a layer of 2 mm" in result.stdout
+
+
+def record_presses(folder: Path, *, lag_s: float = 0.0) -> None:
+    """Write a recording of a press that comes and goes, and the load cell's record beside it, `lag_s` late."""
+    bundle = load_bundle(folder / "bundle")
+    levels = [0.0, 0.1, 0.2, 0.35, 0.5, 0.6, 0.6, 0.5, 0.35, 0.2, 0.1, 0.0]
+    times = BEGUN_S + 2 * PERIOD_S * np.arange(len(levels))
+    with RecordingWriter(folder / "presses.mcap", "finger") as writer:
+        for number, (depth, unix_s) in enumerate(zip(levels, times.tolist(), strict=True)):
+            frame = CameraFrame(image=weighed(depth).picture(0.5, number), time_s=unix_s - BEGUN_S, sequence=number)
+            writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=bundle.identity), bundle)
+    at = np.arange(BEGUN_S - 1, times[-1] + 1, 0.01)
+    forces = np.interp(at - lag_s, times, [weighed(depth).force_n for depth in levels])
+    lines = [f"{time_s:.3f},{force:.5f}" for time_s, force in zip(at.tolist(), forces.tolist(), strict=True)]
+    (folder / "forces.csv").write_text("\n".join(["unix_s,force_n", *lines]) + "\n")
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.05])
+def test_a_load_cell_beside_a_recording_and_the_lag_of_its_clock(folder: Path, lag_s: float) -> None:
+    record_presses(folder, lag_s=lag_s)
+    result = run(folder, "--recording", folder / "presses.mcap", "--json")
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["youngs_modulus_mpa"] == pytest.approx(MODULUS_MPA, rel=0.05)
+    assert said["lag_s"] == pytest.approx(lag_s, abs=0.011)
+
+
+def test_a_record_of_another_time_is_refused(folder: Path) -> None:
+    record_presses(folder)
+    (folder / "forces.csv").write_text("unix_s,force_n\n5,0\n6,1\n7,2\n")
+    assert "no frame of" in refused(run(folder, "--recording", folder / "presses.mcap"))
+
+
+def test_times_need_a_recording_and_pictures_none(folder: Path) -> None:
+    (folder / "forces.csv").write_text("unix_s,force_n\n5,0\n6,1\n7,2\n")
+    assert "give the recording" in refused(run(folder))
+    write_weighings(folder, [weighed(depth) for depth in DEPTHS])
+    assert "leave --recording out" in refused(run(folder, "--recording", folder / "presses.mcap"))
+
+
+def test_pictures_without_contact_and_forces_that_do_not_rise_are_refused(folder: Path) -> None:
+    write_weighings(folder, [weighed(0.0)] * 4, [0.5, 1.0, 1.5, 2.0])
+    assert "nothing is felt in 4 of 4 readings" in refused(run(folder))
+    presses = [weighed(depth) for depth in DEPTHS[1:]]
+    write_weighings(folder, presses, [one.force_n for one in reversed(presses)])
+    assert "do not rise together" in refused(run(folder))
+    assert not (folder / "new").exists()
+
+
+def test_a_press_at_the_border_is_refused(folder: Path) -> None:
+    write_weighings(folder, [*(weighed(depth) for depth in DEPTHS), weighed(0.5, 3.0, 7.5)])
+    assert "weight6.png: the touch reaches the border" in refused(run(folder))
+
+
+def test_a_picture_that_is_missing_or_of_another_size_is_refused(folder: Path) -> None:
+    write_weighings(folder, [weighed(depth) for depth in DEPTHS])
+    cv2.imwrite(str(folder / "weight3.png"), np.zeros((10, 10, 3), np.uint8))
+    assert "weight3.png is 10 x 10 px" in refused(run(folder))
+    (folder / "weight3.png").unlink()
+    assert "weight3.png does not exist" in refused(run(folder))

@@ -1,0 +1,119 @@
+"""Which pixels are doubted and why: steep, in shadow, clipped; and that doubt is where errors are."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.bundle.bundle import extend_bundle, load_bundle, write_bundle
+from gellight.frames.frames import CameraFrame
+from gellight.frames.measures import CLIPPED, DARK, STEEP
+from gellight.reconstruction.confidence import confidence_of, steepest_of
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.lens.lens_file import lens_of, read_record
+from gellight.reconstruction.measures import BundleMeasures
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.simulator.scene import Press, Scene
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+from tests.helpers.linear_sensor import linear_network
+
+SHAPE = (4, 6)
+REFERENCE = np.full((*SHAPE, 3), 120, np.float32)
+FLAT = np.zeros((*SHAPE, 2), np.float32)
+
+
+def test_pixels_like_those_of_the_calibration_are_believed() -> None:
+    found = confidence_of(REFERENCE.astype(np.uint8), REFERENCE, FLAT + 0.4, 1.0)
+    assert not found.doubts.any()
+    assert (found.value == 1).all()
+
+
+def test_each_doubt_has_its_bit_and_lowers_the_value() -> None:
+    image, slopes = REFERENCE.astype(np.uint8), FLAT.copy()
+    slopes[0, 0] = (0, 2)
+    image[1, 1, 2] = 6
+    image[2, 2, 0] = 255
+    image[3, 3], slopes[3, 3] = (0, 255, 120), (9, 0)
+    found = confidence_of(image, REFERENCE, slopes, 1.0)
+    assert [found.doubts[k, k] for k in range(4)] == [STEEP, DARK, CLIPPED, STEEP | DARK | CLIPPED]
+    assert [found.value[k, k] for k in range(4)] == pytest.approx([0.25, 0.5, 0.5, 0.05])
+    assert np.count_nonzero(found.doubts) == 4
+
+
+def test_a_channel_without_light_at_rest_says_nothing_of_shadow() -> None:
+    reference, image = REFERENCE.copy(), REFERENCE.astype(np.uint8)
+    reference[..., 1] = image[..., 1] = 3
+    assert not confidence_of(image, reference, FLAT, 1.0).doubts.any()
+
+
+def test_nothing_is_steep_where_nobody_knows_what_was_learnt() -> None:
+    assert not confidence_of(REFERENCE.astype(np.uint8), REFERENCE, FLAT + 50, None).doubts.any()
+
+
+def test_the_steepest_slope_leaves_single_pixels_out() -> None:
+    slopes = np.zeros((10_000, 2))
+    slopes[:, 0] = np.linspace(0, 1, 10_000)
+    slopes[-1] = 40
+    assert steepest_of(slopes) == pytest.approx(1.0, abs=0.002)
+
+
+def test_the_bundle_tells_what_its_network_has_learnt(tmp_path: Path) -> None:
+    rows = np.zeros((1000, 7), np.float32)
+    rows[:, 5] = np.linspace(0, 0.5, 1000)
+    bundle = write_bundle(
+        tmp_path / "bundle", sensor="s", reference=REFERENCE.astype(float), reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, presses={"rows": rows},
+    )  # fmt: skip
+    image = REFERENCE.astype(np.uint8)
+    assert (BundleMeasures(bundle).confidence(image, FLAT + 1).doubts == STEEP).all()
+    assert not BundleMeasures(bundle, learnt=False).confidence(image, FLAT + 1).doubts.any()
+
+
+def test_pins_throw_shadows_and_there_the_normals_are_worse() -> None:
+    scene = Scene(SensorGeometry(), CameraResponse(noise_grey=1.0))
+    grey, surface = scene.show(Press("PINS", 0.75), scene.light)
+    image = digitise(grey, 1.0, np.random.default_rng(0))
+    frame = Reconstructor(load_bundle("synthetic")).reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0))
+    found = frame.confidence
+    assert found is not None
+    assert found is frame.confidence, "computed once"
+    true = normals(surface.gradient_map)
+    error = angle_deg(frame.normal_map.reshape(-1, 3), true.reshape(-1, 3)).reshape(image.shape[:2])
+    slope = np.hypot(*np.moveaxis(surface.gradient_map, 2, 0))
+    dark, believed = found.doubts == DARK, found.doubts == 0
+    assert (dark & (slope > 1)).sum() > 300
+    assert error[dark & (slope > 1)].mean() > 1.3 * error[believed & (slope > 1)].mean()
+    assert error[found.value < 0.5].mean() > 1.5 * error[believed & (slope > 0.2)].mean()
+
+
+def test_the_pixels_of_the_picture_are_carried_through_the_lens(tmp_path: Path) -> None:
+    """A clipped corner of the picture is doubted where the undistorted maps have it."""
+    bundle = load_bundle("synthetic")
+    height, width = bundle.image_shape
+    lens = (
+        f'{{"image_width_px": {width}, "image_height_px": {height}, "centre_px": [320, 240], "k1": 0.05, "k2": 0, '
+        '"px_per_mm": [17.0, 0, 17.0], "origin_mm": [0, 0], "learnt_from_circles": false, "pitch_mm": 2, '
+        '"images": ["grid"], "pins": 99, "rms_before_px": 1, "rms_after_px": 0.1, "created": "2026-01-01T00:00:00Z"}'
+    )
+    bent = extend_bundle(bundle, tmp_path / "bent", {"lens.json": lens.encode()})
+    image = bundle.reference.astype(np.uint8)
+    image[100:110, 100:110] = 255
+    flat = np.zeros((height, width, 2), np.float32)
+    straight, moved = (BundleMeasures(one).confidence(image, flat).doubts > 0 for one in (bundle, bent))
+    places = [np.argwhere(doubted).mean(axis=0)[::-1] for doubted in (straight, moved)]
+    assert places[0] == pytest.approx([104.5, 104.5])
+    on_gel_mm = lens_of(read_record(bent)).to_gel(np.array([[104.5, 104.5]]))[0]
+    expected = on_gel_mm / bundle.pixel_size_mm + [(width - 1) / 2, (height - 1) / 2]
+    assert places[1] == pytest.approx(expected, abs=0.6)
+    assert np.linalg.norm(expected - places[0]) > 3
+    assert straight.sum() == 100
+
+
+def test_frames_without_measures_have_no_confidence() -> None:
+    frame = Reconstructor(load_bundle("synthetic")).reconstruct(
+        CameraFrame(image=load_bundle("synthetic").reference.astype(np.uint8), time_s=0.0, sequence=0)
+    )
+    assert frame.confidence is not None
+    assert replace(frame, measures=None).confidence is None

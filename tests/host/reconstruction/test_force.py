@@ -1,0 +1,91 @@
+"""Force from depth: the layer is the reference's, and a known press gives back its force and its pressure."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import extend_bundle
+from gellight.frames.frames import CameraFrame
+from gellight.frames.measures import BEYOND_VIEW, HEAVIER
+from gellight.reconstruction.force import ForceScale, Layer, compliance
+from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.pipeline import Reconstructor
+from sim_reference import gel
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.weighed import LAYER, MODULUS_MPA, PIXEL_MM, SHAPE, force_files, weighed
+
+PIXELS = (PIXEL_MM, PIXEL_MM)
+SCALE = ForceScale(layer=LAYER, youngs_modulus_mpa=MODULUS_MPA, error_share=0.1, error_floor_n=0.02, heaviest_n=2.0)
+
+
+def test_the_layer_is_that_of_the_reference() -> None:
+    ours = compliance((48, 48), (0.3, 0.3), Layer(4.0, 0.47))
+    theirs = gel.compliance(48, 0.3, 4.0, 0.47)
+    np.testing.assert_allclose(ours, theirs * 2 * (1 + 0.47), rtol=1e-9)  # their unit is the shear modulus
+
+
+@pytest.mark.parametrize("press_mm", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("radius_mm", [1.5, 4.0])
+def test_a_ball_gives_back_its_force(press_mm: float, radius_mm: float) -> None:
+    press = weighed(press_mm, radius_mm)
+    force = SCALE.force(press.depth_mm, PIXELS)
+    assert force.normal_n == pytest.approx(press.force_n, rel=0.03)
+    assert force.error_n == pytest.approx(np.hypot(0.02, 0.1 * force.normal_n))
+
+
+def test_pixels_need_not_be_square() -> None:
+    press = weighed(0.4, 3.0, 0.0, (0.05, 0.04))
+    assert SCALE.force(press.depth_mm, (0.05, 0.04)).normal_n == pytest.approx(press.force_n, rel=0.03)
+
+
+def test_the_pressure_map_is_where_the_ball_presses_and_adds_up_to_the_force() -> None:
+    press = weighed(0.5, 3.0, 1.0)
+    force = SCALE.force(press.depth_mm, PIXELS)
+    assert force.pressure_mpa.shape == SHAPE
+    assert force.pressure_mpa is force.pressure_mpa, "computed once"
+    assert force.pressure_mpa.min() >= 0
+    assert force.pressure_mpa.sum() * PIXEL_MM**2 == pytest.approx(force.normal_n, rel=1e-4)
+    assert np.corrcoef(force.pressure_mpa.ravel(), press.pressure_mpa.ravel())[0, 1] > 0.97
+    assert force.pressure_mpa.max() == pytest.approx(press.pressure_mpa.max(), rel=0.1)
+
+
+def test_the_gel_at_rest_carries_nothing() -> None:
+    force = SCALE.force(np.zeros(SHAPE, np.float32), PIXELS)
+    assert (force.normal_n, force.error_n, force.flags) == (0.0, 0.02, ())
+    assert not force.pressure_mpa.any()
+
+
+def test_a_touch_that_the_view_cuts_off_and_a_force_beyond_the_calibration_are_flagged() -> None:
+    assert SCALE.force(weighed(0.5, 3.0, 7.5).depth_mm, PIXELS).flags == (BEYOND_VIEW,)
+    heavy = ForceScale(**{**vars(SCALE), "heaviest_n": weighed(0.5).force_n / 2})
+    assert heavy.force(weighed(0.5).depth_mm, PIXELS).flags == (HEAVIER,)
+
+
+@pytest.mark.parametrize(("thickness", "ratio"), [(0.0, 0.4), (np.nan, 0.4), (2.0, 0.5), (2.0, -0.1)])
+def test_what_is_no_layer_is_refused(thickness: float, ratio: float) -> None:
+    with pytest.raises(InputError, match="give a"):
+        Layer(thickness, ratio)
+
+
+def test_a_frame_carries_its_force_where_the_bundle_knows_it(tmp_path: Path) -> None:
+    press = weighed(0.5)
+    frame = CameraFrame(image=press.picture(), time_s=0.0, sequence=0)
+    plain = linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=PIXELS)
+    assert Reconstructor(plain).reconstruct(frame).force is None
+    knowing = extend_bundle(plain, tmp_path / "knowing", force_files(plain))
+    force = Reconstructor(knowing).reconstruct(frame).force
+    assert force is not None
+    assert force.normal_n == pytest.approx(press.force_n, rel=0.05)
+    flat = Reconstructor(knowing).reconstruct(CameraFrame(image=weighed(0.0).picture(), time_s=0.0, sequence=1)).force
+    assert flat is not None
+    assert flat.normal_n == 0
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=PIXELS)
+    broken = force_files(plain)["force.json"].replace(b"0.15", b"-0.15")
+    bundle = extend_bundle(plain, tmp_path / "broken", {"force.json": broken})
+    with pytest.raises(BundleError, match=r"youngs_modulus_mpa.*calibrate force"):
+        read_force(bundle)

@@ -1,0 +1,62 @@
+"""The library for aarch64, run by QEMU on any machine, against the NumPy form."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.evaluation.frame_bench import halved
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction import pipeline
+from gellight.reconstruction.native import build, judge, library
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.native_forms import agree, both
+from tests.helpers.other_processor import OtherProcessor, build_server
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_server(tmp_path_factory.mktemp("server"))
+
+
+@pytest.fixture
+def aarch64(server: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[OtherProcessor]:
+    with OtherProcessor(build.library_file("aarch64"), server) as emulated:
+        monkeypatch.setattr(pipeline, "fitting_library", lambda: ("aarch64", emulated))
+        yield emulated
+
+
+def compare(bundle: Bundle, seed: int = 0, **options: object) -> None:
+    native, cells = both(bundle, **options)
+    frame = CameraFrame(image=judge.made_up_image(bundle, seed), time_s=0.0, sequence=0)
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    assert native.status()["computed_by"] == "C, aarch64"
+
+
+def test_the_shipped_network_gives_the_same_there(aarch64: OtherProcessor) -> None:
+    compare(halved(load_bundle("synthetic")))
+    assert aarch64.called == set(library.SIGNATURES)
+
+
+@pytest.mark.parametrize("smoothing_px", [0, 2, 7])
+@pytest.mark.parametrize("shape", [(32, 32), (60, 84), (120, 160)])
+def test_images_of_other_sizes(
+    aarch64: OtherProcessor, tmp_path: Path, shape: tuple[int, int], smoothing_px: int
+) -> None:
+    compare(linear_bundle(tmp_path / "b", shape), seed=1, smoothing_px=smoothing_px)
+
+
+def test_a_library_that_is_wrong_there_is_seen(aarch64: OtherProcessor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the comparison is worth: one number of one function is changed on its way back."""
+    right = OtherProcessor.call
+
+    def call(self: OtherProcessor, function: str, *arguments: object) -> int:
+        found = right(self, function, *arguments)  # type: ignore[arg-type]
+        if function == "slopes_and_normals":
+            arguments[2][5, 5, 0] += 0.01  # type: ignore[index]
+        return found
+
+    monkeypatch.setattr(OtherProcessor, "call", call)
+    with pytest.raises(AssertionError):
+        compare(halved(load_bundle("synthetic")))

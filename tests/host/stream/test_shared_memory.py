@@ -1,0 +1,91 @@
+"""Frames in memory that publisher and readers share: whole, never torn, never one that was written over."""
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from gellight.base.errors import StreamError
+from gellight.stream.shared_memory import NOTE, PLACES, FrameMemory, MappedMemory, OverwrittenError
+
+
+@pytest.fixture
+def memory():
+    memory = FrameMemory()
+    yield memory
+    memory.close()
+
+
+@pytest.fixture
+def reader(memory: FrameMemory):
+    reader = MappedMemory(memory.path)
+    yield reader
+    reader.close()
+
+
+def test_messages_arrive_in_pieces_and_whole(memory: FrameMemory, reader: MappedMemory) -> None:
+    notes = [memory.write([b"one", memoryview(bytes([n] * 10_000))]) for n in range(PLACES - 1)]
+    assert [reader.read(note) for note in notes] == [b"one" + bytes([n] * 10_000) for n in range(PLACES - 1)]
+
+
+def test_a_message_that_has_made_room_is_not_taken_for_another(memory: FrameMemory, reader: MappedMemory) -> None:
+    first = memory.write([b"first"])
+    for _ in range(PLACES - 1):
+        memory.write([b"later"])
+    with pytest.raises(OverwrittenError):
+        reader.read(first)
+
+
+def test_memory_grows_with_its_messages(memory: FrameMemory, reader: MappedMemory) -> None:
+    small = memory.write([b"small"])
+    assert reader.read(small) == b"small"
+    large = bytes(range(256)) * 100_000
+    assert reader.read(memory.write([large])) == large
+    with pytest.raises(OverwrittenError):
+        reader.read(small)
+
+
+def test_what_is_no_note_is_the_message_itself(reader: MappedMemory) -> None:
+    assert reader.read(b"a message for which there was no memory") == b"a message for which there was no memory"
+
+
+@pytest.mark.parametrize("note", [NOTE.pack(0, 1 << 40, 1), NOTE.pack(1 << 63, 1, 1), NOTE.pack(1, (1 << 64) - 1, 0)])
+def test_a_note_beyond_the_memory_is_refused(memory: FrameMemory, reader: MappedMemory, note: bytes) -> None:
+    memory.write([b"message"])
+    with pytest.raises(StreamError, match="is it of this version"):
+        reader.read(note)
+
+
+def test_only_memory_of_frames_is_opened(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"private")
+    with (tmp_path / "file").open("rb") as file, pytest.raises(OSError, match="no memory of frames"):
+        MappedMemory(f"/proc/{os.getpid()}/fd/{file.fileno()}")
+
+
+def test_no_message_is_ever_torn(memory: FrameMemory) -> None:
+    """A writer without a pause, and a reader that is often too late: what it takes is of one message."""
+    newest, ended = [memory.write([bytes(8) * 25_000])], threading.Event()
+
+    def write() -> None:
+        for n in range(1500):
+            newest[0] = memory.write([n.to_bytes(8, "little") * 12_500] * 2)
+        ended.set()
+
+    reader, taken, late = MappedMemory(memory.path), 0, 0
+    writer = threading.Thread(target=write)
+    writer.start()
+    old = newest[0]
+    while not ended.is_set():
+        for note in (newest[0], old):
+            try:
+                message = reader.read(note)
+            except OverwrittenError:
+                late += 1
+                continue
+            taken += 1
+            assert message == message[:8] * 25_000
+        old = newest[0]
+    writer.join()
+    reader.close()
+    assert taken > 0
