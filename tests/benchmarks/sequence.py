@@ -6,6 +6,9 @@ A ball is pressed 1 mm deep into the simulated gel of the paper, at rest, and ro
 emulated firmware; camera (30 Hz, rolling shutter, 640 x 480) and board are on virtual time, so rates and spans are the
 same on every machine. Only the computing time is of the wall clock, as a ratio to GelNet's in the same run. Errors are
 means over the contact, against the gel as it was when the newest (series: first) picture was taken.
+
+The age of a result is counted from the start of the exposure of its newest and of its oldest picture to the moment when
+it is computed: exposure, readout and transfer on virtual time, and the computing time.
 """
 
 import time
@@ -19,7 +22,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.frames.timing import CameraTiming
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.photometric.light_model import LightGroups
@@ -86,6 +89,8 @@ class Row:
     depth_um: list[float] = field(default_factory=list)
     span_ms: list[float] = field(default_factory=list)
     flagged: list[float] = field(default_factory=list)
+    age_ms: list[float] = field(default_factory=list)
+    oldest_ms: list[float] = field(default_factory=list)
     rate: float = 0.0
 
     def note(self, felt: TactileFrame, place: int) -> None:
@@ -98,12 +103,19 @@ class Row:
             self.span_ms.append(felt.exposures.duration_s * 1e3)
             self.flagged.append(float(felt.exposures.moving[where].mean()))
 
+    def note_age(self, frame: CameraFrame, felt: TactileFrame, done_s: float) -> None:
+        """Note how old a result is that is there at `done_s`, on the clock of its frame."""
+        newest_s = frame.closing.time_s if isinstance(frame, ExposureSeries) else frame.time_s
+        self.age_ms.append((done_s - newest_s) * 1e3)
+        self.oldest_ms.append(self.age_ms[-1] + (felt.exposures.duration_s * 1e3 if felt.exposures else 0.0))
+
     def text(self, network_s: float) -> str:
         """Return a line of the table."""
         span = f"{np.median(self.span_ms):4.0f} ms" if self.span_ms else "one frame"
         flagged = f"{np.mean(self.flagged):.0%}" if self.flagged else "-"
         return (
-            f"{self.name:28} {self.rate:5.1f}/s  {span:>9}  {np.mean(self.angle):6.3f} deg"
+            f"{self.name:28} {self.rate:5.1f}/s  {span:>9}  age {np.median(self.age_ms):4.0f} ms,"
+            f" of the oldest {np.median(self.oldest_ms):4.0f} ms  {np.mean(self.angle):6.3f} deg"
             f" {np.mean(self.depth_um):7.1f} um  flagged {flagged:>4}"
             f"  {np.median(self.compute_s) / network_s:5.1f} x GelNet"
         )
@@ -152,12 +164,13 @@ def measure(way: Way, rolling: bool) -> Row:
             for _ in range(WARM_UP if exposure_us == STREAMED_US else 1):
                 frame_path.reconstruct(camera.read())
             begun_s = inner.clock.monotonic()
-            frames: list[CameraFrame] = [camera.read() for _ in range(results)]
+            frames = [(camera.read(), inner.clock.monotonic()) for _ in range(results)]
             row.rate = results / (inner.clock.monotonic() - begun_s)
-            for frame in frames:
+            for frame, read_s in frames:
                 started_s = time.perf_counter()
                 felt = frame_path.reconstruct(frame)
                 row.compute_s.append(time.perf_counter() - started_s)
+                row.note_age(frame, felt, read_s + row.compute_s[-1])
                 row.note(felt, inner.place(round((frame.time_s - inner.begin_s) / inner.period_s) + 1))
     return row
 

@@ -10,7 +10,11 @@ Item = TypeVar("Item")
 
 
 class Mailbox(Generic[Item]):
-    """Holds the newest item, or the newest `keep` items; each item has a number that grows by one."""
+    """Holds the newest item, or the newest `keep` items; each item has a number that grows by one.
+
+    A mailbox of one item may have many readers. One of several items has a single reader, and lets go of what that
+    reader has taken: an item may hold memory that others wait for.
+    """
 
     def __init__(self, keep: int = 1) -> None:
         """Start empty and open."""
@@ -70,6 +74,9 @@ class Mailbox(Generic[Item]):
         Raises TimeoutError after `timeout_s`, or the reason the mailbox was closed for.
         """
         with self._changed:
+            if self._items.maxlen != 1:
+                while self._items and self._items[0][0] <= after:
+                    self._items.popleft()
             self._changed.wait_for(lambda: self._newer(after) is not None or self._closed is not None, timeout_s)
             found = self._newer(after)
             if found is not None:

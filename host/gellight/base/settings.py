@@ -150,6 +150,10 @@ class DashboardSettings(StrictModel):
         description="what a browser has to know, at least 16 letters, digits, `-` and `_`; empty: one is drawn at each "
         "start where `host` is not of this computer alone",
     )
+    tls_cert: str = Field(
+        default="", description="certificate (PEM, with those that lead to its authority) to encrypt by; empty: http"
+    )
+    tls_key: str = Field(default="", description="its private key (PEM, without a password)")
 
 
 class ServiceSettings(StrictModel):

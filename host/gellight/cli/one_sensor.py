@@ -50,6 +50,10 @@ class Running:
         str | None,
         typer.Option(help="Address of the dashboard; 0.0.0.0: for others too, with a token.", show_default="127.0.0.1"),
     ] = None
+    tls_cert: Annotated[
+        str | None, typer.Option(help="Certificate (PEM): the dashboard is encrypted by it.", show_default="none")
+    ] = None
+    tls_key: Annotated[str | None, typer.Option(help="Private key of --tls-cert (PEM).", show_default="none")] = None
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
     ] = None
@@ -83,6 +87,8 @@ class Running:
             "sensor.calibration": self.calibration,
             "dashboard.port": port,
             "dashboard.host": self.host,
+            "dashboard.tls_cert": self.tls_cert,
+            "dashboard.tls_key": self.tls_key,
             "reconstruction.mode": self.mode,
             "lighting.sequence": self.sequence,
             "lighting.light_mode": self.light_mode,
@@ -148,12 +154,13 @@ def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
     """Publish the frames to other programs, unless the settings say no, to ROS 2 and Foxglove where they say so."""
     chosen = settings.stream
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
+    name = chosen.name or name_of_sensor(daemon.camera)
     with ExitStack() as stack:
         if chosen.enabled:
             publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
             there = f"zenoh://<this computer>:{publisher.lan_port}/{publisher.name}" if chosen.lan else publisher.name
             logs.say(f"publishing: gellight.subscribe({there!r})")
-        name = chosen.name or name_of_sensor(daemon.camera)
+            name = publisher.name  # numbered where several sensors have no name of their own
         if chosen.ros2:
             distance_mm = settings.geometry.camera_height_mm or RingGeometry.camera_height_mm
             topics = stack.enter_context(

@@ -73,6 +73,12 @@ def _check(each: list[Settings]) -> None:
     """Refuse settings that hold for one sensor alone, and sensors that do not go together."""
     if each[0].stream.name:
         raise ConfigError("--name names one sensor, several are given: they publish under their own names")
+    nameless = [one.sensor.url for one in each if not one.sensor.url.startswith(REAL)]
+    if each[0].stream.ros2 and not each[0].stream.enabled and len(nameless) > 1:
+        raise ConfigError(
+            f"{', '.join(nameless)} have no names of their own, by which their ROS 2 topics could differ: leave out "
+            "--no-publish, then they are numbered"
+        )
     bundle = each[0].sensor.calibration
     if bundle not in (None, "auto", "synthetic"):
         raise ConfigError(f"--calibration {bundle} is of one sensor, several are given: each uses the one in service")
@@ -101,7 +107,8 @@ class SensorProcess:
 
     def __init__(self, number: int, settings: Settings, running: Running) -> None:
         """Run `settings`; the dashboard of the process is at a free port of this machine."""
-        own = settings.dashboard.model_copy(update={"port": 0, "host": "127.0.0.1", "token": ""})
+        inner = {"port": 0, "host": "127.0.0.1", "token": "", "tls_cert": "", "tls_key": ""}
+        own = settings.dashboard.model_copy(update=inner)
         self.key, self.name = str(number), f"{number}: {settings.sensor.url}"
         view = settings.stream.model_copy(update={"foxglove_port": settings.stream.foxglove_port + number - 1})
         self._settings, self._running = settings.model_copy(update={"dashboard": own, "stream": view}), running

@@ -46,13 +46,14 @@ def guard(token: str):  # type: ignore[no-untyped-def]  # what `web.middleware` 
                 text=f"Host {host!r} is not this machine: open http://127.0.0.1 with the port shown"
             )
         origin = request.headers.get("Origin")
-        if origin is not None and origin != f"http://{host}":
+        if origin is not None and origin != f"{request.scheme}://{host}":
             raise web.HTTPForbidden(text=f"Origin {origin!r} is another site: open the dashboard's own page")
         if token and not _has(request, token):
             return _let_in(request, token)
         response = await handler(request)
         if not response.prepared:
-            policy = f"default-src 'self'; img-src 'self' blob:; connect-src 'self' ws://{host}"
+            frames = f"{'wss' if request.secure else 'ws'}://{host}"
+            policy = f"default-src 'self'; img-src 'self' blob:; connect-src 'self' {frames}"
             response.headers.setdefault("Content-Security-Policy", policy)
             response.headers["X-Content-Type-Options"] = "nosniff"
             response.headers.setdefault("Cache-Control", "no-cache")
@@ -80,5 +81,5 @@ def _let_in(request: web.Request, token: str) -> web.Response:
         )
     left = {name: value for name, value in request.query.items() if name != "token"}
     answer = web.HTTPSeeOther(str(request.rel_url.with_query(left)))
-    answer.set_cookie(COOKIE, token, max_age=COOKIE_S, httponly=True, samesite="Strict")
+    answer.set_cookie(COOKIE, token, max_age=COOKIE_S, httponly=True, samesite="Strict", secure=request.secure)
     raise answer

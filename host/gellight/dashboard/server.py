@@ -5,13 +5,15 @@ import errno
 import logging
 import secrets
 import socket
+import ssl
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Self
 
 from aiohttp import web
 
-from gellight.base.errors import ServerError
+from gellight.base.errors import ConfigError, ServerError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.daemon import Daemon
 from gellight.dashboard.access import is_loopback
@@ -33,11 +35,15 @@ class PageServer:
         port: int = DEFAULT_PORT,
         host: str = HOST,
         token: str = "",
+        tls_cert: str = "",
+        tls_key: str = "",
     ) -> None:
         """Serve what `application` makes, given the token that every request has to bring; port 0 takes any free one.
 
         token: by default one is drawn where other computers reach `host`, and none is needed where they do not.
+        tls_cert, tls_key: PEM files to encrypt by; ConfigError where they are none or do not belong together.
         """
+        self._tls = _tls(tls_cert, tls_key)
         self._application, self._port, self._host = application, port, host
         self._token = token or ("" if is_loopback(host) else secrets.token_urlsafe(24))
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -51,7 +57,8 @@ class PageServer:
         """Where the page is, with the token where one is needed."""
         everywhere = self._host in ("0.0.0.0", "::")
         shown = socket.gethostname() if everywhere else f"[{self._host}]" if ":" in self._host else self._host
-        return f"http://{shown}:{self._port}/" + (f"?token={self._token}" if self._token else "")
+        scheme = "https" if self._tls else "http"
+        return f"{scheme}://{shown}:{self._port}/" + (f"?token={self._token}" if self._token else "")
 
     def start(self) -> Self:
         """Listen; ServerError where the port cannot be had."""
@@ -91,7 +98,7 @@ class PageServer:
         runner = web.AppRunner(self._application(self._token), access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         try:
-            self._port = await _listen(runner, self._host, self._port)
+            self._port = await _listen(runner, self._host, self._port, self._tls)
             self._ready.set()
             await self._stop.wait()
         finally:
@@ -109,14 +116,36 @@ class DashboardServer(PageServer):
         calibration: CalibrationService | None = None,
         host: str = HOST,
         token: str = "",
+        tls_cert: str = "",
+        tls_key: str = "",
     ) -> None:
-        """Serve `source`, with the wizard where there is a `calibration`; host, port, token: see `PageServer`."""
-        super().__init__(Dashboard(source, calibration).application, port=port, host=host, token=token)
+        """Serve `source`, with the wizard where there is a `calibration`; the rest: see `PageServer`."""
+        application = Dashboard(source, calibration).application
+        super().__init__(application, port=port, host=host, token=token, tls_cert=tls_cert, tls_key=tls_key)
 
 
-async def _listen(runner: web.AppRunner, host: str, port: int) -> int:
+def _tls(cert: str, key: str) -> ssl.SSLContext | None:
+    """Return what encrypts by these files; None where none are given."""
+    if not (cert or key):
+        return None
+    if not (cert and key):
+        raise ConfigError("--tls-cert and --tls-key belong together: give both, or neither")
+    for path in (cert, key):
+        if not Path(path).is_file():
+            raise ConfigError(f"{path} is no file: give --tls-cert a certificate and --tls-key its private key, as PEM")
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
-        await web.TCPSite(runner, host, port).start()
+        context.load_cert_chain(cert, key, password="")
+    except (ssl.SSLError, OSError, ValueError) as error:
+        raise ConfigError(
+            f"{cert} and {key} are no certificate with its private key ({error}): give PEM files without a password"
+        ) from error
+    return context
+
+
+async def _listen(runner: web.AppRunner, host: str, port: int, tls: ssl.SSLContext | None) -> int:
+    try:
+        await web.TCPSite(runner, host, port, ssl_context=tls).start()
     except OSError as error:
         raise ServerError(_cannot_listen(error, host, port)) from error
     return int(runner.addresses[0][1])

@@ -1,6 +1,7 @@
 """The mailbox keeps the latest, and lets nobody wait for ever."""
 
 import threading
+import weakref
 
 import pytest
 
@@ -20,6 +21,18 @@ def test_an_item_is_taken_once() -> None:
     number, _ = mailbox.take(0, timeout_s=0)
     with pytest.raises(TimeoutError):
         mailbox.take(number, timeout_s=0.01)
+
+
+def test_several_items_are_taken_in_order_and_let_go_of() -> None:
+    mailbox: Mailbox[set[int]] = Mailbox(3)
+    for number in range(5):
+        mailbox.put({number})
+    number, item = mailbox.take(0, timeout_s=0)
+    assert (number, item) == (3, {2}), "the oldest that is still there"
+    taken = weakref.ref(item)
+    del item
+    assert mailbox.take(number, timeout_s=0) == (4, {3})
+    assert taken() is None
 
 
 def test_a_waiting_reader_is_woken_by_the_next_item() -> None:

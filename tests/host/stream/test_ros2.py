@@ -14,6 +14,8 @@ import zenoh
 from rosbags.typesys import Stores, get_typestore
 
 from gellight.base.errors import StreamError
+from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import published
 from gellight.daemon.daemon import Daemon
 from gellight.report.point_cloud import points_of
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
@@ -143,6 +145,20 @@ def test_the_graph_shows_the_node_and_its_topics(router: tuple[zenoh.Session, in
     number, time_ns, length, _ = struct.unpack("<qqB16s", got[0].attachment.to_bytes())
     assert (number > 0, time_ns > 1.6e18, length) == (True, True, 16)
     held.undeclare()
+
+
+def test_sensors_without_names_have_topics_of_their_own(router: tuple[zenoh.Session, int]) -> None:
+    settings = load_settings({"stream.ros2": f"tcp/127.0.0.1:{router[1]}"})
+    came: dict[str, threading.Event] = {topic: threading.Event() for topic in ("images", "images_2")}
+
+    def note(sample: zenoh.Sample) -> None:
+        came[str(sample.key_expr).split("/")[1]].set()
+
+    (one, _), (other, _) = bump_daemon(), bump_daemon()
+    with one, other, published(one, settings), published(other, settings):
+        held = router[0].declare_subscriber("0/*/contact/**", note)
+        assert all(event.wait(20) for event in came.values())
+        held.undeclare()
 
 
 def test_a_topic_that_nobody_subscribes_to_costs_nothing(router: tuple[zenoh.Session, int]) -> None:

@@ -19,7 +19,7 @@ export class Connection {
   #open() {
     this.#retryTimer = null;
     const address = new URL("ws", location.href.split("#")[0]);
-    address.protocol = "ws:";
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     address.search = "";
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
