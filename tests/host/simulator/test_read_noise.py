@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gellight.reconstruction.fine_pattern import FinePattern
 from gellight.simulator.read_noise import ReadNoise
 from sim_reference.camera import digitise
 
@@ -25,6 +26,13 @@ def test_noise_is_independent_from_pixel_to_pixel_and_from_frame_to_frame() -> N
     first, second = ((noise.digitise(GREY, 5.0) - GREY).ravel() for _ in range(2))
     assert abs(np.corrcoef(first, second)[0, 1]) < 0.02
     assert abs(np.corrcoef(first[:-1], first[1:])[0, 1]) < 0.02
+
+
+def test_no_frame_repeats_the_noise_of_another_shifted() -> None:
+    """By the best match within 20 pixels a bundle of another unit is found out (`reconstruction.fine_pattern`)."""
+    grey, noise = np.full((240, 320, 3), 120, np.float32), ReadNoise(np.random.default_rng(1))
+    first = FinePattern(noise.digitise(grey, 5.0))
+    assert max(first.match(noise.digitise(grey, 5.0)) for _ in range(60)) < 8
 
 
 def test_what_is_out_of_range_is_clipped() -> None:
