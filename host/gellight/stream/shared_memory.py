@@ -35,16 +35,37 @@ def _number(places: mmap.mmap, message: int, number: int) -> None:
     NUMBER.pack_into(places, message % PLACES * NUMBER.size, number)
 
 
-class FrameMemory:
+class _Mapped:
+    """A file and the map of it, which is made when it is needed."""
+
+    def __init__(self, file: int) -> None:
+        self._file = file
+        self._map: mmap.mmap | None = None
+
+    def _map_anew(self, size: int, access: int) -> mmap.mmap:
+        self._unmap()
+        self._map = mmap.mmap(self._file, size, access=access)
+        return self._map
+
+    def _unmap(self) -> None:
+        if self._map is not None:
+            self._map.close()
+
+    def close(self) -> None:
+        """Give the memory back; others keep what they have mapped."""
+        self._unmap()
+        os.close(self._file)
+
+
+class FrameMemory(_Mapped):
     """The publisher's side."""
 
     def __init__(self) -> None:
         """Make memory that is still empty; OSError where the system cannot."""
         if not hasattr(os, "memfd_create"):
             raise OSError("files without a name are Linux's")
-        self._file = os.memfd_create(NAME)
+        super().__init__(os.memfd_create(NAME))
         self.path = f"/proc/{os.getpid()}/fd/{self._file}"
-        self._map: mmap.mmap | None = None
         self._place_bytes = 0
         self._number = 0
 
@@ -68,31 +89,21 @@ class FrameMemory:
             whole = mmap.PAGESIZE + PLACES * place_bytes
             # Now rather than page by page: a page that is not to be had later would end the process.
             os.posix_fallocate(self._file, 0, whole)
-            self._give_back_map()
-            self._map, self._place_bytes = mmap.mmap(self._file, whole), place_bytes
+            places, self._place_bytes = self._map_anew(whole, mmap.ACCESS_WRITE), place_bytes
             for place in range(PLACES):
-                _number(self._map, place, 0)
+                _number(places, place, 0)
+            return places
         return self._map
 
-    def _give_back_map(self) -> None:
-        if self._map is not None:
-            self._map.close()
 
-    def close(self) -> None:
-        """Give the memory back; readers keep what they have mapped."""
-        self._give_back_map()
-        os.close(self._file)
-
-
-class MappedMemory:
+class MappedMemory(_Mapped):
     """A reader's side."""
 
     def __init__(self, path: str) -> None:
         """Open the memory at `FrameMemory.path`; OSError where it is not there, or not ours."""
         if not str(Path(path).readlink()).startswith(f"/memfd:{NAME} "):
             raise OSError(f"{path} is no memory of frames")
-        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-        self._map: mmap.mmap | None = None
+        super().__init__(os.open(path, os.O_RDONLY | os.O_CLOEXEC))
 
     def read(self, note: bytes) -> bytes:
         """Return the message of a note, or the note itself where it is the message, for which there was no memory.
@@ -119,15 +130,5 @@ class MappedMemory:
             there = os.fstat(self._file).st_size
             if there < end:
                 raise StreamError(f"the daemon names byte {end} of a memory of {there}: is it of this version?")
-            self._give_back_map()
-            self._map = mmap.mmap(self._file, there, access=mmap.ACCESS_READ)
+            return self._map_anew(there, mmap.ACCESS_READ)
         return self._map
-
-    def _give_back_map(self) -> None:
-        if self._map is not None:
-            self._map.close()
-
-    def close(self) -> None:
-        """Give the memory back."""
-        self._give_back_map()
-        os.close(self._file)
