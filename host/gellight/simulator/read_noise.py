@@ -25,7 +25,8 @@ class ReadNoise:
             self._bank = self._rng.standard_normal(PLACES + row_values, dtype=np.float32)
             self._noisy = np.empty(grey.shape, np.float32)
         noisy, by_row = self._noisy, self._noisy.reshape(rows, row_values)
-        for row, start in enumerate(self._rng.integers(PLACES, size=rows)):
+        starts: NDArray[np.int64] = self._rng.integers(PLACES, size=(rows,))
+        for row, start in enumerate(starts):
             by_row[row] = self._bank[start : start + row_values]
         noisy *= np.float32(noise_grey)
         noisy += grey
