@@ -138,13 +138,18 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("python", pythons())
 def test_the_first_hour_with_the_wheel(python: str, wheel: Path, tmp_path: Path) -> None:
-    """As README.md says for an environment of one's own; what needs a checkout is not typed."""
+    """As README.md says for an environment of one's own; what needs a checkout is not typed.
+
+    A calibration takes a minute: one with the newest Python, beside that of the clone with the oldest, is enough.
+    """
     run([python, "-m", "venv", tmp_path / "env"], check=True)
     program = tmp_path / "env/bin/python"
     run([program, "-m", "pip", "install", "--quiet", wheel], check=True, timeout_s=1500, env=environment(tmp_path))
-    there = [line for line in lines() if not line.command.startswith(("make", ". .venv"))]
+    calibrating = python == pythons()[-1]
+    left_out = ["make", ". .venv", *([] if calibrating else ["gellight calibrate", "gellight run"])]
+    there = [line for line in lines() if not line.command.startswith(tuple(left_out))]
     shown = typed(there, tmp_path, tmp_path, f". {tmp_path}/env/bin/activate")
-    assert "it is in service" in shown
+    assert ("it is in service" in shown) == calibrating
     check_program(program, tmp_path)
     installed = next((tmp_path / "env").glob("lib/python*/site-packages"))
     for package in ("gellight", "gelnet", "sim_reference"):
