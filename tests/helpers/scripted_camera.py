@@ -58,7 +58,11 @@ class CountingReconstructor:
     """Passes frames through; holds each until `gate` is open."""
 
     bundle = SimpleNamespace(
-        pixel_size_mm=(0.1, 0.2), identity="0123456789abcdef", manifest=SimpleNamespace(sensor="scripted"), metrics={}
+        pixel_size_mm=(0.1, 0.2),
+        identity="0123456789abcdef",
+        manifest=SimpleNamespace(sensor="scripted"),
+        metrics={},
+        files={},
     )
 
     def __init__(self) -> None:

@@ -81,7 +81,7 @@ class FewBalls(SizedTraining):
 
 @with_options
 def command(given: Given, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
-    """Train GelNet on balls under three or more lights, one after the other, a channel for each light.
+    """Train GelNet on balls under three or more lights, a channel for each.
 
     From recorded pictures, of any lights and of one channel and 16 bit too, as `directions` takes them; `reconstruct
     --calibration` then takes one picture a light. Or from a sensor with a ring, which shows the groups of --sequence:

@@ -27,7 +27,7 @@ def command(
     poisson_ratio: Annotated[float, typer.Option(help="of the gel; silicones hardly change their volume")] = 0.49,
     as_json: AsJson = False,
 ) -> None:
-    """Find what turns depth into newtons and write the bundle with it.
+    """Find what turns depth into newtons, with weights or a load cell.
 
     The pictures show the gel pressed by known weights, or the recording runs while a load cell is read. Frames then
     carry the normal force and a pressure map.

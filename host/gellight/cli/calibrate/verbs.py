@@ -22,7 +22,10 @@ VERBS = lazy_group(
         "lens": ("calibrate.lens:command", "Measure the distortion of the lens and write the bundle with it."),
         "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
         "directions": ("calibrate.directions:command", "Find the direction of each light on balls of known radius."),
-        "channels": ("calibrate.channels:command", "Train GelNet on balls under three or more lights in turn."),
+        "channels": (
+            "calibrate.channels:command",
+            "Train GelNet on balls under three or more lights, a channel for each.",
+        ),
         "force": ("calibrate.force:command", "Find what turns depth into newtons, with weights or a load cell."),
         "objects": ("calibrate.objects:command", "Measure the error of a bundle on the ten benchmark objects."),
         "list": (
