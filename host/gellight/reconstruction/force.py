@@ -52,7 +52,7 @@ class Layer:
             raise InputError(f"Poisson's ratio {self.poisson_ratio}: give a number from 0 to below 0.5")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Indenting:
     """The pressure on cells that makes a measured depth."""
 
