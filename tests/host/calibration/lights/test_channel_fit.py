@@ -152,9 +152,10 @@ def test_a_sensor_runs_with_the_lights_of_its_bundle(live: Bundle, mode: str, sa
     assert frame.camera_frame.truth is not None
     contact = frame.camera_frame.truth.contact
     felt, true = (maps[contact] for maps in (frame.depth_mm, frame.camera_frame.truth.depth_mm))
-    # A tenth of the press: the vectors do not say how near light changes with the depth (least squares: 0.084 mm).
-    assert np.abs(felt - true).mean() < 0.1
-    assert frame.contact.indentation_mm == pytest.approx(1.0, abs=0.15)
+    assert np.corrcoef(felt, true)[0, 1] > 0.99
+    if mode == "network":  # vectors do not say how near light changes with the place: only the shape is right
+        assert np.abs(felt - true).mean() < 0.03
+        assert frame.contact.indentation_mm == pytest.approx(1.0, abs=0.05)
 
 
 def test_what_does_not_go_with_such_a_bundle_is_told(live: Bundle, tmp_path: Path) -> None:
