@@ -61,7 +61,8 @@ class UntouchedModel:
         """change of the picture when its content moves right, down by one pixel"""
         self.pressed: list[Cells] = [] if self.ring is None else _pressed(self.ring.nearer)
         """change of the picture when a plate presses the whole gel 1 mm deep, and 1 mm deeper right, at the bottom"""
-        columns = [*self.gains, *self.shifts, *self._light_columns(bundle)]
+        all_columns = [*self.gains, *self.shifts, *self._light_columns(bundle)]
+        columns = [column for column in all_columns if column.any()]  # a dark channel, or an even picture that moves
         if self.ring is not None:
             colours = np.array([led.rgb for led in bundle.manifest.led]).argmax(axis=1)
             self.gains += [self.ring.fields[colours == q].sum(axis=0) for q in np.unique(colours)]
