@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, bump, moving_bump
@@ -22,6 +22,7 @@ FLAGS = [
 ]
 PATIENCE_MS = 20_000
 """for a loaded machine; nothing is judged by its speed"""
+expect.set_options(timeout=PATIENCE_MS)  # Playwright's own are 5 s, which a busy machine needs to open the page
 SIZES = ({"width": 1280, "height": 800}, {"width": 1920, "height": 1080})
 
 Open = Callable[..., Page]
@@ -62,3 +63,17 @@ def draw(page: Page, source: FormulaSource, depth_mm: float, x_mm: float = 0.0, 
     """Put a bump before the sensor and wait until the page has drawn it, its surface too."""
     sequence = source.put(bump(depth_mm, x_mm, y_mm))
     page.wait_for_function("sequence => gellight.sequence === sequence && gellight.surface !== 'waiting'", arg=sequence)
+
+
+def paint(page: Page) -> None:
+    """Wait until the page has painted what has changed so far: the second animation frame follows the first's paint."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def wait_until(page: Page, true: Callable[[], bool]) -> None:
+    """Wait for what the page itself cannot be asked; fails after `PATIENCE_MS`."""
+    for _ in range(PATIENCE_MS // 50):
+        if true():
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"did not come true within {PATIENCE_MS / 1000:.0f} s")

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import Open, draw, playing
+from tests.helpers.browsing import Open, draw, paint, playing, wait_until
 from tests.helpers.dashboard_source import PIXEL_MM, FormulaSource, bump
 from tests.helpers.weighed import HeavyFrames
 
@@ -234,8 +234,7 @@ def test_the_surface_is_drawn_at_every_level(opened_3d: Open, source: FormulaSou
     name = ("320 × 240 mesh", "160 × 120 mesh", "2D relief")[int(detail)]
     assert page.evaluate("gellight.level") == name
     shown = page.get_by_test_id("surface")
-    page.wait_for_timeout(500)
+    paint(page)
     bumped = shown.screenshot()
     draw(page, source, 0.0)
-    page.wait_for_timeout(500)
-    assert shown.screenshot() != bumped
+    wait_until(page, lambda: shown.screenshot() != bumped)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.helpers.browsing import Open, draw
+from tests.helpers.browsing import Open, draw, paint, wait_until
 from tests.helpers.dashboard_source import HEIGHT, PIXEL_MM, SIGMA_MM, WIDTH, FormulaSource, bump, two_bumps, with_truth
 
 pytestmark = pytest.mark.browser
@@ -60,7 +60,7 @@ def test_the_place_under_the_pointer_is_measured_on_the_surface(opened_3d: Open,
     best = 0.0
     for part in np.linspace(0.3, 0.6, 13):
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + part * box["height"])
-        page.wait_for_timeout(30)
+        paint(page)
         if len(found := readout(page)) == 4:
             x, y, depth, _ = found
             assert depth == pytest.approx(1.2 * math.exp(-(x**2 + y**2) / (2 * SIGMA_MM**2)), abs=0.004)
@@ -101,7 +101,7 @@ def test_the_line_lies_over_the_surface(opened_3d: Open, source: FormulaSource) 
     page = opened_3d()
     page.get_by_test_id("detail").select_option("1")
     draw(page, source, 0.0)
-    page.wait_for_timeout(300)
+    paint(page)
     without = white_pixels(page)
     page.get_by_test_id("measure").click()
     page.mouse.move(*at(page, "depth", -15.0, 0.0))
@@ -109,8 +109,7 @@ def test_the_line_lies_over_the_surface(opened_3d: Open, source: FormulaSource) 
     page.mouse.move(*at(page, "depth", 15.0, 0.0))
     page.mouse.up()
     page.mouse.move(0, 0)
-    page.wait_for_timeout(500)
-    assert white_pixels(page) > without + 100
+    wait_until(page, lambda: white_pixels(page) > without + 100)
 
 
 def white_pixels(page: Page) -> int:
