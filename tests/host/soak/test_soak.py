@@ -17,7 +17,7 @@ from gellight.sensor.v4l2 import video_camera
 from gellight.soak import shift
 from gellight.soak.faults import FaultKind, PlannedFault, plan
 from gellight.soak.judging import Invariant
-from gellight.soak.run import Report, Soak, soak
+from gellight.soak.run import RECOVERY_S, Report, Soak, soak
 
 SEED = 2026
 HOURS = 0.4
@@ -87,6 +87,7 @@ def test_a_daemon_that_ends_is_noticed(tmp_path: Path, monkeypatch: pytest.Monke
         raise RuntimeError("planted")
 
     monkeypatch.setattr(SensorCamera, "_return", fail)
+    monkeypatch.setattr("gellight.soak.run.GIVE_UP_S", 2 * RECOVERY_S)  # it never comes back
     assert {Invariant.RUNNING, Invariant.RECOVERY} <= broken(suffer(tmp_path, FaultKind.UNPLUGGED))
 
 
