@@ -23,6 +23,7 @@ from gellight.ring.firmware.image import (
     to_uf2,
 )
 from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import open_transport
 from tests.firmware.helpers.boot_loader import BootRom
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -213,6 +214,8 @@ def test_the_board_is_opened_again_and_its_image_compared(image: bytes, monkeypa
     body = HEADER_OFFSET + HEADER.size
     other[body] ^= 1
     HEADER.pack_into(other, HEADER_OFFSET, magic, count, crc32(other[body : body + count]))
+    # On a busy machine the emulator needs more than the second in all that `connect` gives a board to answer.
+    monkeypatch.setattr(flash, "connect", lambda url: LightRing(open_transport(url), timeout_s=5.0))
     with closing(SimulatedBoard(pty=True)) as board:
         open_port(monkeypatch, board.path)
         assert flash.check_board(image, {"/dev/other"}) == board.path
