@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import Open, draw
+from tests.helpers.browsing import Open, draw, wait_until
 from tests.helpers.dashboard_source import FormulaSource
 
 pytestmark = pytest.mark.browser
@@ -80,10 +80,7 @@ def test_an_object_that_is_being_prepared_can_be_given_up(opened: Open, source: 
         page.get_by_test_id("object-TSTEP").click()
         page.get_by_test_id("press-here").click()
         page.get_by_test_id("banner-preparing").get_by_role("button").click()
-        waited = 0
-        while not stage.calls and waited < 10_000:
-            page.wait_for_timeout(50)
-            waited += 50
+        wait_until(page, lambda: bool(stage.calls))
         assert stage.calls == [None], "released while the press was still being computed"
     finally:
         done.set()
