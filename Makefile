@@ -12,6 +12,9 @@ JOBS   ?= 2
 # a real press, beside the simulated ones
 REAL   := tests/data/real/three_lights
 
+# Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test check lint types pytest bench clean
 
 demo: $(VENV)/.host
