@@ -24,7 +24,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 TESTS = Path(__file__).parent
 LONGEST = (
     "vm", "test_first_hour.py", "host/cli/test_calibrate.py", "host/calibration/test_routine.py",
-    "firmware/test_mutants.py",
+    "firmware/test_mutants.py", "host/soak/test_soak.py", "host/cli/test_signals.py",
+    "host/cli/test_several_sensors.py",
     "host/cli/test_demo.py", "host/sensor/lighting/test_labels.py", "host/watch/test_monitor.py",
     "host/daemon/test_modes.py", "host/design/test_studies.py", "host/dashboard/test_page.py",
     "host/sensor/lighting/test_sequenced.py", "host/watch/test_rezero.py",
