@@ -58,14 +58,10 @@ def press(
     `object_height_mm` (n, n) is the object's surface towards the gel, 0 at its highest point, `NO_OBJECT` beside it;
     keep a margin of two gel thicknesses, for the grid is periodic. `press_depth_mm` is how far the highest point goes
     beyond first touch. The iteration ends when the pressure changes by less than `tolerance` of its sum. Raises
-    ValueError for a press that is negative, deeper than the gel or not a number, and for an object that is no square of
-    numbers, NotConverged otherwise.
+    ValueError for a press that is negative, deeper than 60 % of the gel or not a number, and for an object that is no
+    square of numbers, NotConverged otherwise.
     """
-    if not 0 <= press_depth_mm < geometry.gel_thickness_mm:
-        raise ValueError(
-            f"press depth {press_depth_mm} mm: it must lie between 0 and the gel's thickness, "
-            f"{geometry.gel_thickness_mm} mm"
-        )
+    geometry.check_press(press_depth_mm)
     size = len(object_height_mm)
     if object_height_mm.shape != (size, size) or not np.isfinite(object_height_mm).all():
         raise ValueError(

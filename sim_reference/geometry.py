@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+DEEPEST_SHARE = 0.6
+"""of the gel's thickness: no model of the gel is pressed deeper"""
 POSITIVE = (
     "gel_diameter_mm",
     "gel_thickness_mm",
@@ -86,6 +88,19 @@ class SensorGeometry:
     def image_shape(self) -> tuple[int, int]:
         """(H, W)"""
         return self.image_height_px, self.image_width_px
+
+    @property
+    def deepest_press_mm(self) -> float:
+        """The deepest press that is simulated, mm."""
+        return DEEPEST_SHARE * self.gel_thickness_mm
+
+    def check_press(self, press_depth_mm: float) -> None:
+        """Raise ValueError unless a press is from 0 to `deepest_press_mm` deep."""
+        if not 0 <= press_depth_mm <= self.deepest_press_mm:
+            raise ValueError(
+                f"press depth {press_depth_mm:g} mm: give 0 to {self.deepest_press_mm:g} mm, {DEEPEST_SHARE:.0%} of "
+                f"the gel's thickness of {self.gel_thickness_mm:g} mm"
+            )
 
     @property
     def emission_exponent(self) -> float:

@@ -18,8 +18,6 @@ from sim_reference.fem.sampling import Sampled, sample_surface
 from sim_reference.geometry import SensorGeometry
 
 Array = NDArray[np.float64]
-DEEPEST_SHARE = 0.6
-"""of the gel's thickness"""
 INCREMENT_MM = 0.25
 """of a press with friction, which depends on the way"""
 STEEPEST_MM = 1.0
@@ -119,7 +117,7 @@ class FemGel:
 
 def check_depth(press_depth_mm: float, geometry: SensorGeometry) -> None:
     """Refuse a press that is no press, or deeper than a gel of tetrahedra can follow."""
-    deepest = DEEPEST_SHARE * geometry.gel_thickness_mm
+    deepest = geometry.deepest_press_mm
     if not 0 < press_depth_mm <= deepest:
         raise ValueError(
             f"press depth {press_depth_mm} mm: finite elements go from above 0 to {deepest:g} mm, 60 % of the gel's "
@@ -163,7 +161,7 @@ def depth_under(
         pressed = gel.press(object_height_mm, spacing_mm, depth, geometry)
         return float(pressed.pressure.sum()) * spacing_mm**2 * shear_modulus_mpa
 
-    shallow, deep = 0.0, DEEPEST_SHARE * geometry.gel_thickness_mm
+    shallow, deep = 0.0, geometry.deepest_press_mm
     most = held_n(deep)
     if not 0 < load_n <= most:
         raise ValueError(f"load {load_n} N: give above 0 to {most:.3g} N, which presses 60 % of the gel's thickness")

@@ -37,13 +37,11 @@ def elevation_table(radii_mm: Array, press_depths_mm: Array) -> Array:
 def choose_ball(radii_mm: Array, geometry: SensorGeometry, *, press_depth_mm: float = 2.0) -> BallChoice:
     """Return the largest of `radii_mm` that records 60 degrees: the larger the ball, the sharper its edge in the image.
 
-    Raises ValueError for a press deeper than the gel, or if no ball is small enough.
+    Raises ValueError for a press deeper than 60 % of the gel, or if no ball is small enough.
     """
-    if not 0 < press_depth_mm < geometry.gel_thickness_mm:
-        raise ValueError(
-            f"press depth {press_depth_mm} mm: it must be positive and less than the gel's thickness, "
-            f"{geometry.gel_thickness_mm} mm"
-        )
+    geometry.check_press(press_depth_mm)
+    if press_depth_mm == 0:
+        raise ValueError("press depth 0 mm: a ball that is not pressed records nothing, press deeper")
     fitting = [r for r in radii_mm.tolist() if r >= press_depth_mm and _records(r, press_depth_mm)]
     if not fitting:
         raise ValueError(

@@ -6,7 +6,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.deformation import Deformation
+from sim_reference import gel
+from sim_reference.deformation import Deformation, GelModel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import normals
 from sim_reference.objects import OBJECT_NAMES, ObjectParameters
@@ -88,27 +89,37 @@ def press_benchmark(
     sampling: Sampling,
     geometry: SensorGeometry,
     parameters: ObjectParameters | None = None,
+    model: GelModel = gel.press,
 ) -> PressedObject:
-    """Press object `name` into the gel and sample it on the pixels; raises ValueError as `surface.press_object`."""
-    deformation = deformed(name, sampling, geometry, parameters or ObjectParameters())
+    """Press object `name` into the gel and sample it on the pixels; raises as `surface.press_object`."""
+    deformation = deformed(name, sampling, geometry, parameters or ObjectParameters(), model)
     surface = sample(deformation, sampling.on(geometry), 0.0, 0.0)
     inside, _, _ = region(sampling, geometry)
     return PressedObject(name, surface.depth_mm, surface.gradient_map, inside, sampling.spacing_mm)
 
 
-def deformed(name: str, sampling: Sampling, geometry: SensorGeometry, parameters: ObjectParameters) -> Deformation:
+def deformed(
+    name: str,
+    sampling: Sampling,
+    geometry: SensorGeometry,
+    parameters: ObjectParameters,
+    model: GelModel = gel.press,
+) -> Deformation:
     """Press object `name` into the gel; the last few presses are kept, for studies repeat them."""
-    gel = SensorGeometry(
+    pad = SensorGeometry(
+        gel_diameter_mm=geometry.gel_diameter_mm,
         gel_thickness_mm=geometry.gel_thickness_mm,
         poisson_ratio=geometry.poisson_ratio,
         coating_smoothing_mm=geometry.coating_smoothing_mm,
     )
-    return _deformed(name, sampling.press_depth_mm, sampling.press_grid, gel, parameters)
+    return _deformed(name, sampling.press_depth_mm, sampling.press_grid, pad, parameters, model)
 
 
 @lru_cache(maxsize=12)
-def _deformed(name: str, depth_mm: float, size: int, gel: SensorGeometry, parameters: ObjectParameters) -> Deformation:
-    return press_object(name, depth_mm, gel, parameters=parameters, size=size)
+def _deformed(
+    name: str, depth_mm: float, size: int, pad: SensorGeometry, parameters: ObjectParameters, model: GelModel
+) -> Deformation:
+    return press_object(name, depth_mm, pad, parameters=parameters, size=size, model=model)
 
 
 def plane(sampling: Sampling, geometry: SensorGeometry) -> PressedObject:

@@ -105,7 +105,7 @@ def test_a_short_wave_does_not_feel_the_support() -> None:
     assert deflection(pressure, response) == pytest.approx(pressure * 0.51 / k, rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("depth", [-0.1, 5.0, float("nan")])
+@pytest.mark.parametrize("depth", [-0.1, 3.1, float("nan")])
 def test_an_impossible_press_is_refused(depth: float) -> None:
     with pytest.raises(ValueError, match="press depth"):
         press_object("BALL", depth, GEOMETRY, size=64)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,9 +21,12 @@ from gellight.design.studies import Setup, setup_of
 from gellight.design.sweep import (
     ResultStore,
     SweepOptions,
+    available_cores,
     default_folder,
     run_study,
 )
+from gellight.simulator.gel_models import RESOLUTION_MM, GelKind
+from gellight.simulator.one_press import check_memory, free_memory
 from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
@@ -55,6 +58,12 @@ class Study(Answering, Sweeping):
     relief: Annotated[float, typer.Option("--relief", help="Relief of the objects, mm.")] = 1.0
     noise: Annotated[float, typer.Option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")] = 1.0
     size: Size = 256
+    gel: Annotated[
+        GelKind, typer.Option("--gel", help="Elastic layer, or finite elements: a minute for each press, once.")
+    ] = "layer"
+    resolution: Annotated[float, typer.Option("--resolution-mm", min=0.001, help="Of the finite elements.")] = (
+        RESOLUTION_MM
+    )
     store: Annotated[
         Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
     ] = None
@@ -63,7 +72,11 @@ class Study(Answering, Sweeping):
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
         if self.out is not None:
             output.check_writable(self.out)
-        return setup_of(read_geometry(self.geometry), self.press, self.relief, self.size, self.noise)
+        sensor = read_geometry(self.geometry)
+        if self.gel == "fem" and self.scheduler is None:
+            check_memory(self.resolution, sensor, free_memory(), self.workers or available_cores())
+        setup = setup_of(sensor, self.press, self.relief, self.size, self.noise)
+        return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
     def sweep(self, title: str) -> AbstractContextManager[SweepOptions]:
         """Return how to compute, in the store of the studies; see `Sweeping.sweep_in`."""

@@ -38,7 +38,9 @@ def press(
     depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep.")] = None,
     force: Annotated[float | None, typer.Option("--force-n", help="With which force, instead of a depth.")] = None,
     gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "fem",
-    resolution: Annotated[float, typer.Option("--resolution-mm", help="Between vertices of the surface.")] = 0.3,
+    resolution: Annotated[
+        float, typer.Option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
+    ] = 0.3,
     friction: Annotated[float, typer.Option("--friction", min=0, max=2, help="Coefficient, finite elements.")] = 0.0,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,

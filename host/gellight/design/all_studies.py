@@ -17,7 +17,7 @@ from gellight.design.studies import BeyondResult, FineResult, Setup, VariantResu
 from gellight.design.sweep import Study, SweepOptions, executor, run_all, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import coarse, design, fine, plain
-from sim_reference.optimizer.benchmark import PressedObject, press_benchmark
+from sim_reference.optimizer.benchmark import PressedObject
 from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 
@@ -151,7 +151,7 @@ def run_all_studies(
 
 def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> SweepTimes:
     """Time the sweep on all workers, which are warm, and the plain code on one."""
-    pressed = [press_benchmark(name, setup.sampling, setup.geometry, setup.parameters) for name in setup.names]
+    pressed = [setup.pressed(name, setup.sampling) for name in setup.names]
     with executor(options) as pool:
         twice = 2 * options.workers  # tasks, so that every worker has had one
         _evaluated(pool, pressed[:1] * twice, replace(groups, numbers=(3,)))

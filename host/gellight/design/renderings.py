@@ -11,7 +11,7 @@ from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.optimizer import fine
-from sim_reference.optimizer.benchmark import Sampling, deformed, press_benchmark
+from sim_reference.optimizer.benchmark import Sampling, deformed
 from sim_reference.surface import Surface, sample, untouched
 
 Image = NDArray[np.uint8]
@@ -26,7 +26,7 @@ def benchmark_depths(setup: Setup) -> str:
     """Return the depth of every pressed object, light where it is deep."""
     figures, small = [], replace(SMALL, press_depth_mm=setup.sampling.press_depth_mm)
     for name in setup.names:
-        pressed = press_benchmark(name, small, setup.geometry, setup.parameters)
+        pressed = setup.pressed(name, small)
         slope = np.degrees(pressed.steepest_rad())
         depth = pressed.depth_mm - pressed.depth_mm.min()
         grey = np.rint(255 * depth / depth.max()).astype(np.uint8)
@@ -39,7 +39,7 @@ def benchmark_pictures(setup: Setup) -> str:
     square = SMALL.on(setup.geometry)
     exposed, figures = _exposed(square), []
     for name in setup.names:
-        deformation = deformed(name, setup.sampling, square, setup.parameters)
+        deformation = deformed(name, setup.sampling, square, setup.parameters, setup.model)
         figures.append(picture(_picture(sample(deformation, square, 0, 0), square, exposed), name, WIDTH_PX))
     return "".join(figures)
 

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.design.sweep import Study, Task
+from gellight.simulator.gel_models import RESOLUTION_MM, GelKind, gel_model
+from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer import coarse, design, exposures, fine, near_field, sensitivity
-from sim_reference.optimizer.benchmark import Sampling, press_benchmark, region
+from sim_reference.optimizer.benchmark import PressedObject, Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
 from sim_reference.optimizer.refraction import VACUUM, Medium, window_of
 
@@ -49,6 +51,14 @@ class Setup:
     sampling: Sampling = Sampling()  # noqa: RUF009 - frozen
     names: tuple[str, ...] = BENCHMARK_NAMES
     noise_grey: float = 1.0
+    gel: GelKind = "layer"
+    resolution_mm: float = RESOLUTION_MM
+    """of the finite elements"""
+
+    @property
+    def model(self) -> GelModel:
+        """What computes the gel."""
+        return gel_model(self.gel, self.resolution_mm)
 
     @property
     def led_count(self) -> int:
@@ -59,28 +69,41 @@ class Setup:
         """Return `camera` with the noise of this setup."""
         return replace(camera, noise_grey=self.noise_grey)
 
+    def pressed(self, name: str, sampling: Sampling) -> PressedObject:
+        """Press an object into the gel and sample it on the pixels."""
+        return press_benchmark(name, sampling, self.geometry, self.parameters, self.model)
+
     def press(self, name: str, sampling: Sampling, thinning: int) -> design.Place:
         """Press an object and return where it is evaluated: one in `thinning` pixels of the sampled disc."""
         inside, _, _ = region(sampling, self.geometry)
         points = np.zeros_like(inside)
         points.flat[np.flatnonzero(inside)[::thinning]] = True
         x, y = np.broadcast_arrays(*pixel_grid(sampling.on(self.geometry)))
-        pressed = press_benchmark(name, sampling, self.geometry, self.parameters)
+        pressed = self.pressed(name, sampling)
         return design.Place([near_field.scene(pressed, points)], x[points], y[points])
 
 
 def setup_of(
-    geometry: SensorGeometry, press_mm: float, relief_mm: float, size_px: int, noise_grey: float = 1.0
+    geometry: SensorGeometry,
+    press_mm: float,
+    relief_mm: float,
+    size_px: int,
+    noise_grey: float = 1.0,
 ) -> Setup:
-    """Return the setup of a study; raises InputError for a press or relief that is not positive and less than the gel.
+    """Return the setup of a study.
 
-    `size_px` is the side of the square picture of each pressed object.
+    `size_px` is the side of the square picture of each pressed object. Raises InputError for a press that is not
+    positive or deeper than 60 % of the gel, and for a relief that is not positive and less than the gel.
     """
-    for option, length in (("--relief", relief_mm), ("--press", press_mm)):
-        if not 0 < length < geometry.gel_thickness_mm:
-            raise InputError(
-                f"{option} {length:g} mm: it must be positive and less than the gel's {geometry.gel_thickness_mm:g} mm"
-            )
+    if not 0 < press_mm <= geometry.deepest_press_mm:
+        raise InputError(
+            f"--press {press_mm:g} mm: it must be positive and at most {geometry.deepest_press_mm:g} mm, 60 % of the "
+            f"gel's {geometry.gel_thickness_mm:g} mm"
+        )
+    if not 0 < relief_mm < geometry.gel_thickness_mm:
+        raise InputError(
+            f"--relief {relief_mm:g} mm: it must be positive and less than the gel's {geometry.gel_thickness_mm:g} mm"
+        )
     return Setup(
         geometry=geometry,
         parameters=ObjectParameters(relief_mm=relief_mm),
@@ -91,8 +114,7 @@ def setup_of(
 
 def coarse_errors(name: str, setup: Setup, groups: LightGroups) -> Any:
     """Return MAE, Top5 and Top1 in rad of an object in every light group: (numbers, angles, 3) as lists."""
-    pressed = press_benchmark(name, setup.sampling, setup.geometry, setup.parameters)
-    return coarse.evaluate(pressed, groups).tolist()
+    return coarse.evaluate(setup.pressed(name, setup.sampling), groups).tolist()
 
 
 def coarse_study(setup: Setup, groups: LightGroups) -> Study[coarse.CoarseResult]:
@@ -286,10 +308,10 @@ class VariantResult:
     """mean of the objects' best angles"""
 
 
-def variant_errors(name: str, variant: sensitivity.Variant) -> Any:
-    """Return Top1 in rad by angle, 12 lights, of an object under a variant of the study."""
-    pressed = press_benchmark(name, variant.sampling, variant.geometry, variant.parameters)
-    return coarse.evaluate(pressed, variant.groups)[0, :, 2].tolist()
+def variant_errors(name: str, variant: sensitivity.Variant, setup: Setup) -> Any:
+    """Return Top1 in rad by angle, 12 lights, of an object under a variant of the study of `setup`."""
+    changed = replace(setup, geometry=variant.geometry, parameters=variant.parameters)
+    return coarse.evaluate(changed.pressed(name, variant.sampling), variant.groups)[0, :, 2].tolist()
 
 
 def sensitivity_study(setup: Setup) -> Study[list[VariantResult]]:
@@ -304,7 +326,7 @@ def sensitivity_study(setup: Setup) -> Study[list[VariantResult]]:
         return [VariantResult(*one) for one in zip(variants, best.tolist(), means.tolist(), strict=True)]
 
     tasks = [
-        Task(f"{variant.quantity} {variant.setting}: {name}", variant_errors, (name, variant))
+        Task(f"{variant.quantity} {variant.setting}: {name}", variant_errors, (name, variant, setup))
         for variant in variants
         for name in setup.names
     ]

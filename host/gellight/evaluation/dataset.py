@@ -27,6 +27,7 @@ from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
 from gellight.design.sweep import ResultStore, SweepOptions, Task, run_all
 from gellight.simulator.gel_models import GelKind, gel_model
+from gellight.simulator.one_press import check_memory, free_memory
 from gellight.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from sim_reference.camera import WHITE, CameraResponse, digitise
 from sim_reference.deformation import Deformation
@@ -69,10 +70,11 @@ class DatasetRequest:
         unknown = sorted(set(self.objects) - set(OBJECT_NAMES))
         if unknown or not self.objects:
             raise InputError(f"no object {', '.join(unknown) or 'given'}: choose from {', '.join(OBJECT_NAMES)}")
-        if not 0 < self.shallowest_mm <= self.deepest_mm < self.geometry.gel_thickness_mm:
+        if not 0 < self.shallowest_mm <= self.deepest_mm <= self.geometry.deepest_press_mm:
             raise InputError(
                 f"depths from {self.shallowest_mm:g} to {self.deepest_mm:g} mm cannot be pressed: give positive ones, "
-                f"the shallowest first, of less than the gel's {self.geometry.gel_thickness_mm:g} mm"
+                f"the shallowest first, up to {self.geometry.deepest_press_mm:g} mm, 60 % of the gel's "
+                f"{self.geometry.gel_thickness_mm:g} mm"
             )
 
     def press(self, number: int) -> Press:
@@ -97,9 +99,12 @@ class DatasetReport:
 def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -> DatasetReport:
     """Make the presses that are missing in `folder`, and the index; `options.store` is where `store_in` says.
 
-    Raises InputError for a folder with another data set, or one that cannot be written, SweepIncomplete where other
-    shards are missing, ValueError and NotConverged for what cannot be simulated.
+    Raises InputError for a folder with another data set or one that cannot be written, and for a mesh that does not
+    fit the memory, SweepIncomplete where other shards are missing, ValueError and NotConverged for what cannot be
+    simulated.
     """
+    if request.gel == "fem" and options.scheduler is None:
+        check_memory(request.resolution_mm, request.geometry, free_memory(), options.workers)
     try:
         _describe(request, folder)
         same = replace(request, presses=0)  # More presses do not change those that are there.

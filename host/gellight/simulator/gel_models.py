@@ -31,7 +31,11 @@ GelKind = Literal["layer", "fem"]
 """how the gel is computed: as an elastic layer of small strain, a second a press; or by finite elements, a minute"""
 
 
-def gel_model(kind: GelKind, resolution_mm: float = 0.3) -> GelModel:
+RESOLUTION_MM = 0.3
+"""of the finite elements"""
+
+
+def gel_model(kind: GelKind, resolution_mm: float = RESOLUTION_MM) -> GelModel:
     """Return the model; `resolution_mm` is that of the finite elements."""
     return KeptPresses(FemGel(resolution_mm=resolution_mm)) if kind == "fem" else gel.press
 

@@ -114,19 +114,25 @@ def object_heights(name: str) -> Array:
         raise InputError(f"{name} cannot be pressed: {error}") from error
 
 
-def check_memory(resolution_mm: float, geometry: SensorGeometry, available: int) -> None:
-    """Refuse a mesh that would not fit `available` bytes, before it is made."""
+def free_memory() -> int:
+    """Return how many bytes of memory are free."""
+    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def check_memory(resolution_mm: float, geometry: SensorGeometry, available: int, processes: int = 1) -> None:
+    """Refuse a mesh that, made in each of `processes`, would not fit `available` bytes, before it is made."""
 
     def needed(resolution: float) -> int:
-        return vertices_needed(geometry, resolution) * BYTES_PER_VERTEX
+        return processes * vertices_needed(geometry, resolution) * BYTES_PER_VERTEX
 
     if needed(resolution_mm) <= available:
         return
     fits = resolution_mm
     while needed(fits) > available:
         fits *= 1.1
+    each = f" in each of {processes} --workers" if processes > 1 else ""
     raise InputError(
-        f"a mesh of {resolution_mm:g} mm needs about {needed(resolution_mm) / 1e9:.1f} GB of memory and "
+        f"a mesh of {resolution_mm:g} mm{each} needs about {needed(resolution_mm) / 1e9:.1f} GB of memory and "
         f"{available / 1e9:.1f} GB are free: {fits:.2g} mm fits"
     )
 
@@ -174,7 +180,7 @@ class _Progress:
 
 
 def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGeometry, progress: _Progress) -> _Result:
-    check_memory(request.resolution_mm, geometry, os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    check_memory(request.resolution_mm, geometry, free_memory())
     model = FemGel(resolution_mm=request.resolution_mm, friction=request.friction)
     depth = request.depth_mm
     if depth is None:

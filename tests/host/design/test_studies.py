@@ -3,10 +3,12 @@
 import json
 import re
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import platformdirs
 import pytest
 from typer.testing import CliRunner
 
@@ -14,7 +16,11 @@ from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.cli.main import app
 from gellight.design import benchmark_files, studies
 from gellight.design.geometry import read_geometry
-from sim_reference.objects import BENCHMARK_NAMES
+from gellight.design.sweep import SweepOptions, run_study
+from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
+from sim_reference.optimizer import sensitivity
+from sim_reference.optimizer.exposing import LightGroups
+from tests.helpers.studies import setup
 
 
 def invoke(*arguments: str) -> Any:
@@ -35,6 +41,24 @@ def test_the_coarse_study_writes_json_and_charts(tmp_path: Path) -> None:
     assert (tmp_path / "out/TSTEP.svg").read_text().count("<rect") == 77
     again = invoke("coarse", "--size", "96", "--workers", "1", "--json")
     assert again == answer
+
+
+def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers(options: SweepOptions) -> None:
+    layer = replace(setup(32, ("SCROWN",)), parameters=ObjectParameters(relief_mm=0.5))
+    layer = replace(layer, sampling=replace(layer.sampling, press_depth_mm=0.3))
+    fem = replace(layer, gel="fem", resolution_mm=1.25)
+    groups = LightGroups(numbers=(12,))
+    by_layer, by_fem = (run_study(studies.coarse_study(one, groups), options).errors_rad for one in (layer, fem))
+    assert by_fem.shape == by_layer.shape
+    assert np.abs(by_fem - by_layer).max() > radians(0.1)
+    presses = list(platformdirs.user_cache_path("gellight").glob("presses/*.npz"))
+    assert len(presses) == 1, "kept, so that other studies of this object read it"
+    kept = presses[0].stat().st_mtime_ns
+    variant = sensitivity.Variant("", "", sampling=layer.sampling, parameters=fem.parameters)
+    varied = studies.variant_errors("SCROWN", variant, fem)
+    assert np.shape(varied) == (11,)
+    assert presses[0].stat().st_mtime_ns == kept
+    assert len(list(presses[0].parent.iterdir())) == 1, "the same press serves the sensitivity study"
 
 
 def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
@@ -86,12 +110,14 @@ def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["coarse", "--press", "5"], "less than the gel's 5 mm"),
+        (["coarse", "--press", "3.1"], "at most 3 mm, 60 % of the gel's 5 mm"),
+        (["coarse", "--gel", "fem", "--resolution-mm", "0.01"], "mm fits"),
         (["coarse", "--press", "-1"], "must be positive"),
         (["coarse", "--shard", "3/2"], "give i/n"),
         (["coarse", "--scheduler", "tcp://127.0.0.1:1", "--size", "32"], r"Dask|cluster"),
         (["ball", "--press", "3", "--radius", "2"], "deeper than the ball"),
-        (["ball", "--press", "6"], "less than the gel's thickness"),
+        (["ball", "--press", "3.5"], "give 0 to 3 mm, 60% of the gel's thickness"),
+        (["ball", "--press", "0"], "press deeper"),
         (["ball", "--radius", "8"], "records 60 degrees"),
         (["ball", "--radius", "-1"], "greater than 0"),
         (["coarse", "--relief", "5"], "less than the gel's 5 mm"),

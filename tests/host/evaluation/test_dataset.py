@@ -125,7 +125,8 @@ def test_another_data_set_is_not_mixed_in(tmp_path: Path) -> None:
     ("arguments", "reason"),
     [
         (["--object", "HAND"], "no object HAND: choose from BALL"),
-        (["--deepest-mm", "5"], "less than the gel's 5 mm"),
+        (["--deepest-mm", "3.1"], "up to 3 mm, 60 % of the gel's 5 mm"),
+        (["--gel", "fem", "--resolution-mm", "0.05", "--workers", "9"], "in each of 9 --workers needs about"),
         (["--shallowest-mm", "0"], "give positive ones"),
         (["--shallowest-mm", "0.9", "--deepest-mm", "0.3"], "the shallowest first"),
         (["--shard", "3/2"], "give i/n"),
