@@ -15,16 +15,20 @@ int main(int count, char** arguments) {
         std::fprintf(stderr, "%s\n", why.c_str());
         return 1;
     }
-    double depth = 0, slope = 0, image = 0, touched = 0;
+    double depth = 0, slope = 0, image = 0, touched = 0, pressure = 0, confidence = 0, doubts = 0;
     const std::size_t pixels = std::size_t{frame.width} * frame.height;
     for (std::size_t k = 0; k < pixels; ++k) {
         depth += frame.depth_mm[k];
         slope += frame.gradient[2 * k];
         image += frame.image[3 * k];
         touched += frame.contact[k];
+        if (frame.pressure_mpa) pressure += frame.pressure_mpa[k];
+        if (frame.confidence) confidence += frame.confidence[k];
+        if (frame.doubts) doubts += frame.doubts[k];
     }
-    std::printf("%lld %u %u %.17g %.17g %.17g %.9g %.9g %.9g %.9g\n", static_cast<long long>(frame.sequence),
+    std::printf("%lld %u %u %.17g %.17g %.17g %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
+                static_cast<long long>(frame.sequence),
                 frame.width, frame.height, frame.time_s, frame.indentation_mm, frame.centroid_x_mm, depth, slope, image,
-                touched);
+                touched, pressure, confidence, doubts);
     std::printf("%.*s\n", static_cast<int>(frame.details.size()), frame.details.data());
 }

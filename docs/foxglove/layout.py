@@ -13,7 +13,7 @@ DEEPEST_M = 0.001
 
 
 def panels() -> fl.Layout:
-    """Return the layout: the camera, the depth as colours and as a surface, the indentation over time, the state."""
+    """Return the layout: camera, depth as colours and as a surface, indentation and force over time, the state."""
     depth = fl.ImageModeConfig(
         image_topic="/gellight/depth/image", color_mode="colormap", color_map="turbo", min_value=0, max_value=DEEPEST_M
     )
@@ -21,11 +21,13 @@ def panels() -> fl.Layout:
         visible=True, color_mode="colormap", color_map="turbo", color_field="z", min_value=0, max_value=DEEPEST_M
     )
     indentation = fl.PlotSeries(value="/gellight/contact.point.z", label="indentation, m")
+    force = fl.PlotSeries(value="/gellight/contact/wrench.wrench.force.z", label="normal force, N")
     left = [
         fl.ImagePanel(
             title="Camera", config=fl.ImageConfig(image_mode=fl.ImageModeConfig(image_topic="/gellight/image_raw"))
         ),
         fl.PlotPanel(title="Indentation", config=fl.PlotConfig(paths=[indentation])),
+        fl.PlotPanel(title="Force", config=fl.PlotConfig(paths=[force])),
         fl.DiagnosticsSummaryPanel(config=fl.DiagnosticsSummaryConfig(topic_to_render="/diagnostics")),
     ]
     right = [

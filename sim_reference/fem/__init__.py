@@ -6,6 +6,7 @@
 | elastic energy | `neo_hookean` |
 | contact without penetration | `barrier`, against the object as a `height_field` |
 | friction | `friction` |
+| 3 x 3 matrices by the many | `matrices` |
 | sums over the mesh | `assembly` |
 | linear systems | `multigrid` |
 | projected Newton's method | `newton` |

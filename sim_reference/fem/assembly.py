@@ -1,6 +1,7 @@
 """From the shares of tetrahedra, patches and contacts to one gradient and one sparse matrix over the free vertices."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,34 +36,48 @@ class Pattern:
 
 
 class Assembler:
-    """Adds up shares. `numbers` (N,) is each vertex's row in the matrix, -1 where it is fixed."""
+    """Adds up shares. `numbers` (N,) is each vertex's row in the matrix, ascending, -1 where it is fixed.
+
+    The energies do not change where all vertices of a share move alike. So the blocks of the diagonal follow from the
+    others, also from those of fixed vertices, and because the matrix is symmetric, half of these are enough.
+    """
 
     def __init__(self, numbers: Indices, groups: list[Indices]) -> None:
-        """Prepare for shares of `groups`, each (G, C): the vertices of its members, -1 where there is none."""
-        self._free = int(numbers.max()) + 1
-        found = [np.where(group >= 0, numbers[group], -1) for group in groups]
-        keys = [self._pairs(group) for group in found]
+        """Prepare for shares of `groups`, each (G, C): the vertices of its members, ascending, then -1 for none."""
+        count, free = len(numbers), int(numbers.max()) + 1
+        keys = [_pairs(group, count) for group in groups]
+        # A pair of fixed vertices is not in the matrix.
+        keys = [np.where((numbers[key // count] >= 0) | (numbers[key % count] >= 0), key, -1) for key in keys]
         there = np.unique(np.concatenate([key[key >= 0] for key in keys]))
-        rows, columns = np.divmod(there, self._free)
-        indptr = np.searchsorted(rows, np.arange(self._free + 1)).astype(np.int32)
-        self.pattern = Pattern(columns.astype(np.int32), indptr)
-        self._blocks = [_summation(there, key) for key in keys]
-
-    def _pairs(self, group: Indices) -> Indices:
-        """One number for each pair of corners, -1 where one of them is fixed."""
-        pair = group[:, :, None] * self._free + group[:, None, :]
-        return np.where((group[:, :, None] >= 0) & (group[:, None, :] >= 0), pair, -1).ravel()
+        self._sums = [_summation(there, key) for key in keys]
+        first, second = numbers[np.array(np.divmod(there, count))]
+        self._both = np.flatnonzero((first >= 0) & (second >= 0))
+        self._of_first, self._of_second = (_rows(number, free) for number in (first, second))
+        first, second = first[self._both], second[self._both]
+        rows = np.concatenate([first, second, np.arange(free)])
+        columns = np.concatenate([second, first, np.arange(free)])
+        self._order = np.lexsort((columns, rows))
+        indptr = np.searchsorted(rows[self._order], np.arange(free + 1)).astype(np.int32)
+        self.pattern = Pattern(columns[self._order].astype(np.int32), indptr)
 
     def blocks(self, shares: list[Array]) -> Array:
-        """Return the blocks (B, 3, 3) of the sum of `shares`, one (G, C, C, 3, 3) for each group."""
-        parts = [at @ share.reshape(-1, 9) for at, share in zip(self._blocks, shares, strict=True)]
-        return np.asarray(sum(parts)).reshape(-1, 3, 3)
+        """Return the blocks (B, 3, 3) of the sum of `shares`, one (pairs of corners, 3, 3, G) for each group."""
+        parts = [at @ _by_member(share) for at, share in zip(self._sums, shares, strict=True)]
+        upper = np.asarray(sum(parts))
+        flipped = upper.reshape(-1, 3, 3).swapaxes(1, 2).reshape(-1, 9)
+        diagonal = -(self._of_first @ upper) - self._of_second @ flipped
+        return np.concatenate([upper[self._both], flipped[self._both], diagonal])[self._order].reshape(-1, 3, 3)
 
 
-def scattered(vertices: Indices, shares: Array, count: int) -> Array:
-    """Return the sum over each vertex of `shares` (..., 3) that belong to `vertices` (...): (count, 3)."""
-    at = vertices.ravel()
-    return np.stack([np.bincount(at, shares[..., axis].ravel(), count) for axis in range(3)], axis=1)
+def _pairs(group: Indices, count: int) -> Indices:
+    """One number for each pair of corners of each member, pair by pair, -1 where there is no corner."""
+    first, second = group.T[np.transpose(list(combinations(range(group.shape[1]), 2)))]
+    return np.where(second >= 0, first * count + second, -1).ravel()
+
+
+def _by_member(share: Array) -> Array:
+    """(pairs, 3, 3, G) as (pairs times G, 9)."""
+    return np.moveaxis(share, 3, 1).reshape(-1, 9)
 
 
 def _summation(there: Indices, keys: Indices) -> sp.csr_matrix:
@@ -70,3 +85,8 @@ def _summation(there: Indices, keys: Indices) -> sp.csr_matrix:
     kept = np.flatnonzero(keys >= 0)
     row = np.searchsorted(there, keys[kept])
     return sp.csr_matrix((np.ones(len(kept)), (row, kept)), shape=(len(there), len(keys)))
+
+
+def _rows(numbers: Indices, count: int) -> sp.csr_matrix:
+    """The matrix of ones that adds up blocks with the same number, and drops those with -1."""
+    return _summation(np.arange(count), numbers)

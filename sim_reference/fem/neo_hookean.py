@@ -12,11 +12,12 @@ det F b_a, and all below follows from that. Sums over the mesh are made in `asse
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.fem.assembly import scattered
+from sim_reference.fem.matrices import cofactors, determinant, eigenvectors, inner, product, transposed
 from sim_reference.fem.mesh import Indices, Mesh
 
 Array = NDArray[np.float64]
@@ -29,7 +30,9 @@ class Strain:
     """What the energy and its derivatives need to know of every tetrahedron and patch."""
 
     gradient: Array
-    """(T, 3, 3) F"""
+    """(3, 3, T) F"""
+    cofactors: Array
+    """(3, 3, T) det F times the inverse of F, transposed"""
     volume_ratio: Array
     """(T,) det F; not above 0 where a tetrahedron is inverted"""
     patch_ratio: Array
@@ -47,69 +50,83 @@ class NeoHookean:
         if not 0 <= poisson_ratio < 0.5:
             raise ValueError(f"Poisson's ratio {poisson_ratio}: give 0 to below 0.5, 0.499 is the nearest that works")
         self.lame = 2 * poisson_ratio / (1 - 2 * poisson_ratio)
-        self.tets = mesh.tets
+        self.tets = np.sort(mesh.tets, axis=1)
+        """(T, 4) in ascending order"""
         self.patch = mesh.patch if patches else np.arange(len(mesh.tets))
-        edges = np.swapaxes(mesh.vertices[mesh.tets[:, 1:]] - mesh.vertices[mesh.tets[:, :1]], 1, 2)
-        of_others = np.linalg.inv(edges)
+        edges = _edges(mesh.vertices, self.tets)
+        of_others = cofactors(edges) / determinant(edges)
         self.shape_gradient = np.concatenate([-of_others.sum(axis=1, keepdims=True), of_others], axis=1)
-        """(T, 4, 3) grad N_a"""
-        self.volume = np.linalg.det(edges) / 6
+        """(3, 4, T) grad N_a"""
+        self.volume = np.abs(determinant(edges)) / 6
         """(T,) mm3"""
         self.patch_volume = np.bincount(self.patch, self.volume)
         self.patch_vertices, self._slot = patch_corners(self.tets, self.patch)
 
     def strain(self, at: Array) -> Strain:
         """Return the strain with the vertices `at` (N, 3)."""
-        gradient = np.swapaxes(at[self.tets], 1, 2) @ self.shape_gradient
-        ratio = np.linalg.det(gradient)
-        return Strain(gradient, ratio, np.bincount(self.patch, self.volume * ratio) / self.patch_volume)
+        gradient = self.deformation(at)
+        cofactor = cofactors(gradient)
+        ratio = np.asarray((gradient[0] * cofactor[0]).sum(axis=0))
+        return Strain(gradient, cofactor, ratio, np.bincount(self.patch, self.volume * ratio) / self.patch_volume)
+
+    def deformation(self, at: Array) -> Array:
+        """Return F (3, 3, T), which is linear in `at` (N, 3)."""
+        return product(_edges(at, self.tets), transposed(self.shape_gradient[:, 1:]))
 
     def value(self, at: Array) -> float:
         """Return W; infinite where a tetrahedron is inverted."""
         strain = self.strain(at)
         if not (strain.volume_ratio > 0).all():
             return np.inf
-        distortion = (strain.gradient**2).sum(axis=(1, 2)) - 3 - 2 * np.log(strain.volume_ratio)
+        distortion = inner(strain.gradient, strain.gradient) - 3 - 2 * np.log(strain.volume_ratio)
         dilatation = self.lame * np.log(strain.patch_ratio) ** 2
         return float(self.volume @ distortion + self.patch_volume @ dilatation) / 2
 
-    def gradients(self, at: Array) -> Array:
-        """Return each tetrahedron's share of dW/dx, (T, 4, 3): V (F grad N_a + (q - 1) b_a)."""
+    def gradient(self, at: Array) -> Array:
+        """Return dW/dx (N, 3), to which each tetrahedron adds V (F + (q - 1) F^-T) grad N_a."""
         strain = self.strain(at)
-        stretch = self.shape_gradient @ np.swapaxes(strain.gradient, 1, 2)
-        spatial = self._spatial(strain)
-        return np.asarray(self.volume[:, None, None] * (stretch + (self._tension(strain) - 1)[:, None, None] * spatial))
+        stress = strain.gradient + (self._tension(strain) - 1) / strain.volume_ratio * strain.cofactors
+        shares = product(self.volume * stress, self.shape_gradient)
+        corners = self.tets.T.ravel()
+        return np.stack([np.bincount(corners, share.ravel(), len(at)) for share in shares], axis=1)
 
     def hessians(self, at: Array, *, project: bool) -> tuple[Array, Array]:
-        """Return the shares of d2W/dx2 of tetrahedra (T, 4, 4, 3, 3) and of patches (P, 10, 10, 3, 3).
+        """Return the shares of d2W/dx_a dx_b for pairs a < b of corners: of tetrahedra (6, 3, 3, T), and of patches.
 
-        Tetrahedron: V ((grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T). Patch: V w'' (dJ/dx_a) (dJ/dx_b)^T
-        with w = lambda/2 (log J)^2. `project` makes each positive semidefinite.
+        Tetrahedron: V ((grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T). Patch, (45, 3, 3, P):
+        V w'' (dJ/dx_a) (dJ/dx_b)^T with w = lambda/2 (log J)^2. `project` makes each positive semidefinite. Moving all
+        corners alike costs nothing, so the pairs also give the shares of a = b (`assembly`).
         """
         strain = self.strain(at)
-        spatial, tension = self._spatial(strain), self._tension(strain)
-        along = self.shape_gradient @ np.swapaxes(self.shape_gradient, 1, 2)
-        outer = spatial[:, :, None, :, None] * spatial[:, None, :, None, :]
-        tets = tension[:, None, None, None, None] * outer
-        tets += (1 - tension)[:, None, None, None, None] * np.swapaxes(outer, 3, 4)
-        for axis in range(3):
-            tets[..., axis, axis] += along
+        tension, spatial = self._tension(strain), product(strain.cofactors, self.shape_gradient) / strain.volume_ratio
+        tets = np.empty((6, 3, 3, len(self.tets)))
+        scaled = self.volume * tension * spatial, self.volume * (1 - tension) * spatial
+        weighed = self.volume * self.shape_gradient
+        for share, (a, b) in zip(tets, pairs(4), strict=True):
+            for i in range(3):
+                for j in range(3):
+                    np.multiply(scaled[0][i, a], spatial[j, b], out=share[i, j])
+                    share[i, j] += scaled[1][i, b] * spatial[j, a]
+            along = (weighed[:, a] * self.shape_gradient[:, b]).sum(axis=0)
+            for axis in range(3):
+                share[axis, axis] += along
         if project:
-            _lift(tets, strain.gradient, tension, self.shape_gradient)
-        tets *= self.volume[:, None, None, None, None]
+            _lift(tets, strain, tension, self.shape_gradient, self.volume)
         return tets, self._patch_hessians(strain, spatial, project=project)
 
     def _patch_hessians(self, strain: Strain, spatial: Array, *, project: bool) -> Array:
         patches, ratio = len(self.patch_volume), strain.patch_ratio
-        share = (self.volume * strain.volume_ratio)[:, None, None] * spatial / self.patch_volume[self.patch, None, None]
-        change = scattered(self._slot, share, patches * PATCH_CORNERS).reshape(patches, PATCH_CORNERS, 3)
+        shares = self.volume * strain.volume_ratio / self.patch_volume[self.patch] * spatial
+        change = np.stack([np.bincount(self._slot, share.ravel(), PATCH_CORNERS * patches) for share in shares])
+        change = change.reshape(3, PATCH_CORNERS, patches)
         curvature = self.lame * (1 - np.log(ratio)) / ratio**2
-        weight = self.patch_volume * (np.maximum(curvature, 0) if project else curvature)
-        return np.asarray((weight[:, None, None] * change)[:, :, None, :, None] * change[:, None, :, None, :])
-
-    def _spatial(self, strain: Strain) -> Array:
-        """(T, 4, 3) b_a = F^-T grad N_a."""
-        return np.asarray(self.shape_gradient @ np.linalg.inv(strain.gradient))
+        weighed = self.patch_volume * (np.maximum(curvature, 0) if project else curvature) * change
+        first, second = np.transpose(pairs(PATCH_CORNERS))
+        result = np.empty((len(first), 3, 3, patches))
+        for i in range(3):
+            for j in range(3):
+                np.multiply(weighed[i, first], change[j, second], out=result[:, i, j])
+        return result
 
     def _tension(self, strain: Strain) -> Array:
         """(T,) q = w'(J) det F, the tension that keeps the volume: negative in compression."""
@@ -117,44 +134,67 @@ class NeoHookean:
         return np.asarray((self.lame * np.log(ratio) / ratio)[self.patch] * strain.volume_ratio)
 
 
+def pairs(corners: int) -> list[tuple[int, int]]:
+    """Return all pairs a < b of corners, in the order of the shares."""
+    return list(combinations(range(corners), 2))
+
+
+def _edges(at: Array, tets: Indices) -> Array:
+    """(3, 3, T): from a tetrahedron's first corner to the others, as columns."""
+    corners = np.stack([axis[tets.T] for axis in np.ascontiguousarray(at.T)])
+    return np.asarray(corners[:, 1:] - corners[:, :1])
+
+
 def patch_corners(tets: Indices, patch: Indices) -> tuple[Indices, Indices]:
-    """Return the vertices of each patch (P, 10), -1 where it has fewer, and each corner's place among all (T, 4)."""
-    pairs = patch[:, None] * (tets.max() + 1) + tets
-    unique, place = np.unique(pairs, return_inverse=True)
+    """Return the vertices of each patch (P, 10), ascending, then -1, and where in (10, P) each corner of (4, T) is."""
+    count = int(patch.max()) + 1
+    keys = (patch[:, None] * (tets.max() + 1) + tets).T.ravel()
+    unique, place = np.unique(keys, return_inverse=True)
     of_patch, vertex = np.divmod(unique, tets.max() + 1)
-    begins = np.searchsorted(of_patch, np.arange(patch.max() + 1))
-    slot = of_patch * PATCH_CORNERS + np.arange(len(unique)) - begins[of_patch]
-    vertices = np.full((patch.max() + 1) * PATCH_CORNERS, -1)
-    vertices[slot] = vertex
-    return vertices.reshape(-1, PATCH_CORNERS), slot[place].reshape(tets.shape)
+    begins = np.searchsorted(of_patch, np.arange(count))
+    corner = np.arange(len(unique)) - begins[of_patch]
+    vertices = np.full((count, PATCH_CORNERS), -1)
+    vertices[of_patch, corner] = vertex
+    return vertices, (corner * count + of_patch)[place]
 
 
-def _lift(hessians: Array, gradient: Array, tension: Array, shape_gradient: Array) -> None:
+def _lift(hessians: Array, strain: Strain, tension: Array, shape_gradient: Array, volume: Array) -> None:
     """Add to each tetrahedron's Hessian what makes its negative eigenvalues 0.
 
     In the frame of F = U diag(s) V^T the nine eigenmatrices of d2W/dF2 are known: three stretches U diag(e) V^T with e
-    from a 3 x 3 matrix, and for each pair k, m of axes a shear and a twist with 1 +- (1 - q) / (s_k s_m).
+    from a 3 x 3 matrix, and for each pair k, m of axes a shear and a twist with 1 +- (1 - q) / (s_k s_m). With
+    h_a = V^T grad N_a, such a matrix times grad N_a has at most three entries in the frame of U.
     """
-    squares, right = np.linalg.eigh(np.swapaxes(gradient, 1, 2) @ gradient)
+    squares, right = eigenvectors(product(transposed(strain.gradient), strain.gradient))
     s = np.sqrt(squares)
-    left = gradient @ right / s[:, None, :]
-    stretch = tension[:, None, None] / (s[:, :, None] * s[:, None, :])
-    diagonal = np.arange(3)
-    stretch[:, diagonal, diagonal] = 1 + 1 / squares
-    values, axes = np.linalg.eigh(stretch)
-    for mode in range(3):
-        matrix = (left * axes[:, None, :, mode]) @ np.swapaxes(right, 1, 2)
-        _add_mode(hessians, -values[:, mode], matrix, shape_gradient)
-    for k, m in ((0, 1), (1, 2), (0, 2)):
-        coupling = (1 - tension) / (s[:, k] * s[:, m])
-        one = left[:, :, None, k] * right[:, None, :, m]
-        other = left[:, :, None, m] * right[:, None, :, k]
-        _add_mode(hessians, -(1 + coupling), (one + other) / np.sqrt(2), shape_gradient)
-        _add_mode(hessians, -(1 - coupling), (one - other) / np.sqrt(2), shape_gradient)
+    left = product(strain.gradient, right) / s
+    stretch = volume * _stretch_lift(s, tension)
+    same, crossed = {}, {}
+    for k, m in pairs(3):
+        coupling = (1 - tension) / (s[k] * s[m])
+        shear, twist = np.maximum(-1 - coupling, 0), np.maximum(coupling - 1, 0)
+        same[k, m], crossed[k, m] = volume * (shear + twist) / 2, volume * (shear - twist) / 2
+    across = product(transposed(right), shape_gradient)
+    for share, (a, b) in zip(hessians, pairs(4), strict=True):
+        one, other = across[:, a], across[:, b]
+        framed = stretch * one[:, None] * other[None]
+        for k, m in pairs(3):
+            framed[k, k] += same[k, m] * one[m] * other[m]
+            framed[m, m] += same[k, m] * one[k] * other[k]
+            framed[k, m] += crossed[k, m] * one[m] * other[k]
+            framed[m, k] += crossed[k, m] * one[k] * other[m]
+        share += product(product(left, framed), transposed(left))
 
 
-def _add_mode(hessians: Array, amount: Array, matrix: Array, shape_gradient: Array) -> None:
-    """Add amount (M grad N_a) (M grad N_b)^T where `amount` is positive."""
-    at = np.flatnonzero(amount > 0)
-    moved = shape_gradient[at] @ np.swapaxes(matrix[at], 1, 2)
-    hessians[at] += (amount[at, None, None] * moved)[:, :, None, :, None] * moved[:, None, :, None, :]
+def _stretch_lift(s: Array, tension: Array) -> Array:
+    """Return what makes the matrices (3, 3, T) of the three stretches positive semidefinite."""
+    matrix = tension / (s[:, None] * s[None])
+    for axis in range(3):
+        matrix[axis, axis] = 1 + 1 / s[axis] ** 2
+    result = np.zeros_like(matrix)
+    # Where the diagonal outweighs the rest, no eigenvalue is negative (Gershgorin).
+    rest = np.abs(matrix).sum(axis=1) - np.abs(np.einsum("iit->it", matrix))
+    at = np.flatnonzero((rest > np.einsum("iit->it", matrix)).any(axis=0))
+    values, axes = eigenvectors(matrix[..., at])
+    result[..., at] = product(np.maximum(-values, 0) * axes, transposed(axes))
+    return result

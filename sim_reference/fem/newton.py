@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.deformation import NotConverged
-from sim_reference.fem.assembly import Assembler, Pattern, scattered
+from sim_reference.fem.assembly import Assembler, Pattern
 from sim_reference.fem.barrier import Barrier, potential
 from sim_reference.fem.friction import Friction
+from sim_reference.fem.matrices import cofactors, inner
 from sim_reference.fem.mesh import Mesh
 from sim_reference.fem.multigrid import Hierarchy, conjugate_gradients
 from sim_reference.fem.neo_hookean import NeoHookean
@@ -128,7 +129,7 @@ class Solver:
 
     def gradient(self, state: State, contact: Contact) -> Array:
         """Return the derivative of the energy by the vertices (N, 3): 0 at rest, but where the gel is bonded."""
-        total = scattered(self.elastic.tets, self.elastic.gradients(state.at), len(state.at))
+        total = self.elastic.gradient(state.at)
         surface = state.at[self.mesh.surface]
         total[self.mesh.surface] += _at_depth(contact.barrier, state).gradient(surface)
         if contact.friction:
@@ -211,25 +212,20 @@ def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:
 
     det(F + t G) is a cubic in t: its first root is looked for where the coefficients do not rule one out.
     """
-    gradient, change = elastic.strain(at).gradient, elastic.strain(step).gradient
-    cubic = np.stack([np.linalg.det(change), _mixed(change, gradient), _mixed(gradient, change),
-                      0.9 * np.linalg.det(gradient)], axis=1)  # fmt: skip
-    near = np.flatnonzero(np.minimum(cubic[:, :3], 0).sum(axis=1) + cubic[:, 3] <= 0)
+    gradient, change = elastic.deformation(at), elastic.deformation(step)
+    of_gradient, of_change = cofactors(gradient), cofactors(change)
+    linear, volume = inner(of_gradient, change), (gradient[0] * of_gradient[0]).sum(axis=0)
+    cubic = np.stack([(change[0] * of_change[0]).sum(axis=0), inner(of_change, gradient), linear, 0.9 * volume])
+    near = np.flatnonzero(np.minimum(cubic[:3], 0).sum(axis=0) + cubic[3] <= 0)
     if not len(near):
         return 1.0
     # 0 = a t^3 + b t^2 + c t + d; with s = 1/t: 0 = s^3 + (c s^2 + b s + a) / d, eigenvalues of its companion.
     companion = np.zeros((len(near), 3, 3))
-    companion[:, 0] = -cubic[near][:, 2::-1] / cubic[near, 3:]
+    companion[:, 0] = (-cubic[2::-1, near] / cubic[3, near]).T
     companion[:, 1, 0] = companion[:, 2, 1] = 1
     roots = np.linalg.eigvals(companion)
     real = np.where(np.abs(roots.imag) < 1e-6 * (1 + np.abs(roots.real)), roots.real, 0)
     return float(min(1.0, 1 / max(real.max(), 1.0)))
-
-
-def _mixed(one: Array, other: Array) -> Array:
-    """cof(one) : other, the part of det(one + t other) that is linear in t."""
-    columns = np.cross(one[..., [1, 2, 0]], one[..., [2, 0, 1]], axis=1)
-    return np.asarray((columns * other).sum(axis=(1, 2)))
 
 
 def _at_depth(barrier: Barrier, state: State) -> Barrier:

@@ -8,16 +8,23 @@ Each press is printed when it is done. Times are processor times of one thread.
 """
 
 import argparse
+import json
+import multiprocessing
 import resource
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
+import platformdirs
 from numpy.typing import NDArray
 
+from gellight.simulator.gel_models import source_digest
 from sim_reference import gel
-from sim_reference.deformation import grid
+from sim_reference.deformation import Deformation, grid
 from sim_reference.fem.gel import FemGel, FemPress, coated, solver_of
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import angular_error
@@ -38,14 +45,30 @@ class Timed:
     vertices: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """Of one press: what it took, and its smallest gap and det F of all steps."""
+
+    vertices: int
+    steps: int
+    cpu_s: float
+    wall_s: float
+    peak_gb: float
+    min_gap_mm: float
+    min_det_f: float
+    force_n: float
+    layer_force_n: float
+
+
 def heights(name: str) -> Array:
     return object_height(name, AT[None, :], AT[:, None])
 
 
 def timed(name: str, depth: float, model: FemGel) -> Timed:
+    vertices = len(solver_of(model, GEOMETRY).mesh.free)
     begun = time.process_time()
     press = model.press(heights(name), SPACING, depth, GEOMETRY)
-    return Timed(press, time.process_time() - begun, len(solver_of(model, GEOMETRY).mesh.free))
+    return Timed(press, time.process_time() - begun, vertices)
 
 
 def normals(depth: Array) -> Array:
@@ -54,28 +77,69 @@ def normals(depth: Array) -> Array:
     return np.asarray(upright / np.linalg.norm(upright, axis=2, keepdims=True))
 
 
-def objects(depth: float, model: FemGel) -> None:
-    """Print the layer against finite elements: heights in um, normals in degrees, in the region and in contact."""
+def kept_path(folder: Path, name: str, depth: float, model: FemGel) -> Path:
+    said = f"{name}-{depth:g}-{model.resolution_mm:g}-{model.dense_radius_mm:g}-{source_digest()[:16]}"
+    return folder / f"{said}.npz"
+
+
+def press_and_keep(name: str, depth: float, model: FemGel, path: Path) -> None:
+    """Press, and write the figures and the coated surface: in a process of its own, for its peak memory."""
+    begun = time.monotonic()
+    found = timed(name, depth, model)
+    press, layer = found.press, gel.press(heights(name), SPACING, depth, GEOMETRY)
+    figures = Figures(
+        vertices=found.vertices,
+        steps=len(press.steps),
+        cpu_s=found.cpu_s,
+        wall_s=time.monotonic() - begun,
+        peak_gb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+        min_gap_mm=press.min_gap_mm,
+        min_det_f=press.min_det_f,
+        force_n=press.force_n,
+        layer_force_n=layer.pressure.sum() * SPACING**2 * press.force_n / press.surface.force,
+    )
+    surface = coated(press, SPACING, GEOMETRY)
+    half = path.with_suffix(".half.npz")
+    np.savez_compressed(half, depth_mm=np.float32(surface.depth_mm), pressure=np.float32(surface.pressure),
+                        figures=json.dumps(asdict(figures)))  # fmt: skip
+    half.rename(path)
+
+
+def pressed(name: str, depth: float, model: FemGel, folder: Path) -> tuple[Figures, Deformation]:
+    """Return a press from `folder`, computed if it is not there."""
+    path = kept_path(folder, name, depth, model)
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as alone:
+            alone.submit(press_and_keep, name, depth, model, path).result()
+    with np.load(path) as kept:
+        surface = Deformation(kept["depth_mm"].astype(float), kept["pressure"].astype(float), SPACING)
+        return Figures(**json.loads(str(kept["figures"]))), surface
+
+
+def objects(depth: float, model: FemGel, folder: Path) -> None:
+    """Print the layer against finite elements: heights in um, normals in degrees, in the region and in contact.
+
+    Presses are kept in `folder`: what was interrupted goes on with the object that was under way.
+    """
     print(
-        "object    vertices steps  cpu s   GB gap um det F  force layer/fem"
+        "object    vertices steps  cpu s wall s   GB gap um det F  force N layer/fem"
         "  height region contact  normal region contact"
     )
     for name in OBJECT_NAMES:
-        found = timed(name, depth, model)
-        layer, press = gel.press(heights(name), SPACING, depth, GEOMETRY), found.press
-        fem = coated(press, SPACING, GEOMETRY)
+        found, fem = pressed(name, depth, model, folder)
+        layer = gel.press(heights(name), SPACING, depth, GEOMETRY)
         contact = INSIDE & layer.contact
         height = np.abs(layer.depth_mm - fem.depth_mm) * 1e3
         angle = np.degrees(angular_error(normals(layer.depth_mm), normals(fem.depth_mm)))
-        ratio = layer.pressure.sum() * SPACING**2 / press.surface.force
-        peak_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-        print(f"{name:9} {found.vertices:8d} {len(press.steps):5d} {found.cpu_s:6.0f} {peak_gb:4.1f} "
-              f"{press.min_gap_mm * 1e3:6.2f} {press.min_det_f:5.2f} {ratio:16.3f} "
+        print(f"{name:9} {found.vertices:8d} {found.steps:5d} {found.cpu_s:6.0f} {found.wall_s:6.0f} "
+              f"{found.peak_gb:4.1f} {found.min_gap_mm * 1e3:6.2f} {found.min_det_f:5.2f} "
+              f"{found.force_n:8.2f} {found.layer_force_n / found.force_n:9.3f} "
               f"{height[INSIDE].mean():14.1f} {height[contact].mean():7.1f} "
               f"{angle[INSIDE].mean():14.2f} {angle[contact].mean():7.2f}", flush=True)  # fmt: skip
 
 
-def convergence(depth: float, model: FemGel) -> None:
+def convergence(depth: float, model: FemGel, _: Path) -> None:
     """Print the ball at three resolutions, each half of the one before: changes, order and extrapolated error."""
     middle = np.hypot(AT[None, :], AT[:, None]) < 4
     presses = []
@@ -91,7 +155,7 @@ def convergence(depth: float, model: FemGel) -> None:
           f"error left at 0.15 mm {changes[1] / (2**order - 1):.2f} um")  # fmt: skip
 
 
-def scaling(depth: float, model: FemGel) -> None:
+def scaling(depth: float, model: FemGel, _: Path) -> None:
     """Print a Newton step's time by the number of vertices, and the exponent between them."""
     before: tuple[int, float] | None = None
     for resolution in (0.6, 0.4, 0.3, 0.2):
@@ -109,9 +173,13 @@ def main() -> None:
     parser.add_argument("--depth-mm", type=float, default=0.9)
     parser.add_argument("--resolution-mm", type=float, default=0.3)
     parser.add_argument("--dense-radius-mm", type=float, default=17.5, help="smaller: fewer vertices, for the ball")
+    parser.add_argument("--keep", type=Path, default=platformdirs.user_cache_path("gellight") / "benchmarks")
     given = parser.parse_args()
     model = FemGel(resolution_mm=given.resolution_mm, dense_radius_mm=given.dense_radius_mm)
-    {"objects": objects, "convergence": convergence, "scaling": scaling}[given.what](given.depth_mm, model)
+    run: dict[str, Callable[[float, FemGel, Path], None]] = {
+        "objects": objects, "convergence": convergence, "scaling": scaling
+    }  # fmt: skip
+    run[given.what](given.depth_mm, model, given.keep)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 import ctypes
 import os
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +12,7 @@ from gellight.ring.firmware.build import committed_image
 from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.virtual_board import VirtualBoard, compile_library, load
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.places import CHECKOUT
 
 
 @pytest.fixture(scope="session")
@@ -24,6 +27,14 @@ def core(core_library: ctypes.CDLL) -> Iterator[object]:
     board = VirtualBoard(core_library)
     yield board
     board.close()
+
+
+@pytest.fixture(scope="session")
+def copied_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a copy of the firmware, in which faults are planted."""
+    folder = tmp_path_factory.mktemp("checkout")
+    shutil.copytree(CHECKOUT / "firmware", folder / "firmware")
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, decode, encode
 from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
-from tests.firmware.helpers.mutations import LOGIC, Mutation, plant
+from tests.firmware.helpers.mutations import LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -75,8 +75,9 @@ def test_a_rude_host_and_a_spoilt_flash_break_no_rule(what: str, tmp_path: Path)
     ("what", "fault"),
     [pytest.param(what, m, id=m.name, marks=MAPS_REGISTERS if what == "control" else ()) for what, m in PLANTED],
 )
-def test_the_fuzzers_find_a_planted_fault(what: str, fault: Mutation, tmp_path: Path) -> None:
-    fuzzer = compile_fuzzer(tmp_path / "fuzzer", plant(fault, tmp_path), what=what)
+def test_the_fuzzers_find_a_planted_fault(what: str, fault: Mutation, copied_firmware: Path, tmp_path: Path) -> None:
+    with planted(fault, copied_firmware) as checkout:
+        fuzzer = compile_fuzzer(tmp_path / "fuzzer", checkout, what=what)
     assert fuzz(fuzzer, 40, seed=1, corpus=what == "core").returncode != 0
 
 

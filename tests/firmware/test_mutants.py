@@ -22,7 +22,7 @@ from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncM
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
-from tests.firmware.helpers.mutations import IMAGE, LOGIC, Mutation, plant
+from tests.firmware.helpers.mutations import IMAGE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
@@ -358,14 +358,17 @@ def test_the_committed_image_passes_the_examination(image: bytes, check: str) ->
 
 
 @pytest.mark.parametrize("mutation", IMAGE, ids=lambda m: m.name)
-def test_a_fault_of_the_image_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    assert examine(build(plant(mutation, tmp_path)), mutation.check) != []
+def test_a_fault_of_the_image_is_caught(mutation: Mutation, copied_firmware: Path) -> None:
+    with planted(mutation, copied_firmware) as checkout:
+        faulty = build(checkout)
+    assert examine(faulty, mutation.check) != []
 
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
-def test_a_fault_of_the_core_is_caught(mutation: Mutation, tmp_path: Path) -> None:
-    library = compile_library(tmp_path / "core.so", "undefined", checkout=plant(mutation, tmp_path))
+def test_a_fault_of_the_core_is_caught(mutation: Mutation, copied_firmware: Path, tmp_path: Path) -> None:
+    with planted(mutation, copied_firmware) as checkout:
+        library = compile_library(tmp_path / "core.so", "undefined", checkout=checkout)
     done = run_core_tests(library)
     assert done.returncode != 0, "survived"
     assert "error" not in done.stdout.lower().split("short test summary")[-1].split("failed")[0], done.stdout[-2000:]

@@ -41,11 +41,8 @@ def camera_of(**options: object) -> Any:
 
 def raised(call: Any, *arguments: object, **options: object) -> str:
     """Return type and text of what a call raises."""
-    try:
-        call(*arguments, **options)
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"
-    return "nothing"
+    told = raised_or(lambda: call(*arguments, **options))
+    return told if isinstance(told, str) else "nothing"
 
 
 def unmet(camera: Any) -> list[str]:
@@ -71,11 +68,16 @@ def use_camera(out: str) -> dict[str, object]:
         "size": raised(camera_of(sensor="finger", width=640).connect),
         "nothing": raised(type(camera.config), use_rgb=False, use_depth=False),
     }  # fmt: skip
+    before = camera.has_force
     camera.connect()
+    found["weighs"] = [before, camera.has_force, only_images(use_force=False).has_force]
     found["twice"] = raised(camera.connect)
     maps = {"read": camera.read(), "async_read": camera.async_read(timeout_ms=2000), "latest": camera.read_latest()}
     time.sleep(0.3)  # newer frames come meanwhile
     maps["latest_depth"] = camera.read_latest_depth()
+    found["force"] = raised_or(camera.read_latest_force)
+    time.sleep(0.3)
+    found["newer force"] = raised_or(camera.read_latest_force)
     maps["depth"] = camera.read_depth()
     found["old"] = raised(camera.read_latest, max_age_ms=-1)
     found["no depth"] = raised(only_images().read_latest_depth)
@@ -85,9 +87,17 @@ def use_camera(out: str) -> dict[str, object]:
     return found
 
 
-def only_images() -> Any:
+def raised_or(call: Any) -> object:
+    """Return what a call returns, or type and text of what it raises."""
+    try:
+        return call()
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def only_images(**options: object) -> Any:
     """Return a camera without depth, connected."""
-    camera = camera_of(sensor="finger", use_depth=False)
+    camera = camera_of(sensor="finger", use_depth=False, **options)
     camera.connect()
     return camera
 
@@ -113,14 +123,17 @@ def press() -> dict[str, object]:
         return {"refused": refused}
     deepest_mm, seen_mm, until_s = 0.0, 0.0, time.monotonic() + 60
     with robot, hand:
-        features = {name: list(kind) for name, kind in robot.observation_features.items() if isinstance(kind, tuple)}
+        everything = robot.observation_features
+        features = {name: list(kind) for name, kind in everything.items() if isinstance(kind, tuple)}
+        numbers = sorted(name for name, kind in everything.items() if kind is float)
         while not 0.4 < seen_mm < 0.6 and time.monotonic() < until_s:
             deepest_mm = max(deepest_mm, robot.send_action(hand.get_action())["press.depth_mm"])
             seen = robot.get_observation()
             seen_mm = float(seen["gel_depth"].max()) * 1e3
             time.sleep(0.1)
     kinds = {name: [str(seen[name].dtype), *seen[name].shape] for name in features}
-    return {"asked_mm": deepest_mm, "seen_mm": seen_mm, "features": features, "kinds": kinds}
+    observed = {name: seen[name] for name in numbers}
+    return {"asked_mm": deepest_mm, "seen_mm": seen_mm, "features": features, "kinds": kinds, "numbers": observed}
 
 
 def quantise(least_m: float, most_m: float, use_log: bool) -> dict[str, float]:

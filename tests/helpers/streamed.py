@@ -10,6 +10,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import CameraFrame, ExposureReport, LightLabel, LightState, Provenance, TactileFrame
+from gellight.frames.measures import FrameMeasures
 from tests.helpers.dashboard_source import bump
 from tests.helpers.scripted_camera import ScriptedCamera
 
@@ -19,7 +20,8 @@ SHAPE = (48, 64)
 class BumpReconstructor:
     """Feels a bump that is deeper in each frame; keeps what it gave by sequence number."""
 
-    def __init__(self, bundle: Bundle | None = None) -> None:
+    def __init__(self, bundle: Bundle | None = None, measures: FrameMeasures | None = None) -> None:
+        self.measures = measures
         described = SimpleNamespace(sensor="formula")
         self.bundle: Any = bundle or SimpleNamespace(
             pixel_size_mm=(0.1, 0.2), image_shape=SHAPE, files={}, identity="0" * 16, manifest=described, metrics={}
@@ -32,13 +34,19 @@ class BumpReconstructor:
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         felt = bump(0.5 + frame.sequence / 1000, 0.0, 0.0, shape=SHAPE)
         image = replace(felt.camera_frame, sequence=frame.sequence, time_s=frame.time_s)
-        self.given[frame.sequence] = replace(felt, camera_frame=image)
+        self.given[frame.sequence] = replace(felt, camera_frame=image, measures=self.measures)
         return self.given[frame.sequence]
 
 
-def bump_daemon(frames: int = 10**9, period_s: float = 0.01) -> tuple[Daemon, BumpReconstructor]:
+def bump_daemon(
+    frames: int = 10**9,
+    period_s: float = 0.01,
+    *,
+    measures: FrameMeasures | None = None,
+    bundle: Bundle | None = None,
+) -> tuple[Daemon, BumpReconstructor]:
     """Return a daemon (not started) that gives so many frames, and what computes them."""
-    reconstructor = BumpReconstructor()
+    reconstructor = BumpReconstructor(bundle, measures)
     camera: Any = ScriptedCamera(frames, EndOfStream("used up"), period_s=period_s)
     return Daemon(camera, reconstructor), reconstructor
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.measures import HEAVIER, Force
+from gellight.frames.measures import DARK, HEAVIER, Confidence, Force
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord
 from sim_reference import gel
@@ -62,10 +62,17 @@ def weighed(
 
 
 class HeavyFrames:
-    """Measures that say the same force, too heavy a one, of every depth map."""
+    """Measures that say the same force, too heavy a one, of every depth map, and doubt half of each picture."""
+
+    learnt = True
 
     def force(self, depth_mm: np.ndarray) -> Force:
-        return Force(normal_n=1.25, error_n=0.1, flags=(HEAVIER,), pressure_of=lambda: np.zeros_like(depth_mm))
+        return Force(normal_n=1.25, error_n=0.1, flags=(HEAVIER,), pressure_of=lambda: depth_mm / 8)
+
+    def confidence(self, image: np.ndarray, gradient_map: np.ndarray) -> Confidence:
+        dark = np.arange(image.shape[1]) * 2 < image.shape[1]
+        doubts = np.broadcast_to(np.where(dark, DARK, 0), image.shape[:2]).astype(np.uint8)
+        return Confidence(value=np.where(doubts, 0.25, 1).astype(np.float32), doubts=doubts)
 
 
 def write_weighings(folder: Path, presses: Sequence[Weighed], forces_n: Sequence[float] | None = None) -> Path:

@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.bundle.bundle import load_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
@@ -52,7 +52,7 @@ def command(
     ] = None,
     white: Annotated[
         float | None,
-        typer.Option(min=1, help="With --lights: level that is white.", show_default="255, or 65535 of 16 bit"),
+        typer.Option(min=1, help="With several lights: level that is white.", show_default="255, or 65535 of 16 bit"),
     ] = None,
     least_squares: Annotated[
         bool, typer.Option("--least-squares", help="With a bundle of several lights: without its network.")
@@ -74,21 +74,46 @@ def command(
     if (calibration is None) == (lights is None):
         raise InputError("depth comes from colours or from several lights: give either --calibration or --lights")
     _refuse_clashes(paths, out)
-    bundle = load_bundle(calibration) if calibration is not None else None
     if lights is not None:
-        felt = frame_of_lights(LightDirections.read(lights), paths, white)
-        rows = [_written(felt, paths[0], out, depth_scale_um)]
-    elif bundle is not None and has_channels(bundle):
-        mode, directions = "photometric" if least_squares else "network", read_directions(bundle)
-        slopes = slopes_by(bundle, directions, mode, threads=threads)
-        felt = frame_of_lights(directions, paths, white, slopes=slopes)
-        rows = [_written(felt, paths[0], out, depth_scale_um)]
+        _refuse_useless("--lights", least_squares=least_squares, dense=dense)
+        felt = iter([(frame_of_lights(LightDirections.read(lights), paths, white), paths[0])])
     else:
-        assert bundle is not None
-        reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
-        with prepared(ImageCamera(paths), bundle) as camera:
-            rows = [_written(reconstructor.reconstruct(camera.read()), path, out, depth_scale_um) for path in paths]
+        assert calibration is not None
+        bundle = load_bundle(calibration)
+        if has_channels(bundle):
+            _refuse_useless("a bundle of several lights", dense=dense)
+            felt = iter([(_of_channels(bundle, paths, white, least_squares, threads), paths[0])])
+        else:
+            _refuse_useless("a bundle of one light", white=white, least_squares=least_squares)
+            felt = _of_colours(bundle, paths, dense, threads)
+    rows = [_written(frame, path, out, depth_scale_um) for frame, path in felt]
     typer.echo(json.dumps([asdict(row) for row in rows], indent=2) if as_json else _table(rows))
+
+
+def _refuse_useless(source: str, **options: object) -> None:
+    """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
+    useless = [f"--{name.replace('_', '-')}" for name, value in options.items() if value]
+    if useless:
+        raise InputError(f"{' and '.join(useless)} changes nothing with {source}: leave it away")
+
+
+def _of_channels(
+    bundle: Bundle, paths: Sequence[Path], white: float | None, least_squares: bool, threads: int
+) -> TactileFrame:
+    """Reconstruct the pictures of one series by a bundle with a channel for each light."""
+    directions = read_directions(bundle)
+    slopes = slopes_by(bundle, directions, "photometric" if least_squares else "network", threads=threads)
+    return frame_of_lights(directions, paths, white, slopes=slopes)
+
+
+def _of_colours(
+    bundle: Bundle, paths: Sequence[Path], dense: bool, threads: int
+) -> Iterator[tuple[TactileFrame, Path]]:
+    """Reconstruct each picture by itself, one after the other."""
+    reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
+    with prepared(ImageCamera(list(paths)), bundle) as camera:
+        for path in paths:
+            yield reconstructor.reconstruct(camera.read()), path
 
 
 def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:

@@ -8,7 +8,7 @@ What holds arrays is equal to itself alone: comparing arrays gives no single ans
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -17,7 +17,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.measures import Confidence, Force, FrameMeasures
+from gellight.frames.measures import Confidence, Force, FrameMeasures, MapOnRequest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -263,6 +263,15 @@ class TactileFrame:
     def confidence(self) -> Confidence | None:
         """How far each pixel is to be believed, and why not; None for frames under another light, without depth."""
         return self.measures.confidence(self.camera_frame.image, self.gradient_map) if self.measures else None
+
+    def maps_on_request(self, asked: Collection[MapOnRequest] = tuple(MapOnRequest)) -> dict[str, NDArray[Any]]:
+        """Return those of the maps that are asked for and that this frame can have; `doubts` come with `confidence`."""
+        maps: dict[str, NDArray[Any]] = {}
+        if MapOnRequest.PRESSURE in asked and self.force:
+            maps["pressure_mpa"] = self.force.pressure_mpa
+        if MapOnRequest.CONFIDENCE in asked and self.confidence:
+            maps |= {"confidence": self.confidence.value, "doubts": self.confidence.doubts}
+        return maps
 
     def with_dropped(self, dropped: int) -> Self:
         """Return the same frame, whose maps are not copied, with another count of frames dropped before it."""

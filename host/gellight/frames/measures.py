@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 from typing import Protocol
 
@@ -54,8 +55,20 @@ class Confidence:
     """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
 
 
+class MapOnRequest(StrEnum):
+    """A map that is computed and carried only where somebody asks for it."""
+
+    PRESSURE = "pressure_mpa"
+    """`Force.pressure_mpa`"""
+    CONFIDENCE = "confidence"
+    """both maps of `Confidence`"""
+
+
 class FrameMeasures(Protocol):
     """Computes what a sensor can say of a frame beyond its maps."""
+
+    learnt: bool
+    """whether a network found the slopes, which is less sure where they are steeper than those it has learnt"""
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None for a sensor without a constant for it."""

@@ -22,7 +22,7 @@ class BundleMeasures:
     def __init__(self, bundle: Bundle, *, learnt: bool = True) -> None:
         """Take what the bundle knows; BundleError for a damaged file. learnt: the slopes are those of the network."""
         record = read_force(bundle)
-        self._bundle, self._learnt = bundle, learnt
+        self._bundle, self.learnt = bundle, learnt
         self._scale = record.scale if record else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
@@ -40,6 +40,6 @@ class BundleMeasures:
     @cached_property
     def _steepest(self) -> float | None:
         """The steepest slope that the network has learnt; None where it was not learnt, or the bundle does not say."""
-        if not self._learnt or PRESSES not in self._bundle.files:
+        if not self.learnt or PRESSES not in self._bundle.files:
             return None
         return steepest_of(self._bundle.presses()["rows"][:, SLOPES])

@@ -9,7 +9,8 @@ _SEPARATOR = "=" * 80
 
 IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "std_msgs/msg/String"
 CAMERA_INFO, POINTS = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
-POINT, DIAGNOSTICS = "geometry_msgs/msg/PointStamped", "diagnostic_msgs/msg/DiagnosticArray"
+POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
 def _definition(fields: str, **parts: str) -> str:
@@ -44,6 +45,11 @@ DEFINITIONS = {
         sensor_msgs_PointField="string name; uint32 offset; uint8 datatype; uint32 count",
     ),
     POINT: _definition(_HEADER + "geometry_msgs/Point point", geometry_msgs_Point="float64 x; float64 y; float64 z"),
+    WRENCH: _definition(
+        _HEADER + "geometry_msgs/Wrench wrench",
+        geometry_msgs_Wrench="geometry_msgs/Vector3 force; geometry_msgs/Vector3 torque",
+        geometry_msgs_Vector3="float64 x; float64 y; float64 z",
+    ),
     DIAGNOSTICS: _definition(
         _HEADER + "diagnostic_msgs/DiagnosticStatus[] status",
         diagnostic_msgs_DiagnosticStatus="byte level; string name; string message; string hardware_id; "

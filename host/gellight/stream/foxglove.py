@@ -83,5 +83,5 @@ class FoxgloveServer:
 
     def _send(self, frame: TactileFrame) -> None:
         for channel, encode in self._channels:
-            if channel.has_sinks():
-                channel.log(encode(frame), log_time=round(taken_s(frame) * 1e9))
+            if channel.has_sinks() and (content := encode(frame)) is not None:
+                channel.log(content, log_time=round(taken_s(frame) * 1e9))

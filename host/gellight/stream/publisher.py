@@ -7,7 +7,7 @@ frame lies in memory that they share, others the frame itself over the network.
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, suppress
 from functools import partial
@@ -21,6 +21,7 @@ from gellight.base.errors import GellightError
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera
 from gellight.frames.frames import TactileFrame
+from gellight.frames.measures import MapOnRequest
 from gellight.stream.calls import answer, read_call
 from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
@@ -49,6 +50,8 @@ class Publisher:
         self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
         self._until = ExitStack()
         self._wanted, self._read_parts = threading.Event(), set[str]()
+        self._maps = set[MapOnRequest]()
+        """that somebody asks for"""
         self._memory: FrameMemory | None = None
         self._held: tuple[object, ...] = ()
         """zenoh withdraws what nobody holds"""
@@ -67,11 +70,12 @@ class Publisher:
             stack.callback(close, session)
             self._memory = self._shared(stack)
             self.name = name = stack.enter_context(self._announced(endpoint)).name
-            self._publishers = {part: self._publisher(session, part) for part in ("frame", "note")}
+            self._publishers = {part: self._publisher(session, part, self._note_readers) for part in ("frame", "note")}
+            wishes = [self._publisher(session, f"want/{one}", self._note_wish) for one in MapOnRequest]
             self._workers = ThreadPoolExecutor(1, thread_name_prefix="calls")
             stack.callback(self._workers.shutdown, wait=True, cancel_futures=True)
             calls = session.declare_queryable(key(name, "call"), lambda one: self._workers.submit(self._answer, one))
-            self._held = calls, session.liveliness().declare_token(key(name, "alive"))
+            self._held = wishes, calls, session.liveliness().declare_token(key(name, "alive"))
             stack.enter_context(sending(self._daemon, "publish", self._send, lambda: self._wanted.wait(POLL_S)))
             self._until = stack.pop_all()
         return self
@@ -88,11 +92,13 @@ class Publisher:
             return memory
         return None
 
-    def _publisher(self, session: zenoh.Session, part: str) -> zenoh.Publisher:
+    def _publisher(
+        self, session: zenoh.Session, part: str, note: Callable[[str, zenoh.MatchingStatus], None]
+    ) -> zenoh.Publisher:
         publisher = session.declare_publisher(
             key(self.name, part), congestion_control=zenoh.CongestionControl.DROP, encoding="application/x-gellight"
         )
-        publisher.declare_matching_listener(partial(self._note_readers, part))
+        publisher.declare_matching_listener(partial(note, part))
         return publisher
 
     def _announced(self, endpoint: str) -> AbstractContextManager[RunningDaemon]:
@@ -109,8 +115,12 @@ class Publisher:
         else:
             self._wanted.clear()
 
+    def _note_wish(self, part: str, status: zenoh.MatchingStatus) -> None:
+        """Note which maps somebody asks for by subscribing to `want/MAP`, where nothing is ever sent."""
+        (self._maps.add if status.matching else self._maps.discard)(MapOnRequest(part.removeprefix("want/")))
+
     def _send(self, frame: TactileFrame) -> None:
-        pieces = encoded(frame)
+        pieces = encoded(frame, tuple(self._maps))
         if "note" in self._read_parts:
             self._publishers["note"].put(self._noted(pieces))
         if "frame" in self._read_parts:

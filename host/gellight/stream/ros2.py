@@ -20,7 +20,7 @@ from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
-from gellight.recording.ros_messages import CAMERA_INFO, DIAGNOSTICS, IMAGE, POINT, POINTS
+from gellight.recording.ros_messages import CAMERA_INFO, DIAGNOSTICS, IMAGE, POINT, POINTS, WRENCH
 from gellight.stream.frame_thread import sending
 from gellight.stream.network import close, subscribing_session
 from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics
@@ -33,6 +33,7 @@ HASHES = {
     CAMERA_INFO: "RIHS01_b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275",
     POINTS: "RIHS01_9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
     POINT: "RIHS01_4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897",
+    WRENCH: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
     DIAGNOSTICS: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
 }
 """of the types (REP 2011): who subscribes to another definition gets nothing"""
@@ -124,8 +125,8 @@ class Ros2Publisher:
 
     def _send(self, frame: TactileFrame) -> None:
         for topic, encode in self._topics:
-            if topic.wanted:
-                self._put(topic, encode(frame))
+            if topic.wanted and (content := encode(frame)) is not None:
+                self._put(topic, content)
 
     def _put(self, topic: Topic, content: bytes) -> None:
         self._count += 1

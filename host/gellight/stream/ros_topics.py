@@ -5,6 +5,8 @@
     depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
     points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
     contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
+    contact/wrench geometry_msgs/WrenchStamped N, frame NAME_gel: the normal force on the gel along z, where the bundle
+                  has a constant for it; x, y and the torque are not measured and 0
     /diagnostics  diagnostic_msgs/DiagnosticArray
 
 ros2.py sends them by zenoh, foxglove.py by WebSocket.
@@ -21,7 +23,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.lens.intrinsics import intrinsics
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import DepthKind, depth_image
-from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, POINT, POINTS, CdrWriter, RosImage
+from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, POINT, POINTS, WRENCH, CdrWriter, RosImage
 from gellight.report.point_cloud import points_of
 
 DIAGNOSTICS_TOPIC = "/diagnostics"
@@ -29,7 +31,8 @@ DIAGNOSTICS_S = 1.0
 """between two messages of diagnostics"""
 FLOAT32 = 7
 """of sensor_msgs/PointField"""
-Encode = Callable[[TactileFrame], bytes]
+Encode = Callable[[TactileFrame], bytes | None]
+"""makes the message of a frame; None where the frame has nothing to say of it"""
 
 
 class RosTopics:
@@ -47,6 +50,7 @@ class RosTopics:
             "depth/image": (IMAGE, self._depth),
             "points": (POINTS, self._points),
             "contact": (POINT, self._contact),
+            "contact/wrench": (WRENCH, self._wrench),
         }
         """type and encoder by topic"""
 
@@ -82,6 +86,12 @@ class RosTopics:
         x_mm, y_mm = frame.contact.centroid_mm or (nan, nan)
         place_m = x_mm * 1e-3, -y_mm * 1e-3, frame.contact.indentation_mm * 1e-3
         return CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *place_m).finish()
+
+    def _wrench(self, frame: TactileFrame) -> bytes | None:
+        if frame.force is None:
+            return None
+        force_n, torque_nm = (0, 0, frame.force.normal_n), (0, 0, 0)
+        return CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *force_n, *torque_nm).finish()
 
     def diagnostics(self) -> bytes:
         """Return the status as a DiagnosticArray: level 2 for an error, 1 for findings of the watch."""

@@ -4,6 +4,7 @@ import json
 import logging
 import threading
 import weakref
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote, unquote, urlsplit
@@ -17,6 +18,7 @@ from gellight.base.errors import InputError, StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
+from gellight.frames.measures import MapOnRequest
 from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import RunningDaemon, running
@@ -36,17 +38,25 @@ ANSWER_S = 10.0
 
 
 def subscribe(
-    target: str = "auto", *, every: bool = False, patience_s: float = PATIENCE_S, config: str | Path | None = None
+    target: str = "auto",
+    *,
+    every: bool = False,
+    maps: Collection[str] = (),
+    patience_s: float = PATIENCE_S,
+    config: str | Path | None = None,
 ) -> "Subscription":
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
     `target` is `auto` (the only daemon of this user on this computer, else the only one on the local network that runs
     with --lan), the name of a sensor, looked for in the same way, or `zenoh://HOST[:PORT][/NAME]` on another computer,
     whose daemon runs with --lan; zenoh+tls:// where it is encrypted.
-    every: give every frame and not only the newest. config: a file of zenoh's own settings, for TLS and access
+    every: give every frame and not only the newest. maps: of `MapOnRequest`, `pressure_mpa` and `confidence`: the
+    daemon computes them for all who ask and sends them along; what does not come is computed here when it is asked for.
+    config: a file of zenoh's own settings, for TLS and access
     control. Raises StreamError with the remedy.
     """
     path = Path(config) if config is not None else None
+    asked = _asked(maps)
     if "://" in target:
         endpoint, name, memory = *_parsed(target), ""
     elif target == "auto" and not running():
@@ -59,10 +69,17 @@ def subscribe(
     session = subscribing_session(endpoint, config=path)
     try:
         name = _present(session, name, endpoint)
-        return Subscription(session, name, memory=memory, every=every, patience_s=patience_s)
+        return Subscription(session, name, memory=memory, every=every, asked=asked, patience_s=patience_s)
     except BaseException:
         close(session)
         raise
+
+
+def _asked(maps: Collection[str]) -> tuple[MapOnRequest, ...]:
+    unknown = [one for one in maps if one not in tuple(MapOnRequest)]
+    if unknown or isinstance(maps, str):
+        raise InputError(f"maps={maps!r}: give a list of {', '.join(MapOnRequest)}")
+    return tuple(map(MapOnRequest, maps))
 
 
 def _running(target: str) -> RunningDaemon:
@@ -150,10 +167,23 @@ def _end(
         memory.close()
 
 
+def _ignore(sample: zenoh.Sample) -> None:
+    """Take what nobody sends: who subscribes to `want/MAP` asks for that map."""
+
+
 class Subscription(FrameSource):
     """The frames of one sensor from another process."""
 
-    def __init__(self, session: zenoh.Session, name: str, *, memory: str, every: bool, patience_s: float) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        name: str,
+        *,
+        memory: str,
+        every: bool,
+        asked: Collection[MapOnRequest] = (),
+        patience_s: float,
+    ) -> None:
         """Take over `session`, which is connected to the daemon of the sensor `name`; see `RunningDaemon.memory`."""
         super().__init__(patience_s=patience_s)
         self.name, self._session = name, session
@@ -165,10 +195,12 @@ class Subscription(FrameSource):
         # Called in zenoh's own threads: the interpreter would wait at its end for those that zenoh makes for Python.
         note_frame = Callback(self._note_frame, indirect=False)
         note_presence = Callback(self._note_presence, indirect=False)
+        nothing = Callback(_ignore, indirect=False)
+        wishes = [session.declare_subscriber(key(name, f"want/{one}"), nothing) for one in asked]
         frames = session.declare_subscriber(key(name, "note" if shared else "frame"), note_frame)
         # Without its history zenoh does not tell a client that a daemon was killed which was there before.
         presence = session.liveliness().declare_subscriber(key(name, "alive"), note_presence, history=True)
-        self._held = frames, presence
+        self._held = wishes, frames, presence
         # For programs that do not close it.
         self._ended = weakref.finalize(self, _end, session, self._messages, self._listening, shared)
 

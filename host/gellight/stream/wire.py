@@ -5,7 +5,7 @@ Little-endian throughout. All maps of a frame travel in one message, so that the
 
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import cached_property
 from math import isnan, nan
@@ -19,7 +19,7 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Provenance, TactileFrame
-from gellight.frames.measures import Force
+from gellight.frames.measures import Confidence, Force, MapOnRequest
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
@@ -41,6 +41,9 @@ CHANNELS = {
     "contact": (1, 1),
     "lights": (1, 1),
     "moving": (1, 1),
+    "pressure_mpa": (2, 1),
+    "confidence": (2, 1),
+    "doubts": (1, 1),
 }
 """type and channels of each plane by its name; a reader passes over names it does not know"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
@@ -62,7 +65,7 @@ class ExposureFigures(StrictModel):
 
 
 class ForceFigures(StrictModel):
-    """`Force` without its map, which the reader computes from `depth_mm` and the bundle."""
+    """`Force` without its map, which is a plane on request; else the reader computes it from depth and bundle."""
 
     normal_n: FiniteFloat
     error_n: FiniteFloat
@@ -78,6 +81,8 @@ class Details(StrictModel):
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
+    learnt: bool | None = None
+    """see `FrameMeasures`; None for a frame without measures, as one under another light"""
     provenance: Provenance
 
 
@@ -87,9 +92,9 @@ _DETAILS = TypeAdapter(Details)
 class ReceivedFrame(TactileFrame):
     """A tactile frame from another process. Its arrays cannot be written.
 
-    Normals are computed when they are first asked for. So are the difference image and the pressure map, for which the
-    bundle is fetched from the daemon, once for each zero; StreamError where the zero has changed since the frame was
-    taken.
+    Normals are computed when they are first asked for. So is what needs the bundle: the difference image, and the
+    pressure map and the confidence where they do not travel. The bundle is fetched from the daemon, once for each zero;
+    StreamError where the zero has changed since the frame was taken.
     """
 
     def __init__(self, bundle_of: Callable[[str], Bundle], fields: Mapping[str, Any]) -> None:
@@ -110,22 +115,26 @@ class ReceivedFrame(TactileFrame):
         return difference_of(image, bundle.reference, follow_light=bundle.manifest.follow_light)
 
     @cached_property
-    def measures(self) -> BundleMeasures:
+    def measures(self) -> BundleMeasures | None:
         """Computes what does not travel, such as the pressure map, from the maps and the bundle."""
         assert self.provenance is not None
-        return BundleMeasures(vars(self)["_bundle_of"](self.provenance.zero))
+        learnt = vars(self)["_learnt"]
+        return None if learnt is None else BundleMeasures(vars(self)["_bundle_of"](self.provenance.zero), learnt=learnt)
 
 
-def encode(frame: TactileFrame) -> bytes:
-    """Return the message of a frame that a daemon delivered; StreamError for one that has no provenance."""
-    return b"".join(encoded(frame))
+def encode(frame: TactileFrame, asked: Collection[MapOnRequest] = ()) -> bytes:
+    """Return the message of a frame that a daemon delivered; StreamError for one that has no provenance.
+
+    asked: maps that are to travel too, where the frame has them.
+    """
+    return b"".join(encoded(frame, asked))
 
 
-def encoded(frame: TactileFrame) -> list[bytes | memoryview]:
+def encoded(frame: TactileFrame, asked: Collection[MapOnRequest] = ()) -> list[bytes | memoryview]:
     """Return the message in pieces, of which the planes are the frame's own memory; see `encode`."""
     if frame.provenance is None:
         raise StreamError("a frame without provenance cannot be published: take it from a daemon")
-    planes = _planes(frame)
+    planes = _planes(frame, asked)
     details = _details(frame)
     details_at = PREFIX.size + PLANE.size * len(planes)
     place = at = _aligned(details_at + len(details))
@@ -140,7 +149,7 @@ def encoded(frame: TactileFrame) -> list[bytes | memoryview]:
     return [prefix, *table, details, b" " * (at - details_at - len(details)), *pieces]
 
 
-def _planes(frame: TactileFrame) -> dict[str, NDArray[Any]]:
+def _planes(frame: TactileFrame, asked: Collection[MapOnRequest]) -> dict[str, NDArray[Any]]:
     given: dict[str, NDArray[Any]] = {
         "image": frame.camera_frame.image,
         "gradient": frame.gradient_map,
@@ -149,6 +158,7 @@ def _planes(frame: TactileFrame) -> dict[str, NDArray[Any]]:
     }
     if frame.exposures:
         given |= {"lights": frame.exposures.lights, "moving": frame.exposures.moving.view(np.uint8)}
+    given |= frame.maps_on_request(asked)
     return {name: np.ascontiguousarray(plane, TYPES[CHANNELS[name][0]]) for name, plane in given.items()}
 
 
@@ -175,6 +185,7 @@ def _details(frame: TactileFrame) -> bytes:
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
+            learnt=frame.measures.learnt if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
         )
     )
@@ -222,20 +233,25 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
+        "_learnt": details.learnt,
         "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
     }
     frame = ReceivedFrame(bundle_of, fields)
-    vars(frame)["force"] = _force(details.force, frame)
+    vars(frame)["force"] = _force(details.force, frame, maps)
+    if "confidence" in maps and "doubts" in maps:
+        vars(frame)["confidence"] = Confidence(value=maps["confidence"], doubts=maps["doubts"])
     return frame
 
 
-def _force(figures: ForceFigures | None, frame: ReceivedFrame) -> Force | None:
-    """Return the force that travelled, with a pressure map that is computed when it is asked for."""
+def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str, NDArray[Any]]) -> Force | None:
+    """Return the force that travelled, with the pressure map that did, or one that is computed when asked for."""
     if figures is None:
         return None
 
     def pressure_mpa() -> NDArray[np.float32]:
-        force = frame.measures.force(frame.depth_mm)
+        if "pressure_mpa" in maps:
+            return maps["pressure_mpa"]
+        force = frame.measures.force(frame.depth_mm) if frame.measures else None
         if force is None:
             raise StreamError("the daemon's bundle has no force.json any more: read a newer frame")
         return force.pressure_mpa

@@ -37,6 +37,8 @@ class GelLightCameraConfig(CameraConfig):
     use_rgb: bool = True
     use_depth: bool = True
     """depth becomes a second feature, NAME_depth: float32 metres, positive into the sensor, 0 at rest"""
+    use_force: bool = True
+    """the normal force becomes a number of the state, NAME.force_n: newtons, where the bundle has a constant for it"""
 
     def __post_init__(self) -> None:
         """Refuse a camera of which nothing is read."""
@@ -64,6 +66,10 @@ class GelLightCamera(Camera):
         """whether the newest frame has not been read yet"""
         self._paired: gellight.TactileFrame | None = None
         """the frame whose image was read last, and whose depth was not"""
+        self._unweighed: gellight.TactileFrame | None = None
+        """the frame whose image or depth was read last, and whose force was not"""
+        self._weighs: bool | None = None
+        """what the daemon said of `has_force`; None: it was not asked yet"""
 
     def __str__(self) -> str:
         """Name the sensor."""
@@ -159,7 +165,7 @@ class GelLightCamera(Camera):
     def _image_of(self, frame: gellight.TactileFrame) -> NDArray[np.uint8]:
         if not self.use_rgb:
             raise RuntimeError(f"{self} gives no images: set use_rgb")
-        self._paired = frame
+        self._paired = self._unweighed = frame
         return frame.camera_frame.image.copy()
 
     # ---- depth ----
@@ -187,13 +193,43 @@ class GelLightCamera(Camera):
     def _depth_of(self, frame: gellight.TactileFrame) -> NDArray[np.float32]:
         if not self.use_depth:
             raise RuntimeError(f"{self} gives no depth: set use_depth")
+        self._unweighed = frame
         depth_m: NDArray[np.float32] = frame.depth_mm * np.float32(1e-3)
         return depth_m[..., None]
+
+    # ---- force ----
+
+    @property
+    def has_force(self) -> bool:
+        """Whether `use_force` is set and the bundle of the sensor has a constant for the force.
+
+        The daemon is asked, once until `disconnect`; ConnectionError, with the remedy, where none runs.
+        """
+        if self.config.use_force and self._weighs is None:
+            try:
+                with gellight.subscribe(self.config.sensor, config=self.config.zenoh_config) as frames:
+                    calibration: Any = frames.status()["calibration"]
+            except gellight.GellightError as error:
+                raise ConnectionError(str(error)) from error
+            self._weighs = calibration["force"] is not None
+        return bool(self._weighs)
+
+    @check_if_not_connected
+    def read_latest_force(self, max_age_ms: float | None = None) -> float:
+        """Return the normal force, N, that belongs to the last image or depth, else the newest.
+
+        TimeoutError where frames are too old, RuntimeError where the bundle has no constant for it.
+        """
+        newest = self._latest(max_age_ms)
+        frame, self._unweighed = self._unweighed or newest, None
+        if frame.force is None:
+            raise RuntimeError(f"{self}: its bundle has no constant for the force: see `gellight calibrate force`")
+        return frame.force.normal_n
 
     def disconnect(self) -> None:
         """Unsubscribe."""
         frames, self._frames = self._frames, None
-        self._newest = self._paired = None
+        self._newest = self._paired = self._unweighed = self._weighs = None
         if frames is None:
             return
         try:

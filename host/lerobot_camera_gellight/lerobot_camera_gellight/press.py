@@ -63,13 +63,18 @@ class GelLightPress(_Uncalibrated, Robot):
 
     @property
     def observation_features(self) -> dict[str, Any]:
-        """The joint, and for each camera its image and its depth."""
+        """The joint, and for each camera its image, its depth and, where its bundle has a constant for it, the force.
+
+        ConnectionError where the daemon of a camera does not run, which has to say whether it knows the force.
+        """
         features: dict[str, Any] = {DEPTH: float}
         for name, camera in self.cameras.items():
             if getattr(camera, "use_rgb", True):
                 features[name] = (camera.height, camera.width, 3)
             if getattr(camera, "use_depth", False):
                 features[f"{name}_depth"] = (camera.height, camera.width, 1)
+            if getattr(camera, "has_force", False):
+                features[f"{name}.force_n"] = float
         return features
 
     @property
@@ -100,13 +105,15 @@ class GelLightPress(_Uncalibrated, Robot):
 
     @check_if_not_connected
     def get_observation(self) -> dict[str, Any]:
-        """Return the joint, and the newest image and depth of each camera."""
+        """Return the joint, and the newest image, depth and force of each camera."""
         observation: dict[str, Any] = {DEPTH: self._depth_mm}
         for name, camera in self.cameras.items():
             if getattr(camera, "use_rgb", True):
                 observation[name] = camera.read_latest()
             if getattr(camera, "use_depth", False):
                 observation[f"{name}_depth"] = camera.read_latest_depth()
+            if getattr(camera, "has_force", False):
+                observation[f"{name}.force_n"] = camera.read_latest_force()
         return observation
 
     @check_if_not_connected

@@ -2,11 +2,10 @@
 
 # ruff: noqa: E501 (a line of C stays one line)
 
-import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
-
-CHECKOUT = Path(__file__).parents[3]
 
 
 class Mutation(NamedTuple):
@@ -20,14 +19,20 @@ class Mutation(NamedTuple):
     """of `test_mutants`, for a fault of the board: the one that notices"""
 
 
-def plant(mutation: Mutation, folder: Path) -> Path:
-    """Copy the firmware into a folder, with the fault; return the folder."""
-    shutil.copytree(CHECKOUT / "firmware", folder / "firmware")
-    path = folder / mutation.file
+@contextmanager
+def planted(mutation: Mutation, copied: Path) -> Iterator[Path]:
+    """Plant a fault in a copy of the firmware, yield the copy, and take the fault out again.
+
+    All faults share one copy: the compiler knows the files that did not change by their paths.
+    """
+    path = copied / mutation.file
     source = path.read_text()
     assert source.count(mutation.old) == 1, f"{mutation.name} does not apply any more"
     path.write_text(source.replace(mutation.old, mutation.new))
-    return folder
+    try:
+        yield copied
+    finally:
+        path.write_text(source)
 
 
 BOARD, CORE = "firmware/boards/rp2040", "firmware/core"

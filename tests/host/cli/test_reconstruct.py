@@ -142,6 +142,13 @@ def test_a_missing_image_or_bundle_is_named(tmp_path: Path, bundle: Path) -> Non
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("option", [["--least-squares"], ["--white", "200"]])
+def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: Path, option: list[str]) -> None:
+    result = run(press(tmp_path / "a.png"), "--calibration", bundle, "--out", tmp_path / "out", *option)
+    assert f"{option[0]} changes nothing with a bundle of one light" in refused(result)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_full_disk_leaves_no_part_of_a_file(tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = press(tmp_path / "1.png")
 

@@ -1,5 +1,6 @@
 """The settings of zenoh that the documents show: who has no certificate reads nothing, and a reader may only read."""
 
+import itertools
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from gellight.stream.subscription import subscribe
 from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import bump_daemon
+from tests.helpers.weighed import HeavyFrames
 
 PORT = 17448
 EC = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
@@ -37,12 +39,14 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_reader_with_a_certificate_may_read_and_nothing_else(settings: Path) -> None:
-    url, (daemon, _) = f"zenoh+tls://localhost:{PORT}/finger", bump_daemon()
+    url, (daemon, _) = f"zenoh+tls://localhost:{PORT}/finger", bump_daemon(measures=HeavyFrames())
     with daemon, Publisher(daemon, name="finger", config=settings / "daemon.json5"):
         with subscribe(url, config=settings / "reader.json5") as frames:
             assert frames.next_frame().contact.indentation_mm > 0.4
             with pytest.raises(StreamError, match="does not answer"):
                 frames.status()
+        with subscribe(url, config=settings / "reader.json5", maps=["confidence"]) as frames:
+            assert next(frame for frame in itertools.islice(frames, 200) if "confidence" in vars(frame))
         with pytest.raises(StreamError, match="no one daemon of finger"):
             subscribe(url, config=settings / "stranger.json5")
         with pytest.raises(StreamError, match="no connection"):

@@ -3,17 +3,20 @@
 import json
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gellight.frames.measures import MapOnRequest
 from gellight.stream.publisher import Publisher
 from gellight.stream.wire import encode
 from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import bump_daemon, full_frame
+from tests.helpers.weighed import HeavyFrames
 
 EXAMPLES = CHECKOUT / "docs/examples"
 
@@ -54,14 +57,19 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def test_the_reader_in_c_plus_plus_reads_what_python_writes(reader: Path, tmp_path: Path) -> None:
-    frame = full_frame()
-    (tmp_path / "frame").write_bytes(encode(frame))
+@pytest.mark.parametrize("asked", [(), tuple(MapOnRequest)])
+def test_the_reader_in_c_plus_plus_reads_what_python_writes(
+    reader: Path, tmp_path: Path, asked: tuple[MapOnRequest, ...]
+) -> None:
+    frame = replace(full_frame(), measures=HeavyFrames())
+    sent = frame.maps_on_request(asked)
+    (tmp_path / "frame").write_bytes(encode(frame, asked))
     figures, details = run([reader, tmp_path / "frame"], check=True).stdout.splitlines()
     expected = [
         frame.camera_frame.sequence, 64, 48, frame.camera_frame.time_s, frame.contact.indentation_mm,
         frame.contact.centroid_mm[0], frame.depth_mm.sum(dtype=float), frame.gradient_map[..., 0].sum(dtype=float),
         frame.camera_frame.image[..., 0].sum(), frame.contact.mask.sum(),
+        *(sent.get(name, np.zeros(1)).sum(dtype=float) for name in ("pressure_mpa", "confidence", "doubts")),
     ]  # fmt: skip
     assert np.allclose([float(text) for text in figures.split()], expected, rtol=1e-7, atol=1e-6)
     assert json.loads(details)["provenance"]["findings"] == ["drift"]

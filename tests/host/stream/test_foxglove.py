@@ -22,6 +22,7 @@ from gellight.stream.foxglove import FoxgloveServer
 from tests.helpers import children
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
+from tests.helpers.weighed import HeavyFrames
 
 LAYOUT = CHECKOUT / "docs/foxglove/layout.json"
 TOPICS = {
@@ -30,6 +31,7 @@ TOPICS = {
     "/gellight/depth/image": "sensor_msgs/msg/Image",
     "/gellight/points": "sensor_msgs/msg/PointCloud2",
     "/gellight/contact": "geometry_msgs/msg/PointStamped",
+    "/gellight/contact/wrench": "geometry_msgs/msg/WrenchStamped",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
 MESSAGE = 1
@@ -72,7 +74,7 @@ def decoded(channel: Mapping[str, Any], content: bytes) -> Any:
 
 @pytest.fixture
 def served() -> Iterator[tuple[str, BumpReconstructor]]:
-    daemon, made = bump_daemon(period_s=0.02)
+    daemon, made = bump_daemon(period_s=0.02, measures=HeavyFrames())
     with daemon, FoxgloveServer(daemon, name="left finger", port=0) as server:
         yield server.url, made
 
@@ -89,6 +91,7 @@ def test_every_topic_arrives(served: tuple[str, BumpReconstructor]) -> None:
     assert any(np.array_equal(felt_m, one.depth_mm * np.float32(1e-3)) for one in list(made.given.values()))
     assert got["/gellight/points"].header.frame_id == "gellight_gel"
     assert 0.0004 < got["/gellight/contact"].point.z < 0.01, "metres"
+    assert got["/gellight/contact/wrench"].wrench.force.z == 1.25, "newtons"
     assert got["/diagnostics"].status[0].message == "ok"
 
 
@@ -177,7 +180,7 @@ def test_the_layout_is_current_and_shows_topics_that_are_there() -> None:
     assert LAYOUT.read_text() == made
     named = set(re.findall(r'"(/[\w/]+)', json.dumps(json.loads(made))))
     assert named == {"/gellight/image_raw", "/gellight/depth/image", "/gellight/points", "/gellight/contact",
-                     "/diagnostics"}  # fmt: skip
+                     "/gellight/contact/wrench", "/diagnostics"}  # fmt: skip
     assert named <= set(TOPICS)
 
 

@@ -12,11 +12,15 @@ import numpy as np
 import pytest
 
 import gellight
+from gellight.bundle.bundle import extend_bundle
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.stream.publisher import Publisher
 from tests.helpers.children import run
 from tests.helpers.lerobot_packages import lerobot_folder
+from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
+from tests.helpers.weighed import force_files
 
 PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
 READER = CHECKOUT / "tests/helpers/lerobot_reader.py"
@@ -47,9 +51,13 @@ def ask(environment: dict[str, str], *arguments: object) -> dict[str, object]:
     return told
 
 
-@pytest.fixture
-def finger() -> Iterator[BumpReconstructor]:
-    daemon, made = bump_daemon(period_s=0.05)
+@pytest.fixture(params=[True, False])
+def finger(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[BumpReconstructor]:
+    """A sensor whose bundle has a constant for the force, or has none."""
+    bundle = linear_bundle(tmp_path / "plain", shape=SHAPE)
+    if request.param:
+        bundle = extend_bundle(bundle, tmp_path / "bundle", force_files(bundle))
+    daemon, made = bump_daemon(period_s=0.05, bundle=bundle, measures=BundleMeasures(bundle))
     with daemon, Publisher(daemon, name="finger"):
         yield made
 
@@ -81,15 +89,29 @@ def test_the_camera_is_found_and_keeps_to_the_contract(
     seen = [frame for frame in given if np.array_equal(frame.camera_frame.image, maps["latest"])]
     belongs = [np.array_equal(maps["latest_depth"][..., 0], frame.depth_mm * np.float32(1e-3)) for frame in seen]
     assert any(belongs), "image and depth are of one frame"
+    if seen[0].force is None:
+        assert told["weighs"] == [False, False, False]
+        assert told["force"].startswith("RuntimeError: GelLightCamera(finger): its bundle has no constant")
+    else:
+        assert told["weighs"] == [True, True, False]
+        assert told["force"] in [frame.force.normal_n for frame in seen], "of the same frame"
+        assert told["newer force"] in [frame.force.normal_n for frame in given if frame not in seen]
 
 
-def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str]) -> None:
-    with gellight.connect("sim://?fps=10") as sensor, Publisher(sensor.daemon):
+def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str], tmp_path: Path) -> None:
+    plain = gellight.load_bundle("synthetic")
+    extend_bundle(plain, tmp_path / "weighing", force_files(plain))
+    with (
+        gellight.connect("sim://?fps=10", calibration=str(tmp_path / "weighing")) as sensor,
+        Publisher(sensor.daemon),
+    ):
         told = ask(environment, "press", CAMERAS)
     assert told["asked_mm"] == 0.5
     assert told["seen_mm"] == pytest.approx(0.5, abs=0.05)
     assert told["features"] == {"gel": [480, 640, 3], "gel_depth": [480, 640, 1]}
     assert told["kinds"] == {"gel": ["uint8", 480, 640, 3], "gel_depth": ["float32", 480, 640, 1]}
+    assert sorted(told["numbers"]) == ["gel.force_n", "press.depth_mm"]
+    assert 0.01 < told["numbers"]["gel.force_n"] < 5
 
 
 def test_the_robot_refuses_a_real_gel(environment: dict[str, str], finger: BumpReconstructor) -> None:

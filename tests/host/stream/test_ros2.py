@@ -21,6 +21,7 @@ from gellight.report.point_cloud import points_of
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
 from tests.helpers.children import run
 from tests.helpers.streamed import bump_daemon
+from tests.helpers.weighed import HeavyFrames
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 
@@ -45,6 +46,9 @@ def show(message):
         told["max"] = float(message.data.view(kind).max())
     if hasattr(message, "point"):
         told["point"] = [message.point.x, message.point.y, message.point.z]
+    if hasattr(message, "wrench"):
+        parts = message.wrench.force, message.wrench.torque
+        told["wrench"] = [getattr(part, axis) for part in parts for axis in "xyz"]
     if hasattr(message, "status"):
         told["status"] = [message.status[0].name, message.status[0].message, len(message.status[0].values)]
     print(json.dumps(told), flush=True)
@@ -74,7 +78,7 @@ def router() -> Iterator[tuple[zenoh.Session, int]]:
 @pytest.fixture
 def port(router: tuple[zenoh.Session, int]) -> Iterator[int]:
     """The router, by which a daemon publishes."""
-    daemon, _ = bump_daemon(period_s=0.05)
+    daemon, _ = bump_daemon(period_s=0.05, measures=HeavyFrames())
     with daemon, Ros2Publisher(daemon, f"tcp/127.0.0.1:{router[1]}", name="left finger", domain=7):
         yield router[1]
 
@@ -111,6 +115,28 @@ def test_the_contact_is_a_point_in_metres(port: int) -> None:
     assert 0.0005 < told["point"][2] < 0.01
 
 
+def test_the_wrench_is_the_normal_force_in_newtons(port: int) -> None:
+    told = read(port, "/left_finger/contact/wrench", "geometry_msgs/msg/WrenchStamped")
+    assert told["wrench"] == [0, 0, 1.25, 0, 0, 0]
+    assert told["frame_id"] == "left_finger_gel"
+
+
+def test_without_a_constant_for_the_force_there_is_no_wrench(router: tuple[zenoh.Session, int]) -> None:
+    wrenches: list[zenoh.Sample] = []
+    points: list[zenoh.Sample] = []
+    daemon, _ = bump_daemon()
+    with daemon, Ros2Publisher(daemon, f"tcp/127.0.0.1:{router[1]}", name="finger"):
+        held = [
+            router[0].declare_subscriber("0/finger/contact/wrench/**", wrenches.append),
+            router[0].declare_subscriber("0/finger/contact/geometry_msgs$*/**", points.append),
+        ]
+        until_s = time.monotonic() + 20
+        while len(points) < 20 and time.monotonic() < until_s:
+            time.sleep(0.05)
+    assert (len(points) >= 20, wrenches) == (True, [])
+    del held
+
+
 def test_camera_info_and_diagnostics(port: int) -> None:
     told = read(port, "/left_finger/camera_info", "sensor_msgs/msg/CameraInfo")
     assert (told["height"], told["width"], told["model"]) == (48, 64, "plumb_bob")
@@ -129,11 +155,11 @@ def test_the_graph_shows_the_node_and_its_topics(router: tuple[zenoh.Session, in
     """Tokens as rmw_zenoh's design writes them; the attachment has number, time and the 16 bytes of the publisher."""
     session = router[0]
     keys, until_s = [], time.monotonic() + 20
-    while len(keys) < 7 and time.monotonic() < until_s:  # the router learns of them one by one
+    while len(keys) < 8 and time.monotonic() < until_s:  # the router learns of them one by one
         replies = session.liveliness().get("@ros2_lv/**", timeout=5)
         keys = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok)
     kinds = [key.split("/")[5] for key in keys]
-    assert (kinds.count("NN"), kinds.count("MP")) == (1, 6)
+    assert (kinds.count("NN"), kinds.count("MP")) == (1, 7)
     (image,) = [key for key in keys if "%left_finger%image_raw" in key]
     parts = image.split("/")
     assert parts[1] == "7"

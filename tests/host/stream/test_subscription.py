@@ -17,6 +17,8 @@ import pytest
 import gellight
 from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import TactileFrame
+from gellight.frames.measures import MapOnRequest
+from gellight.stream import publisher as publisher_module
 from gellight.stream.network import key, publishing_session, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
@@ -25,6 +27,7 @@ from gellight.stream.subscription import subscribe
 from tests.helpers import children
 from tests.helpers.children import started
 from tests.helpers.streamed import bump_daemon
+from tests.helpers.weighed import HeavyFrames
 
 COUNTING = """
 import sys
@@ -354,3 +357,31 @@ def test_a_program_that_does_not_close_its_subscription_ends(use: str) -> None:
     with daemon, Publisher(daemon, name="finger"):
         code = f"import gellight\nframes = gellight.subscribe('finger')\n{use}"
         assert children.run([sys.executable, "-c", code], timeout_s=60).returncode == 0
+
+
+def test_a_map_is_sent_while_somebody_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Readers who did not ask find it in the message too; after the last who asked has left, nobody computes it."""
+    asked: list[list[MapOnRequest]] = []
+    known = publisher_module.encoded
+    monkeypatch.setattr(
+        publisher_module, "encoded", lambda frame, maps=(): (asked.append(sorted(maps)), known(frame, maps))[1]
+    )
+    daemon, made = bump_daemon(measures=HeavyFrames())
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as plain:
+        plain.next_frame()
+        assert asked[-1] == []
+        with subscribe("finger", maps=["pressure_mpa", "confidence"]) as frames:
+            got = next(frame for frame in frames if asked[-1])
+            got = frames.next_frame()
+            assert asked[-1] == sorted(MapOnRequest)
+            sent = made.given[got.camera_frame.sequence]
+            assert got.force.normal_n == 1.25
+            assert np.array_equal(got.force.pressure_mpa, sent.depth_mm / 8)
+            assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
+        next(frame for frame in plain if not asked[-1])
+
+
+@pytest.mark.parametrize("maps", ["pressure_mpa", ["pressure"], ["confidence", "doubts"]])
+def test_a_map_that_there_is_not_is_refused(maps: object) -> None:
+    with pytest.raises(InputError, match=r"maps=.*give a list of pressure_mpa, confidence"):
+        subscribe("finger", maps=maps)

@@ -1,5 +1,6 @@
 """What is sent arrives bit for bit; what is not a frame is refused with the reason, whatever it holds."""
 
+import io
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.frames.measures import STEEP, MapOnRequest
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.stream.wire import PLANE, PREFIX, decode, encode
@@ -92,6 +94,45 @@ def test_the_force_arrives_and_its_pressure_map_is_made_with_the_bundle(tmp_path
     assert asked == []
     assert np.array_equal(got.pressure_mpa, sent.force.pressure_mpa)
     assert asked == [sent.provenance.zero]
+
+
+@pytest.mark.parametrize("asked", [[MapOnRequest.PRESSURE], [MapOnRequest.CONFIDENCE], list(MapOnRequest)])
+def test_what_is_asked_for_travels_and_the_rest_is_computed_to_the_same(
+    tmp_path: Path, asked: list[MapOnRequest]
+) -> None:
+    plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
+    bundle = extend_bundle(plain, tmp_path / "bundle", force_files(plain))
+    sent = replace(full_frame(), measures=BundleMeasures(bundle))
+    assert len(encode(sent, asked)) > len(encode(sent)) + SHAPE[0] * SHAPE[1] * 4
+    zeros: list[str] = []
+    got = decode(encode(sent, asked), lambda zero: (zeros.append(zero), bundle)[1])
+    assert sent.force.pressure_mpa.max() > 0
+    assert np.array_equal(got.force.pressure_mpa, sent.force.pressure_mpa)
+    assert np.array_equal(got.confidence.value, sent.confidence.value)
+    assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
+    assert (zeros == []) == (len(asked) == 2), "the bundle is fetched for what did not come"
+    for name, plane in sent.maps_on_request(asked).items():
+        assert got.maps_on_request()[name].dtype == plane.dtype
+
+
+@pytest.mark.parametrize("learnt", [True, False])
+def test_the_confidence_computed_by_a_reader_knows_where_the_slopes_come_from(tmp_path: Path, learnt: bool) -> None:
+    """A slope beyond what a network has learnt says nothing against one that was measured."""
+    plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
+    rows = np.full((100, 7), 1e-3)  # nearly flat presses: every slope of the bump is steeper
+    presses = io.BytesIO()
+    np.savez(presses, rows=rows, press=np.zeros(100, int))
+    bundle = extend_bundle(plain, tmp_path / "bundle", {"presses.npz": presses.getvalue()})
+    sent = replace(full_frame(), measures=BundleMeasures(bundle, learnt=learnt))
+    got = decode(encode(sent), lambda _: bundle)
+    assert ((sent.confidence.doubts & STEEP).any()) == learnt
+    assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
+
+
+def test_a_frame_without_measures_has_neither_maps_nor_figures() -> None:
+    sent = full_frame()
+    got = decode(encode(sent, list(MapOnRequest)), no_bundle)
+    assert (got.force, got.confidence, got.maps_on_request()) == (None, None, {})
 
 
 def test_a_frame_of_a_bundle_without_a_constant_has_no_force() -> None:
