@@ -14,6 +14,7 @@ from gellight.evaluation.synthetic import evaluate_simulated, pixel_bound_deg
 from gellight.simulator import scene as gellight_scene
 from gellight.simulator.scene import Press, Scene
 from gelnet import synthetic
+from gelnet.recipes import RECIPES
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
 from gelnet.trainers import NAMES
 from sim_reference.camera import CameraResponse, linear_grey
@@ -88,6 +89,17 @@ def test_the_command_writes_everything_the_bundle_needs(
     assert provenance["validation_normal_error_deg"]["mean"] > 0
     assert len(provenance["light"]) == 12
     assert np.load(out / "reference.npy").shape == (480, 640, 3)
+
+
+def test_the_recipe_of_the_paper_is_trained_as_the_paper_says() -> None:
+    assert replace(FEW, recipe="paper").how() == RECIPES["paper"]
+    assert FEW.how() == replace(RECIPES["fast"], epochs=2, least_visits=0, place_jitter=0)
+
+
+def test_the_shipped_network_learnt_to_have_its_zero_answer_subtracted() -> None:
+    training = load_bundle("synthetic").metrics["training"]
+    assert training["zero_based"] is True
+    assert RECIPES[training["recipe"]].zero_based
 
 
 def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:

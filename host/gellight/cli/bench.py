@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +14,7 @@ from gellight.evaluation import bench
 from gellight.evaluation.bench import DepthScale
 from gellight.evaluation.frame_bench import FrameTimes, frame_times
 from gellight.evaluation.simulated_presses import Figures, compare_ways
-from gellight.evaluation.synthetic import evaluate_simulated
+from gellight.evaluation.synthetic import DEPTHS_MM, SimulatedError, evaluate_simulated
 from gellight.frames.image_files import read_image
 
 
@@ -44,7 +43,8 @@ def command(
     """Time the frame path, or measure depth scale or accuracy.
 
     `frames` times its stages, and the whole against its other forms and against a plain run of its network.
-    `presses` presses the 4 mm ball 1 mm deep at 20 random places of the simulated sensor, with noise of 1 grey level.
+    `presses` presses the 4 mm ball 1, 1.5 and 2 mm deep at 20 random places of the simulated sensor, with noise of 1
+    grey level.
     `photometric` compares GelNet with photometric stereo on other such presses, and on the ten benchmark objects.
     """
     if subject is Subject.INTEGRATOR:
@@ -53,8 +53,8 @@ def command(
         return
     bundle = load_bundle(calibration)
     if subject is Subject.PRESSES:
-        errors = asdict(evaluate_simulated(bundle))
-        typer.echo(json.dumps(errors) if as_json else "\n".join(f"{k:28} {v:.4g}" for k, v in errors.items()))
+        errors = [evaluate_simulated(bundle, depth_mm=depth) for depth in DEPTHS_MM]
+        typer.echo(json.dumps(bench.as_rows(errors), indent=2) if as_json else _press_table(errors))
     elif subject is Subject.PHOTOMETRIC:
         ways = compare_ways(bundle)
         typer.echo(json.dumps(bench.as_rows(ways), indent=2) if as_json else _way_table(ways))
@@ -79,6 +79,12 @@ def _time_table(times: Sequence[FrameTimes]) -> str:
         shares = ", ".join(f"{name} {share:.0%}" for name, share in t.peak_fraction.items())
         lines.append(f"  of what one core can do: {shares}")
     return "\n".join(lines)
+
+
+def _press_table(errors: Sequence[SimulatedError]) -> str:
+    """Return a line a figure and a column a depth."""
+    columns = bench.as_rows(errors)
+    return "\n".join(f"{name:26}" + "".join(f"{column[name]:10.4g}" for column in columns) for name in columns[0])
 
 
 def _way_table(ways: Sequence[Figures]) -> str:

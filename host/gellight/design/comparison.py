@@ -65,21 +65,25 @@ def judged(by_reading: Mapping[str, Sequence[Statement]]) -> list[Judgement]:
 
 
 def summary(rows: Sequence[Judgement]) -> str:
-    """Return how many statements hold, in a sentence."""
+    """Return how many statements hold and under which readings, in a sentence."""
     stages = [
         [row for row in rows if next(iter(row.by_reading)) == first]
         for first in dict.fromkeys(next(iter(row.by_reading)) for row in rows)
     ]
+    counted = [_most_at_once(stage) for stage in stages]
     return (
         f"{sum(row.reproduced for row in rows)} of {len(rows)} statements of the paper are reproduced, each under a "
-        f"reading that its text allows; {sum(map(_most_at_once, stages))} under one and the same reading of each "
-        f"stage, {sum(row.by_default.reproduced for row in rows)} under that of the defaults"
+        f"reading that its text allows; {sum(count for count, _ in counted)} under one and the same reading of each "
+        f"stage ({' / '.join(reading for _, reading in counted)}), "
+        f"{sum(row.by_default.reproduced for row in rows)} under that of the defaults"
     )
 
 
-def _most_at_once(stage: Sequence[Judgement]) -> int:
-    """Return how many statements hold under the reading that most of them hold under."""
-    return max(sum(reading in row.holds_under for row in stage) for reading in stage[0].by_reading)
+def _most_at_once(stage: Sequence[Judgement]) -> tuple[int, str]:
+    """Return how many statements hold under the reading that most of them hold under, and that reading."""
+    counts = {reading: sum(reading in row.holds_under for row in stage) for reading in stage[0].by_reading}
+    best = max(counts, key=lambda reading: counts[reading])
+    return counts[best], best
 
 
 def fine_readings(geometry: SensorGeometry) -> dict[str, tuple[SensorGeometry, fine.View]]:

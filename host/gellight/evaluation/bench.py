@@ -8,6 +8,7 @@ import numpy as np
 from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.evaluation.frame_bench import FrameTimes
 from gellight.evaluation.simulated_presses import Figures
+from gellight.evaluation.synthetic import SimulatedError
 from gellight.reconstruction.integration import integrate
 
 _SHAPES = ((240, 320), (480, 640))
@@ -44,7 +45,7 @@ def depth_scales() -> list[DepthScale]:
     return found
 
 
-def as_rows(results: Sequence[FrameTimes | DepthScale | Figures]) -> list[dict[str, object]]:
+def as_rows(results: Sequence[FrameTimes | DepthScale | Figures | SimulatedError]) -> list[dict[str, object]]:
     """Turn results into plain dictionaries, for JSON."""
     return [asdict(result) for result in results]
 

@@ -89,8 +89,9 @@ def test_a_judgement_counts_the_readings_under_which_it_holds() -> None:
 
     rows = [row("a", True, False), row("b", False, True), row("c", False, True), row("d", False, False)]
     assert rows[1].holds_under == ["1"]
-    assert comparison.summary(rows).startswith("3 of 4 statements")
-    assert "2 under one and the same reading of each stage, 1 under that of the defaults" in comparison.summary(rows)
+    text = comparison.summary(rows)
+    assert text.startswith("3 of 4 statements")
+    assert "2 under one and the same reading of each stage (1), 1 under that of the defaults" in text
 
 
 def test_a_statement_that_does_not_hold_is_not_reproduced(options: SweepOptions) -> None:

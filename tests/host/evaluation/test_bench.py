@@ -7,10 +7,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from gellight.bundle.bundle import Bundle
 from gellight.cli.bench import command
 from gellight.evaluation import bench
 from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.evaluation.bench import depth_scales
+from gellight.evaluation.synthetic import SimulatedError, evaluate_simulated
 
 app = typer.Typer()
 app.command()(command)
@@ -65,6 +67,24 @@ def test_sharp_rims_scatter_and_the_table_says_so(scales: list[dict[str, object]
     spreads = {r["size_px"]: float(str(r["scale_spread"])) for r in scales if r["surface"] == "sharp cap"}
     assert spreads[5] > 0.03
     assert spreads[60] < 0.01
+
+
+def test_presses_are_measured_at_three_depths(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured: dict[float, SimulatedError] = {}
+
+    def once(bundle: Bundle, *, depth_mm: float) -> SimulatedError:
+        if depth_mm not in measured:
+            measured[depth_mm] = evaluate_simulated(bundle, presses=1, depth_mm=depth_mm)
+        return measured[depth_mm]
+
+    monkeypatch.setattr("gellight.cli.bench.evaluate_simulated", once)
+    rows = json.loads(CliRunner().invoke(app, ["presses", "--json"]).stdout)
+    assert [row["press_depth_mm"] for row in rows] == [1, 1.5, 2]
+    assert all(0 < row["contact_normal_mae_deg"] < 1 for row in rows)
+    assert rows[0]["contact_normal_mae_deg"] < rows[2]["contact_normal_mae_deg"], "the deeper, the steeper"
+    table = CliRunner().invoke(app, ["presses"]).stdout.splitlines()
+    assert table[0].split() == ["press_depth_mm", "1", "1.5", "2"]
+    assert len(table) == len(rows[0])
 
 
 def test_the_table_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
