@@ -64,8 +64,9 @@ def command(
 ) -> None:
     """Reconstruct depth, normals and contact from images of the gel.
 
-    NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, and contact (H, W) bool;
-    pressure_mpa (H, W) where the bundle knows its force.
+    NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, contact (H, W) bool,
+    confidence (H, W) float32 and doubts (H, W) uint8; pressure_mpa (H, W), force_n and force_error_n where the bundle
+    knows its force.
     With --lights, and with a bundle that `calibrate channels` made, the images are one series, one for each light, and
     NAME is that of the first image. Each file is written whole or not at all. At an image that cannot be
     used the work ends with its name; what was written before stays.
@@ -154,8 +155,9 @@ def maps_file(frame: TactileFrame) -> bytes:
         "depth_mm": frame.depth_mm,
         "contact": frame.contact.mask,
     }
+    maps |= frame.maps_on_request()
     if frame.force:
-        maps["pressure_mpa"] = frame.force.pressure_mpa
+        maps |= {"force_n": np.array(frame.force.normal_n), "force_error_n": np.array(frame.force.error_n)}
     np.savez(content, **maps)  # type: ignore[arg-type]
     return content.getvalue()
 

@@ -17,6 +17,7 @@ from gellight.cli.options import AsJson, Seconds, with_options
 from gellight.daemon.assembly import open_session
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import EndOfStream
+from gellight.frames.measures import MapOnRequest
 from gellight.recording.recording_file import DepthKind
 from gellight.stream.recorder import Recorder, RecordingStatus
 
@@ -34,6 +35,10 @@ def command(
     depth: Annotated[DepthKind, typer.Option(help="Record depth too; else it is computed from the pictures.")] = (
         DepthKind.NONE
     ),
+    maps: Annotated[
+        list[MapOnRequest] | None,
+        typer.Option("--map", help="Record this map too; give it again for another one.", show_default="none"),
+    ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -49,7 +54,7 @@ def command(
         published(daemon, settings),
     ):
         with (
-            Recorder(daemon, out, name=settings.stream.name, depth=depth) as recorder,
+            Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or ()) as recorder,
             until_interrupted(not (seconds or running.frames)),
         ):
             follow(daemon, recorder, running.frames, seconds)

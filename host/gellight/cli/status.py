@@ -49,5 +49,15 @@ def line(daemon: RunningDaemon, status: dict[str, Any]) -> str:
     age = status["frame_age_ms"].get("median", "?")
     return (
         f"{daemon.name} (process {daemon.process}, {daemon.sensor}): {status['fps']} frames/s, age {age} ms, "
-        f"{status['frames']} frames, {status['lost']} lost"
+        f"{status['frames']} frames, {status['lost']} lost{touch(status['touch'])}"
     )
+
+
+def touch(felt: dict[str, Any] | None) -> str:
+    """Return for people what the newest frame feels, as the end of a line."""
+    if felt is None:
+        return ""
+    force = felt["force"]
+    weighed = f", {force['normal_n']:.2f} ± {force['error_n']:.2f} N" if force else ""
+    pressed = f", up to {force['largest_pressure_mpa']:.3f} MPa" if force else ""
+    return f"; {felt['indentation_mm']:.3f} mm deep{weighed}{pressed}"

@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import isnan
 from typing import Self
 
 import numpy as np
@@ -354,14 +355,30 @@ class Daemon:
         self._selfcheck_result = judge.compare(frame)
         return self._selfcheck_result
 
+    def touch(self) -> dict[str, object] | None:
+        """Return what the newest frame feels, ready for JSON; None before the first frame and without a calibration.
+
+        Keys: indentation_mm, area_mm2 and force: None where the bundle has no constant for it, or normal_n, error_n,
+        flags and largest_pressure_mpa.
+        """
+        try:
+            _, frame = self._threads.delivered.take(0, 0.0)
+        except Exception:  # none is there yet, or the frames ended before one was
+            return None
+        if isnan(frame.contact.indentation_mm):  # without a calibration nothing is felt
+            return None
+        force = frame.force
+        weighed = {**force.as_json(), "largest_pressure_mpa": float(force.pressure_mpa.max())} if force else None
+        return {"indentation_mm": frame.contact.indentation_mm, "area_mm2": frame.contact.area_mm2, "force": weighed}
+
     def status(self) -> dict[str, object]:
         """Return what is known of the sensor, ready for JSON.
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
         mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
-        same names), calibration {sensor, identity, verified: None, or its errors on fresh presses, force: None, or its
-        constant and errors}, watch (None, or see `SensorWatch.status`), error (text or None) and camera (what the
-        camera says).
+        same names), touch (see `touch`), calibration {sensor, identity, verified: None, or its errors on fresh presses,
+        force: None, or its constant and errors}, watch (None, or see `SensorWatch.status`), error (text or None) and
+        camera (what the camera says).
         """
         result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {
@@ -369,6 +386,7 @@ class Daemon:
             **used.reconstructor.status(),
             **self._threads.statistics.as_json(time.monotonic()),
             "selfcheck": result.as_json() if result else None,
+            "touch": self.touch(),
             "calibration": {
                 "sensor": used.bundle.manifest.sensor,
                 "identity": used.bundle.identity,

@@ -48,6 +48,10 @@ def metric_lines(status: Mapping[str, Any]) -> Iterator[str]:
     yield from described("gellight_frame_age_seconds", "From the exposure to the depth map.", "gauge", found)
     stages = {f'{{stage="{name}"}}': seconds(ms) for name, ms in status.get("stage_ms", {}).items()}
     yield from described("gellight_stage_seconds", "Median time of a stage of the frame path.", "gauge", stages)
+    touch = status.get("touch") or {}
+    deep, force_n = touch.get("indentation_mm"), (touch.get("force") or {}).get("normal_n")
+    yield from described("gellight_indentation_mm", "Largest depth of the newest frame.", "gauge", {"": deep})
+    yield from described("gellight_force_newtons", "Normal force of the newest frame.", "gauge", {"": force_n})
     watch = status.get("watch") or {}
     kinds = {f'{{kind="{finding["kind"]}"}}': 1 for finding in watch.get("findings", [])}
     yield from described("gellight_finding", "What has changed since the calibration.", "gauge", kinds)

@@ -4,7 +4,10 @@
     /NAME/image_raw[/compressed]       sensor_msgs/Image or CompressedImage: the bytes of the camera
     /NAME/depth                        sensor_msgs/Image 32FC1, metres, on request
     /NAME/depth_tenth_um               sensor_msgs/Image 16UC1, tenths of a micrometre, 0 to 6.5535 mm, on request
-    /NAME/contact                      std_msgs/String, JSON, with the depth: ContactInfo
+    /NAME/pressure_mpa                 sensor_msgs/Image 32FC1, N / mm2, on request, where the bundle knows its force
+    /NAME/confidence                   sensor_msgs/Image 32FC1, 0.05 to 1, on request
+    /NAME/doubts                       sensor_msgs/Image mono8, with the confidence: bits, see `frames.measures`
+    /NAME/contact                      std_msgs/String, JSON, with depth or one of these maps: ContactInfo
     calibration-IDENTITY.gelcal        attachments: the bundle with the zero in use; another one after each re-zero
 
 The file is written in chunks of `CHUNK_BYTES`. What ends the writing at once, such as a loss of power, costs the last
@@ -14,7 +17,7 @@ chunk and the index, and what is left can be read.
 import os
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from enum import StrEnum
 from io import BufferedReader
 from pathlib import Path
@@ -32,6 +35,7 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
+from gellight.frames.measures import MapOnRequest
 from gellight.recording.frame_record import FrameInfo, FrameRecord
 from gellight.recording.ros_messages import (
     COMPRESSED_IMAGE,
@@ -50,7 +54,10 @@ SUFFIX = ".mcap"
 FRAME, IMAGE_RAW, COMPRESSED, DEPTH, DEPTH_16, CONTACT = (
     "frame", "image_raw", "image_raw/compressed", "depth", "depth_tenth_um", "contact",
 )  # fmt: skip
-TYPES = {FRAME: STRING, IMAGE_RAW: IMAGE, COMPRESSED: COMPRESSED_IMAGE, DEPTH: IMAGE, DEPTH_16: IMAGE, CONTACT: STRING}
+TYPES = {FRAME: STRING, IMAGE_RAW: IMAGE, COMPRESSED: COMPRESSED_IMAGE, CONTACT: STRING}
+"""of ROS, by topic; all others are `IMAGE`"""
+_ENCODINGS = {"float32": "32FC1", "uint8": "mono8"}
+"""of ROS, by NumPy's type of a map"""
 _ATTACHED = "calibration-"
 _M_PER_MM, _UNITS_PER_MM = np.float32(1e-3), 1e4
 
@@ -80,9 +87,11 @@ class ContactInfo(StrictModel):
 class RecordingWriter:
     """Writes a recording; a context manager that finishes the file."""
 
-    def __init__(self, path: Path, name: str, *, depth: DepthKind = DepthKind.NONE) -> None:
+    def __init__(
+        self, path: Path, name: str, *, depth: DepthKind = DepthKind.NONE, maps: Collection[MapOnRequest] = ()
+    ) -> None:
         """Begin a file; InputError where it exists or cannot be written. `name`: of the sensor, in topics."""
-        self.path, self.name, self.depth = path, name, depth
+        self.path, self.name, self.depth, self.maps = path, name, depth, maps
         try:
             self._file = path.open("xb")
         except FileExistsError:
@@ -103,10 +112,15 @@ class RecordingWriter:
         self._put(FRAME, record.info, encode_string(record.info.model_dump_json()))
         self._put(COMPRESSED if record.compressed else IMAGE_RAW, record.info, record.message(self.name))
 
-    def add_depth(self, frame: TactileFrame) -> None:
-        """Write depth and contact of a frame, where that was asked for. OSError where the disk is full."""
+    @property
+    def of_tactile_frames(self) -> bool:
+        """Whether anything is written of tactile frames."""
+        return self.depth is not DepthKind.NONE or bool(self.maps)
+
+    def add_felt(self, frame: TactileFrame) -> None:
+        """Write contact, depth and maps of a frame, as far as they were asked for. OSError where the disk is full."""
         provenance, contact = frame.provenance, frame.contact
-        if self.depth is DepthKind.NONE or provenance is None:
+        if not self.of_tactile_frames or provenance is None:
             return
         info = ContactInfo(
             sequence=frame.camera_frame.sequence,
@@ -118,15 +132,19 @@ class RecordingWriter:
             force_n=frame.force.normal_n if frame.force else None,
             force_error_n=frame.force.error_n if frame.force else None,
         )
-        image = depth_image(frame.depth_mm, self.depth)
-        topic = DEPTH if self.depth is DepthKind.FLOAT32 else DEPTH_16
+        images = {name: _map_image(values) for name, values in frame.maps_on_request(self.maps).items()}
+        if self.depth is not DepthKind.NONE:
+            topic = DEPTH if self.depth is DepthKind.FLOAT32 else DEPTH_16
+            images[topic] = depth_image(frame.depth_mm, self.depth)
         stamp = FrameStamp(sequence=info.sequence, unix_s=provenance.unix_s)
         self._put(CONTACT, stamp, encode_string(info.model_dump_json()))
-        self._put(topic, stamp, image.encode(provenance.unix_s, self.name))
+        for topic, image in images.items():
+            self._put(topic, stamp, image.encode(provenance.unix_s, self.name))
 
     def _put(self, topic: str, stamp: "FrameInfo | FrameStamp", content: bytes) -> None:
         if topic not in self._channels:
-            schema = self._writer.register_schema(TYPES[topic], "ros2msg", DEFINITIONS[TYPES[topic]].encode())
+            kind = TYPES.get(topic, IMAGE)
+            schema = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
             self._channels[topic] = self._writer.register_channel(f"/{topic_name(self.name)}/{topic}", "cdr", schema)
         time_ns = round(stamp.unix_s * 1e9)
         self._writer.add_message(self._channels[topic], time_ns, content, time_ns, stamp.sequence % 2**32)
@@ -174,6 +192,12 @@ def depth_image(depth_mm: NDArray[np.float32], kind: DepthKind) -> RosImage:
         encoding, size = "16UC1", 2
     height, width = depth_mm.shape
     return RosImage(height=height, width=width, encoding=encoding, step=size * width, data=values.tobytes())
+
+
+def _map_image(values: NDArray[np.generic]) -> RosImage:
+    """Return a (H, W) map as a message, its numbers as they are."""
+    (height, width), encoding = values.shape, _ENCODINGS[values.dtype.name]
+    return RosImage(height=height, width=width, encoding=encoding, step=width * values.itemsize, data=values.tobytes())
 
 
 # ---- reading ----
@@ -227,12 +251,16 @@ class Recording:
 
     def depths(self) -> Iterator[tuple[ContactInfo, RosImage]]:
         """Yield recorded depth with its contact; InputError where the file is damaged."""
+        return self.maps(DEPTH, DEPTH_16)
+
+    def maps(self, *topics: str) -> Iterator[tuple[ContactInfo, RosImage]]:
+        """Yield the recorded maps of some topics with their contact; InputError where the file is damaged."""
         info: ContactInfo | None = None
         for topic, content in self._messages():
             try:
                 if topic == CONTACT:
                     info = ContactInfo.model_validate_json(decode_string(content))
-                elif topic in (DEPTH, DEPTH_16) and info is not None:
+                elif topic in topics and info is not None:
                     yield info, RosImage.decode(content)
             except ValueError as error:
                 raise self._damaged(error) from None

@@ -5,6 +5,7 @@ import logging
 import os
 import threading
 import time
+from collections.abc import Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,8 @@ from gellight.base.errors import InputError
 from gellight.base.mailbox import Mailbox
 from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.measures import MapOnRequest
+from gellight.reconstruction.force_file import read_force
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import DepthKind, RecordingWriter
 from gellight.stream.publisher import name_of_sensor
@@ -47,12 +50,26 @@ class RecordingStatus:
 class Recorder:
     """Records a daemon that runs; a context manager that finishes the file."""
 
-    def __init__(self, daemon: Daemon, path: Path, *, name: str = "", depth: DepthKind = DepthKind.NONE) -> None:
+    def __init__(
+        self,
+        daemon: Daemon,
+        path: Path,
+        *,
+        name: str = "",
+        depth: DepthKind = DepthKind.NONE,
+        maps: Collection[MapOnRequest] = (),
+    ) -> None:
         """Begin the file at `path`; InputError where that cannot be, or where the disk is nearly full.
 
-        name: of the sensor, by default its own.
+        name: of the sensor, by default its own. maps: of each tactile frame, to be recorded too; InputError for the
+        pressure of a sensor whose bundle has no constant for it.
         """
         self._daemon, self.path = daemon, path
+        if MapOnRequest.PRESSURE in maps and read_force(daemon.bundle) is None:
+            raise InputError(
+                "the bundle has no constant for the force, so there is no pressure to record: find it with "
+                "`gellight calibrate force`, or record without"
+            )
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -60,7 +77,7 @@ class Recorder:
         free = _free_bytes(path.parent)
         if free < 2 * RESERVE_BYTES:
             raise InputError(f"{path.parent} has {free / 1e6:.0f} MB left: free some space, or record elsewhere")
-        self._writer = RecordingWriter(path, name or name_of_sensor(daemon.camera), depth=depth)
+        self._writer = RecordingWriter(path, name or name_of_sensor(daemon.camera), depth=depth, maps=maps)
         self.status = RecordingStatus()
         self._first: int | None = None
         """sequence number of the first frame that was written"""
@@ -92,13 +109,13 @@ class Recorder:
         try:
             while not (self._ended.is_set() and not self._waiting(captured, number)):
                 number = self._take_frame(captured, number)
-                felt = self._take_depth(delivered, felt)
+                felt = self._take_felt(delivered, felt)
                 if time.monotonic() - looked_s > LOOK_S:
                     looked_s = time.monotonic()
                     self._look(looked_s - begun_s)
                 if self.status.ended:
                     break
-            self._take_depth(delivered, felt)
+            self._take_felt(delivered, felt)
         except OSError as error:
             self._end(f"the recording stopped: {'the disk is full' if error.errno == errno.ENOSPC else error.strerror}")
         except Exception as error:
@@ -132,15 +149,15 @@ class Recorder:
         self.status.frames += 1
         return taken
 
-    def _take_depth(self, delivered: Mailbox[TactileFrame], number: int) -> int:
-        """Write the depth of all frames that were reconstructed meanwhile; return the number of the last one."""
-        while self._writer.depth is not DepthKind.NONE and self._first is not None:
+    def _take_felt(self, delivered: Mailbox[TactileFrame], number: int) -> int:
+        """Write what is wanted of all frames that were reconstructed meanwhile; return the number of the last one."""
+        while self._writer.of_tactile_frames and self._first is not None:
             try:
                 number, frame = delivered.take(number, 0)
             except Exception:  # none is there, or the frames have ended
                 break
             if frame.camera_frame.sequence >= self._first:
-                self._writer.add_depth(frame)
+                self._writer.add_felt(frame)
                 self.status.depths += 1
         return number
 

@@ -60,6 +60,8 @@ def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path
             "normal_map": ((*SHAPE, 3), np.float32),
             "depth_mm": (SHAPE, np.float32),
             "contact": (SHAPE, np.bool_),
+            "confidence": (SHAPE, np.float32),
+            "doubts": (SHAPE, np.uint8),
         }
         assert maps["depth_mm"].max() == pytest.approx(0.4, abs=0.01)
         assert maps["contact"].sum() == pytest.approx(np.pi * 2 * np.log(2) * 144, rel=0.05)
@@ -77,6 +79,7 @@ def test_force_and_pressure_are_written_where_the_bundle_knows_them(tmp_path: Pa
     with np.load(tmp_path / "out" / "press.npz") as maps:
         assert maps["pressure_mpa"].shape == SHAPE
         assert maps["pressure_mpa"].sum() * 0.05**2 == pytest.approx(row["force_n"], rel=1e-3)
+        assert (maps["force_n"], maps["force_error_n"]) == (row["force_n"], row["force_error_n"])
     assert 0 < row["force_error_n"] < row["force_n"]
     (row,) = json.loads(run(path, "--calibration", bundle, "--out", tmp_path / "out", "--json").stdout)
     assert row["force_n"] is None

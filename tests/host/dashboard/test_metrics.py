@@ -39,6 +39,14 @@ def test_health_is_200_or_503_with_the_reason(source: FormulaSource, server: Das
     assert json.load(refused.value)["error"] == "reconnecting to sensor A"
 
 
+def test_the_touch_and_its_force_are_shown_where_they_are_known() -> None:
+    weighed = {"touch": {"indentation_mm": 0.5, "area_mm2": 9.0, "force": {"normal_n": 1.25, "error_n": 0.1}}}
+    assert {"gellight_indentation_mm 0.5", "gellight_force_newtons 1.25"} <= set(metric_lines(weighed))
+    assert not [line for line in metric_lines({"touch": None}) if "force" in line or "indentation" in line]
+    plain = {"touch": {**weighed["touch"], "force": None}}
+    assert not [line for line in metric_lines(plain) if "force" in line]
+
+
 def test_findings_are_shown_and_what_is_not_known_yet_is_left_out() -> None:
     status = {"error": "away", "frames": 0, "fps": 0.0, "frame_age_ms": {}, "watch": {"findings": [{"kind": "drift"}]}}
     lines = list(metric_lines(status))

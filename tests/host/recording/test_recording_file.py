@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -18,6 +19,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import CameraFrame, EncodedImage, LightLabel, LightState
+from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording import recording_file
@@ -26,6 +28,7 @@ from gellight.recording.recording_file import DepthKind, Recording, RecordingWri
 from gellight.recording.replay_camera import ReplayCamera
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.streamed import full_frame
+from tests.helpers.weighed import HeavyFrames
 
 SHAPE = (48, 64)
 LIGHT = np.arange(36, dtype=np.uint8).reshape(12, 3)
@@ -74,7 +77,7 @@ def record(tmp_path: Path, bundle: Bundle) -> Record:
                 unix_s = 1e9 + frame.time_s
                 writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=bundle.identity), bundle)
                 felt = full_frame()
-                writer.add_depth(replace(felt, camera_frame=frame, provenance=replace(felt.provenance, unix_s=unix_s)))
+                writer.add_felt(replace(felt, camera_frame=frame, provenance=replace(felt.provenance, unix_s=unix_s)))
         return tmp_path / name
 
     return write
@@ -135,6 +138,26 @@ def test_recorded_depth_comes_back(record: Record, kind: DepthKind, error_mm: fl
     numbers = np.frombuffer(image.data, "<f4" if kind is DepthKind.FLOAT32 else "<u2").reshape(SHAPE)
     got_mm = numbers * (1e3 if kind is DepthKind.FLOAT32 else 1e-4)
     assert np.abs(got_mm - np.clip(sent.depth_mm, 0, 6.5535)).max() < error_mm
+
+
+def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:
+    path, felt, frame = tmp_path / "maps.mcap", replace(full_frame(), measures=HeavyFrames()), plain(1)
+    with RecordingWriter(path, "finger", maps=list(MapOnRequest)) as writer:
+        writer.add(FrameRecord.of(frame, unix_s=1e9, zero=bundle.identity), bundle)
+        writer.add_felt(felt)
+    for name, values in felt.maps_on_request().items():
+        ((info, image),) = Recording(path).maps(name)
+        assert (info.force_n, info.force_error_n) == (1.25, 0.1)
+        assert np.array_equal(np.frombuffer(image.data, values.dtype).reshape(SHAPE), values)
+    jazzy = get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([path], default_typestore=jazzy) as reader:
+        seen = {
+            connection.topic: reader.deserialize(content, connection.msgtype)
+            for connection, _, content in reader.messages()
+        }
+    assert {topic: seen[f"/finger/{topic}"].encoding for topic in ("pressure_mpa", "confidence", "doubts")} == {
+        "pressure_mpa": "32FC1", "confidence": "32FC1", "doubts": "mono8",
+    }  # fmt: skip
 
 
 def test_depth_that_uint16_cannot_hold_is_clipped() -> None:

@@ -15,6 +15,7 @@ import pytest
 
 import gellight
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import extend_bundle
 from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import library
 from gellight.reconstruction.pipeline import Reconstructor
@@ -24,8 +25,10 @@ from gellight.stream import recorder as recorder_module
 from gellight.stream.recorder import RESERVE_BYTES, Recorder
 from tests.helpers import children
 from tests.helpers.doc_examples import examples, run
+from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import bump_daemon
+from tests.helpers.weighed import force_files, weighed
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +128,35 @@ def test_a_recording_is_exported_as_arrays_and_clouds(recording: Path, tmp_path:
     points = np.frombuffer(body, np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)]))
     assert points["xyz"][:, 2].max() == pytest.approx(maps["depth_mm"].max(), abs=0.02)
     assert np.ptp(points["xyz"][:, 0]) == pytest.approx(639 * gellight.load_bundle("synthetic").pixel_size_mm[0], 1e-5)
+
+
+def test_force_pressure_and_confidence_are_recorded_and_are_the_same_when_exported(tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain")
+    extend_bundle(plain, tmp_path / "bundle", force_files(plain))
+    press, pictures, out = weighed(0.5), tmp_path / "pictures", tmp_path / "press.mcap"
+    pictures.mkdir()
+    for number in range(6):
+        cv2.imwrite(str(pictures / f"{number}.png"), press.picture(0.5, number)[..., ::-1])
+    sensor = ("--sensor", str(pictures), "--calibration", str(tmp_path / "bundle"))
+    done = children.gellight("record", *sensor, "--out", out, "--map", "pressure_mpa", "--map", "confidence")
+    assert done.returncode == 0, done.stderr
+    names = ("pressure_mpa", "confidence", "doubts")
+    recorded = {name: {info.sequence: (info, image) for info, image in Recording(out).maps(name)} for name in names}
+    assert list(Recording(out).depths()) == [], "not asked for"
+    assert set(recorded["pressure_mpa"]) == set(recorded["confidence"]) == set(recorded["doubts"]) != set()
+    assert children.gellight("export", out, "--out", tmp_path / "maps").returncode == 0
+    for sequence, (info, image) in recorded["pressure_mpa"].items():
+        assert info.force_n == pytest.approx(press.force_n, rel=0.1)
+        assert np.frombuffer(image.data, "<f4").sum() * 0.05**2 == pytest.approx(info.force_n, rel=1e-3)
+        with np.load(tmp_path / "maps" / f"{sequence:06}.npz") as maps:
+            for name in names:
+                assert maps[name].tobytes() == recorded[name][sequence][1].data, "bit for bit"
+            assert (maps["force_n"], maps["force_error_n"]) == (info.force_n, info.force_error_n)
+    told = children.gellight("record", *sensor[:2], "--calibration", tmp_path / "plain", "--out", tmp_path / "b.mcap",
+                             "--map", "pressure_mpa")  # fmt: skip
+    assert told.returncode == 2
+    assert "no constant for the force" in told.stderr
+    assert not (tmp_path / "b.mcap").exists()
 
 
 def test_a_recording_is_exported_as_pictures_and_as_a_video(recording: Path, tmp_path: Path) -> None:

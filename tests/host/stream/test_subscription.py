@@ -1,7 +1,9 @@
 """Frames go to other programs, and nothing that those do slows the sensor."""
 
 import asyncio
+import json
 import os
+import re
 import signal
 import socket
 import sys
@@ -385,3 +387,28 @@ def test_a_map_is_sent_while_somebody_asks_for_it(monkeypatch: pytest.MonkeyPatc
 def test_a_map_that_there_is_not_is_refused(maps: object) -> None:
     with pytest.raises(InputError, match=r"maps=.*give a list of pressure_mpa, confidence"):
         subscribe("finger", maps=maps)
+
+
+def test_the_status_says_what_the_newest_frame_feels() -> None:
+    daemon, made = bump_daemon(measures=HeavyFrames())
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
+        frames.next_frame()
+        told = frames.status()["touch"]
+        felt = next(one for one in list(made.given.values()) if one.contact.indentation_mm == told["indentation_mm"])
+        assert told["area_mm2"] == felt.contact.area_mm2
+        largest_mpa = felt.depth_mm.max() / 8
+        assert told["force"] == {
+            "normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"], "largest_pressure_mpa": largest_mpa,
+        }  # fmt: skip
+        said = children.gellight("status", "finger")
+        assert re.search(r"; \d\.\d{3} mm deep, 1\.25 ± 0\.10 N, up to \d\.\d{3} MPa\n$", said.stdout), said.stderr
+        assert json.loads(children.gellight("status", "--json").stdout)["finger"]["touch"]["force"]["normal_n"] == 1.25
+
+
+def test_the_status_of_a_sensor_without_a_constant_has_no_force() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
+        frames.next_frame()
+        assert frames.status()["touch"]["force"] is None
+        said = children.gellight("status").stdout
+        assert re.search(r"; \d\.\d{3} mm deep\n$", said), said
