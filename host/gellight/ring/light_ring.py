@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError
 from gellight.ring import protocol
 from gellight.ring.board_link import BoardLink
-from gellight.ring.enumerations import Dark, Edge, Policy, SyncMode
+from gellight.ring.enumerations import Dark, Edge, Policy, State, SyncMode
 from gellight.ring.transport import Transport, open_transport
 from gellight.ring.wire import Record
 
@@ -28,6 +28,8 @@ logger = logging.getLogger(__name__)
 
 SILENCE_S = 0.5
 """a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
+BY_ITSELF = {Dark.BOOT, Dark.HOST_SILENT, Dark.PORT_CLOSED, Dark.SUSPENDED, Dark.FAULT}
+"""why a board ends a light or a sequence that nobody has told it to end"""
 LATCH_TIMEOUT_S = 5.0
 """a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
 
@@ -75,8 +77,14 @@ class LightRing(BoardLink):
         """how often the board halves every colour because its chip is hot, as it said last"""
         self._dark: Dark | None = None
         """why the board has made its LEDs dark by itself; None: it has not, or they are lit again"""
+        self._running = False
+        """whether a sequence was started that nothing has ended since, as far as is known"""
         self._heard_s = -inf
         """`time.monotonic` of the last answer"""
+        self._disturbances = 0
+        """retries and damaged packets up to which the light is known"""
+        self._doubted = False
+        """whether an event of the board may have been lost, so that its light is not known"""
         self._lighting = threading.RLock()
         """held while a light is on its way, so that no other replaces it; taken before the lock of the requests"""
         self._stop = threading.Event()
@@ -116,6 +124,7 @@ class LightRing(BoardLink):
         while not self._stop.wait(period_s):
             try:
                 self.clock()
+                self._settle_doubts()
                 self._light_again()
                 silent = False
             except BoardError as error:
@@ -142,18 +151,44 @@ class LightRing(BoardLink):
     def lit_since_s(self) -> float:
         """Return from when on (`time.monotonic`) the light of the last `light` surely was on until now.
 
-        A board that was not heard of for `SILENCE_S` is asked first, since it may have made its LEDs dark. Then, and
-        until they are lit again, this is inf. Raises BoardError where the board does not answer.
+        A board that was not heard of for `SILENCE_S`, or whose packets were damaged, is asked first, since it may have
+        made its LEDs dark. Then, and until they are lit again, this is inf. Raises BoardError where the board does not
+        answer.
         """
         if time.monotonic() - self._heard_s > SILENCE_S:
             self.clock()
-        return self.lit_s
+        self._settle_doubts()
+        return inf if self._doubted else self.lit_s
+
+    def _settle_doubts(self) -> None:
+        """Ask the board for its light where the event that would have told of another one may have been lost."""
+        self._doubted = self._doubted or self.retries + self.damaged != self._disturbances
+        if not self._doubted or not self._lighting.acquire(blocking=False):
+            return  # all is known, or a program is just lighting it
+        try:
+            status = self.status()
+            with self._lock:
+                self._doubted, self._disturbances = False, self.retries + self.damaged
+                self._take_status(status)
+        finally:
+            self._lighting.release()
+
+    def _take_status(self, status: protocol.StatusReply) -> None:
+        """Take the events that were lost from the status; the lock of the requests is held."""
+        lit = self.still is not None or self._running
+        if lit and self._dark is None and status.state == State.STILL and status.dark in BY_ITSELF:
+            self._take_event(protocol.DarkEvent(status.time_us, status.events_dropped, status.dark))
+        if status.dimmed != self.dimmed:
+            self._take_event(
+                protocol.DimmedEvent(status.time_us, status.temperature, status.events_dropped, status.dimmed)
+            )
 
     def _take_event(self, event: Record) -> None:
         if isinstance(event, protocol.DarkEvent):
             # A newer firmware may have reasons that this host does not know.
             self._dark = Dark(event.dark) if event.dark in set(Dark) else Dark.FAULT
             self.lit_s = inf if self.still is not None else self.lit_s
+            self._running = self._running and self._dark is Dark.TRIGGER_MISSED
         if isinstance(event, protocol.DimmedEvent):
             self._note_dimmed(event)
         super()._take_event(event)
@@ -184,6 +219,7 @@ class LightRing(BoardLink):
     def _tell_ping(self, host_sent_s: float, board_received_us: int, board_sent_us: int) -> None:
         ping = Ping(host_sent_s=host_sent_s, board_received_us=board_received_us, board_sent_us=board_sent_us,
                     host_received_s=time.monotonic())  # fmt: skip
+        self._doubted = self._doubted or ping.host_received_s - self._heard_s > SILENCE_S
         self._heard_s = ping.host_received_s
         for listener in tuple(self.ping_listeners):
             listener(ping)
@@ -193,7 +229,7 @@ class LightRing(BoardLink):
         with self._lighting:
             record = protocol.SetLeds(colour_bytes(colours, self.led_count))
             reply = self._request("SET_LEDS", protocol.LightReply, record)
-            self.still = np.array(colours)
+            self.still, self._running = np.array(colours), False
             return reply
 
     def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = LATCH_TIMEOUT_S) -> int:
@@ -234,7 +270,7 @@ class LightRing(BoardLink):
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
         with self._lighting:
-            self.still = None
+            self.still, self._running = None, False
             self._request("BLANK", protocol.Empty)
             self._dark = None
 
@@ -264,6 +300,7 @@ class LightRing(BoardLink):
         with self._lighting:
             self.still = None
             self._request("START", protocol.Empty)
+            self._running = True
 
     def step(self) -> protocol.LightReply:
         """Show the next step of a HOLD sequence."""
@@ -274,6 +311,7 @@ class LightRing(BoardLink):
     def stop(self) -> None:
         """End the sequence; what is lit stays lit."""
         self._request("STOP", protocol.Empty)
+        self._running = False
 
     def set_limits(self, limit_ma: int, policy: Policy) -> None:
         """Limit the current of all LEDs together."""

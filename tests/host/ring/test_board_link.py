@@ -13,6 +13,7 @@ from gellight.base.errors import BoardError
 from gellight.ring import board_link
 from gellight.ring import protocol as p
 from gellight.ring.board_link import FairLock
+from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, Record, decode, encode, u8
 
@@ -178,3 +179,42 @@ def test_the_ring_forgets_a_light_that_was_never_latched() -> None:
     ring = LightRing(ScriptedBoard(answer), keep_alive_s=None)
     with pytest.raises(BoardError, match=r"light 9 was not latched within 0\.1 s"):
         ring.light(np.zeros((12, 3), np.uint8), timeout_s=0.1)
+
+
+class ForgettingBoard(ScriptedBoard):
+    """Latches every light at once; its event of the dark gets lost."""
+
+    def __init__(self) -> None:
+        super().__init__(self._say)
+        self.dark, self.lights = Dark.NOT_DARK, 0
+
+    def _say(self, request: Packet) -> bytes:
+        names = {command.code: name for name, command in p.COMMANDS.items()}
+        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": replace(STATUS, dark=self.dark)}
+        if names[request.type] != "SET_LEDS":
+            return packet(request.type | p.REPLY, request.sequence, records.get(names[request.type], p.Empty()))
+        self.lights, self.dark = self.lights + 1, Dark.NOT_DARK
+        latched = replace(p.LightEvent.unpack(bytes(p.LightEvent.codec().size)), light_id=self.lights)
+        reply = p.LightReply(light_id=self.lights, current_ma=100, scale=p.FULL_SCALE)
+        return packet(request.type | p.REPLY, request.sequence, reply) + packet(
+            p.EVENTS["LIGHT"][0], 0, latched, reply=False
+        )
+
+
+@pytest.mark.parametrize("lost_by", ["silence", "damage"])
+def test_a_dark_board_whose_event_was_lost_is_found_out_and_lit_again(lost_by: str) -> None:
+    """A board heard nothing for a second, ended its light, and answered just when the host tried for the last time."""
+    board = ForgettingBoard()
+    ring = LightRing(board, keep_alive_s=None)
+    ring.light(np.full((12, 3), 50, np.uint8))
+    assert np.isfinite(ring.lit_since_s())
+    board.dark = Dark.HOST_SILENT
+    if lost_by == "damage":
+        board.put(b"\x05rubbish\0")
+        ring.clock()
+    else:
+        ring._heard_s -= 2
+    assert ring.lit_since_s() == np.inf
+    assert [event.dark for event in ring.events if isinstance(event, p.DarkEvent)] == [Dark.HOST_SILENT]
+    ring._light_again()
+    assert (board.lights, np.isfinite(ring.lit_since_s())) == (2, True)
