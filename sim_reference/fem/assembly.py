@@ -19,7 +19,7 @@ class Pattern:
     indices: NDArray[np.int32]
     indptr: NDArray[np.int32]
 
-    def matrix(self, blocks: Array) -> sp.bsr_matrix:
+    def matrix(self, blocks: Array | NDArray[np.float32]) -> sp.bsr_matrix:
         """Return the matrix of `blocks` (B, 3, 3)."""
         size = 3 * (len(self.indptr) - 1)
         return sp.bsr_matrix((blocks, self.indices, self.indptr), shape=(size, size))
@@ -61,23 +61,21 @@ class Assembler:
         self.pattern = Pattern(columns[self._order].astype(np.int32), indptr)
 
     def blocks(self, shares: list[Array]) -> Array:
-        """Return the blocks (B, 3, 3) of the sum of `shares`, one (pairs of corners, 3, 3, G) for each group."""
-        parts = [at @ _by_member(share) for at, share in zip(self._sums, shares, strict=True)]
-        upper = np.asarray(sum(parts))
-        flipped = upper.reshape(-1, 3, 3).swapaxes(1, 2).reshape(-1, 9)
-        diagonal = -(self._of_first @ upper) - self._of_second @ flipped
-        return np.concatenate([upper[self._both], flipped[self._both], diagonal])[self._order].reshape(-1, 3, 3)
+        """Return the blocks (B, 3, 3) of the sum of `shares`, one (3, 3, pairs of corners, G) for each group."""
+        upper = {place: sum(at @ share[place].ravel() for at, share in zip(self._sums, shares, strict=True))
+                 for place in np.ndindex(3, 3)}  # fmt: skip
+        result = np.empty((len(self._order), 3, 3))
+        for i, j in np.ndindex(3, 3):
+            here, flipped = upper[i, j], upper[j, i]
+            diagonal = -(self._of_first @ here) - self._of_second @ flipped
+            result[:, i, j] = np.concatenate([here[self._both], flipped[self._both], diagonal])[self._order]
+        return result
 
 
 def _pairs(group: Indices, count: int) -> Indices:
     """One number for each pair of corners of each member, pair by pair, -1 where there is no corner."""
     first, second = group.T[np.transpose(list(combinations(range(group.shape[1]), 2)))]
     return np.where(second >= 0, first * count + second, -1).ravel()
-
-
-def _by_member(share: Array) -> Array:
-    """(pairs, 3, 3, G) as (pairs times G, 9)."""
-    return np.moveaxis(share, 3, 1).reshape(-1, 9)
 
 
 def _summation(there: Indices, keys: Indices) -> sp.csr_matrix:

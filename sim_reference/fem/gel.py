@@ -103,11 +103,11 @@ class FemGel:
         pressing = Pressing(solver, field, self.friction, on_step, resume)
         shear_modulus_mpa = self.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
         bare = replace(geometry, coating_smoothing_mm=0.0)
-        count = int(np.ceil(press_depth_mm / INCREMENT_MM)) if self.friction else 1
-        depths = np.linspace(0, press_depth_mm, count + 1)[1:].tolist()
-        for increment in range(pressing.next_increment, count):
-            depth = depths[increment]
-            pressing.advance(increment, depth, gel.press(object_height_mm, spacing_mm, depth, bare))
+        pressing.go_to(
+            press_depth_mm,
+            INCREMENT_MM if self.friction else np.inf,
+            lambda depth: gel.press(object_height_mm, spacing_mm, depth, bare),
+        )
         pressing.close_gap(press_depth_mm, load=None if load_n is None else load_n / shear_modulus_mpa)
         barrier = pressing.barrier
         sampled = sample_surface(solver.mesh, pressing.state.at, barrier, len(object_height_mm), spacing_mm)

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def product(one: Array, other: Array) -> Array:
-    """Return the matrix product (I, J, T) of (I, K, T) and (K, J, T)."""
+    """Return the matrix product (I, J, ..., T) of (I, K, ..., T) and (K, J, ..., T)."""
     result = one[:, :1] * other[:1]
     for k in range(1, len(other)):
         result += one[:, k, None] * other[None, k]

@@ -16,6 +16,7 @@ from itertools import permutations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from sim_reference.geometry import SensorGeometry
 
@@ -62,6 +63,11 @@ class Mesh:
         double = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
         area = np.bincount(self.surface_triangles.ravel(), np.repeat(double / 6, 3), len(self.vertices))
         return np.asarray(area[self.surface], np.float64)
+
+    @cached_property
+    def above(self) -> Indices:
+        """(N,) which vertex of `surface` is nearest above each vertex."""
+        return np.asarray(cKDTree(self.vertices[self.surface, :2]).query(self.vertices[:, :2])[1])
 
     @cached_property
     def free(self) -> Indices:

@@ -23,6 +23,8 @@ from sim_reference.fem.mesh import Indices, Mesh
 Array = NDArray[np.float64]
 PATCH_CORNERS = 10
 """a tetrahedron has four corners and the middles of six edges; a cube of the first level has eight corners"""
+AT_ONCE = 2048
+"""tetrahedra: what is in between stays in the processor's cache"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,9 @@ class NeoHookean:
         """(T,) mm3"""
         self.patch_volume = np.bincount(self.patch, self.volume)
         self.patch_vertices, self._slot = patch_corners(self.tets, self.patch)
+        # Memory that is new to the process costs more than what is done with it: each Hessian has the same.
+        self._tet_shares = np.empty((3, 3, len(pairs(4)), len(self.tets)))
+        self._patch_shares = np.empty((3, 3, len(pairs(PATCH_CORNERS)), len(self.patch_volume)))
 
     def strain(self, at: Array) -> Strain:
         """Return the strain with the vertices `at` (N, 3)."""
@@ -91,28 +96,24 @@ class NeoHookean:
         return np.stack([np.bincount(corners, share.ravel(), len(at)) for share in shares], axis=1)
 
     def hessians(self, at: Array, *, project: bool) -> tuple[Array, Array]:
-        """Return the shares of d2W/dx_a dx_b for pairs a < b of corners: of tetrahedra (6, 3, 3, T), and of patches.
+        """Return the shares of d2W/dx_a dx_b for pairs a < b of corners: of tetrahedra (3, 3, 6, T), and of patches.
 
-        Tetrahedron: V ((grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T). Patch, (45, 3, 3, P):
+        Tetrahedron: V ((grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T). Patch, (3, 3, 45, P):
         V w'' (dJ/dx_a) (dJ/dx_b)^T with w = lambda/2 (log J)^2. `project` makes each positive semidefinite. Moving all
-        corners alike costs nothing, so the pairs also give the shares of a = b (`assembly`).
+        corners alike costs nothing, so the pairs also give the shares of a = b (`assembly`). The next call overwrites
+        the arrays.
         """
         strain = self.strain(at)
-        tension, spatial = self._tension(strain), product(strain.cofactors, self.shape_gradient) / strain.volume_ratio
-        tets = np.empty((6, 3, 3, len(self.tets)))
-        scaled = self.volume * tension * spatial, self.volume * (1 - tension) * spatial
-        weighed = self.volume * self.shape_gradient
-        for share, (a, b) in zip(tets, pairs(4), strict=True):
-            for i in range(3):
-                for j in range(3):
-                    np.multiply(scaled[0][i, a], spatial[j, b], out=share[i, j])
-                    share[i, j] += scaled[1][i, b] * spatial[j, a]
-            along = (weighed[:, a] * self.shape_gradient[:, b]).sum(axis=0)
-            for axis in range(3):
-                share[axis, axis] += along
-        if project:
-            _lift(tets, strain, tension, self.shape_gradient, self.volume)
-        return tets, self._patch_hessians(strain, spatial, project=project)
+        tension, spatial = self._tension(strain), np.empty_like(self.shape_gradient)
+        for begin in range(0, len(self.tets), AT_ONCE):
+            now = slice(begin, begin + AT_ONCE)
+            of_corners, volume, q = self.shape_gradient[..., now], self.volume[now], tension[now]
+            spatial[..., now] = product(strain.cofactors[..., now], of_corners) / strain.volume_ratio[now]
+            found = _tet_hessians(of_corners, spatial[..., now], q)
+            if project:
+                found += _lift(strain.gradient[..., now], q, of_corners)
+            np.multiply(volume, found, out=self._tet_shares[..., now])
+        return self._tet_shares, self._patch_hessians(strain, spatial, project=project)
 
     def _patch_hessians(self, strain: Strain, spatial: Array, *, project: bool) -> Array:
         patches, ratio = len(self.patch_volume), strain.patch_ratio
@@ -121,12 +122,9 @@ class NeoHookean:
         change = change.reshape(3, PATCH_CORNERS, patches)
         curvature = self.lame * (1 - np.log(ratio)) / ratio**2
         weighed = self.patch_volume * (np.maximum(curvature, 0) if project else curvature) * change
-        first, second = np.transpose(pairs(PATCH_CORNERS))
-        result = np.empty((len(first), 3, 3, patches))
-        for i in range(3):
-            for j in range(3):
-                np.multiply(weighed[i, first], change[j, second], out=result[:, i, j])
-        return result
+        for pair, (a, b) in enumerate(pairs(PATCH_CORNERS)):
+            np.multiply(weighed[:, None, a], change[None, :, b], out=self._patch_shares[:, :, pair])
+        return self._patch_shares
 
     def _tension(self, strain: Strain) -> Array:
         """(T,) q = w'(J) det F, the tension that keeps the volume: negative in compression."""
@@ -158,32 +156,43 @@ def patch_corners(tets: Indices, patch: Indices) -> tuple[Indices, Indices]:
     return vertices, (corner * count + of_patch)[place]
 
 
-def _lift(hessians: Array, strain: Strain, tension: Array, shape_gradient: Array, volume: Array) -> None:
-    """Add to each tetrahedron's Hessian what makes its negative eigenvalues 0.
+def _tet_hessians(shape_gradient: Array, spatial: Array, tension: Array) -> Array:
+    """Return (grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T of all pairs, (3, 3, 6, T)."""
+    first, second = np.transpose(pairs(4))
+    b_a, b_b = spatial[:, first], spatial[:, second]
+    result = (tension * b_a)[:, None] * b_b[None]
+    result += ((1 - tension) * b_b)[:, None] * b_a[None]
+    along = (shape_gradient[:, first] * shape_gradient[:, second]).sum(axis=0)
+    for axis in range(3):
+        result[axis, axis] += along
+    return np.asarray(result)
+
+
+def _lift(gradient: Array, tension: Array, shape_gradient: Array) -> Array:
+    """Return what makes the negative eigenvalues of each tetrahedron's Hessian 0, for all pairs (3, 3, 6, T).
 
     In the frame of F = U diag(s) V^T the nine eigenmatrices of d2W/dF2 are known: three stretches U diag(e) V^T with e
     from a 3 x 3 matrix, and for each pair k, m of axes a shear and a twist with 1 +- (1 - q) / (s_k s_m). With
     h_a = V^T grad N_a, such a matrix times grad N_a has at most three entries in the frame of U.
     """
-    squares, right = eigenvectors(product(transposed(strain.gradient), strain.gradient))
+    squares, right = eigenvectors(product(transposed(gradient), gradient))
     s = np.sqrt(squares)
-    left = product(strain.gradient, right) / s
-    stretch = volume * _stretch_lift(s, tension)
-    same, crossed = {}, {}
+    left = product(gradient, right) / s
+    first, second = np.transpose(pairs(4))
+    across = product(transposed(right), shape_gradient)
+    one, other = across[:, first], across[:, second]
+    framed = _stretch_lift(s, tension)[:, :, None] * one[:, None] * other[None]
     for k, m in pairs(3):
         coupling = (1 - tension) / (s[k] * s[m])
         shear, twist = np.maximum(-1 - coupling, 0), np.maximum(coupling - 1, 0)
-        same[k, m], crossed[k, m] = volume * (shear + twist) / 2, volume * (shear - twist) / 2
-    across = product(transposed(right), shape_gradient)
-    for share, (a, b) in zip(hessians, pairs(4), strict=True):
-        one, other = across[:, a], across[:, b]
-        framed = stretch * one[:, None] * other[None]
-        for k, m in pairs(3):
-            framed[k, k] += same[k, m] * one[m] * other[m]
-            framed[m, m] += same[k, m] * one[k] * other[k]
-            framed[k, m] += crossed[k, m] * one[m] * other[k]
-            framed[m, k] += crossed[k, m] * one[k] * other[m]
-        share += product(product(left, framed), transposed(left))
+        same, crossed = (shear + twist) / 2, (shear - twist) / 2
+        framed[k, k] += same * one[m] * other[m]
+        framed[m, m] += same * one[k] * other[k]
+        framed[k, m] += crossed * one[m] * other[k]
+        framed[m, k] += crossed * one[k] * other[m]
+    # U framed U^T, for all pairs.
+    wide = left[:, :, None]
+    return product(product(wide, framed), transposed(wide))
 
 
 def _stretch_lift(s: Array, tension: Array) -> Array:

@@ -21,6 +21,8 @@ from sim_reference.fem.multigrid import Hierarchy, conjugate_gradients
 from sim_reference.fem.neo_hookean import NeoHookean
 
 Array = NDArray[np.float64]
+TOLERANCE_MM = 2e-5
+"""Newton's method ends after a full step that moves nothing by more"""
 NEAR_MM = 0.03
 """after a full step shorter than this the Hessian is used as it is, not projected: convergence becomes quadratic"""
 
@@ -82,7 +84,7 @@ class Solver:
         state: State,
         contact: Contact,
         *,
-        tolerance_mm: float = 2e-5,
+        tolerance_mm: float = TOLERANCE_MM,
         limit: int = 100,
         on_step: Callable[[Step, State], None] | None = None,
     ) -> State:

@@ -17,7 +17,7 @@ from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.friction import friction_of
 from sim_reference.fem.height_field import HeightField
 from sim_reference.fem.mesh import Mesh
-from sim_reference.fem.newton import Contact, Solver, State, Step
+from sim_reference.fem.newton import TOLERANCE_MM, Contact, Solver, State, Step
 
 Array = NDArray[np.float64]
 BARRIER_DISTANCES_MM = (0.02, 0.005)
@@ -28,6 +28,9 @@ USUAL_GAP = 0.8
 """mean gap over barrier distance, before it is known"""
 STICK_MM = 0.001
 """friction holds within this"""
+LEAST_INCREMENT_MM = 0.001
+BEGINNING_TOLERANCE_MM = 1e-3
+"""in place of `newton.TOLERANCE_MM`, for what only begins the next stage"""
 MOST_LAGS = 20
 """how often friction is evaluated with the contact as it has become"""
 
@@ -37,8 +40,8 @@ class Checkpoint:
     """A press under way, after one of Newton's steps: what it takes to go on from there."""
 
     state: State
-    increment: int
-    """which increment is under way, from 0; -1 before the first"""
+    increment_mm: float
+    """depth at the end of the increment under way, 0 before the first"""
     narrow: bool
     """all increments are done, and the gap is being closed"""
     gap_share: float
@@ -62,17 +65,9 @@ class Pressing:
         self._solver, self._field, self._friction, self._on_step = solver, field, friction, on_step
         self._mesh = solver.mesh
         at = self._mesh.vertices
-        at_rest = Checkpoint(State(at, 0.0), -1, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at)))
+        at_rest = Checkpoint(State(at, 0.0), 0.0, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at)))
         self._now = resume or at_rest
-        self._resumed = resume is not None
         self.steps: list[Step] = []
-
-    @property
-    def next_increment(self) -> int:
-        """The increment to press first: the one under way in a resumed press, if it was not done."""
-        if not self._resumed:
-            return 0
-        return self._now.increment + self._now.narrow
 
     @property
     def state(self) -> State:
@@ -90,18 +85,42 @@ class Pressing:
         """How deep the gel is pressed: the object, and the mean gap between them, weighted with the force."""
         return self.state.depth_mm + self._now.gap_share * self.barrier.distance_mm
 
-    def advance(self, increment: int, depth_mm: float, layer: Deformation) -> None:
-        """Press to `depth_mm`, beginning with the change of the linear layer since the last increment."""
-        if increment != self._now.increment:
-            above = depth_above(layer, self._mesh)
-            at = self.state.at.copy()
-            at[:, 2] += (above - self._now.layer_mm) * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
-            # A vertex that touches first now has gone straight to the object: friction is for sideways movement.
-            x, y, _ = self.state.at[self._mesh.surface].T
-            anchor = np.column_stack([x, y, depth_mm + self._field(x, y)])
-            state = State(at, depth_mm)
-            self._now = replace(self._now, state=state, increment=increment, anchor=anchor, layer_mm=above)
-        self._settle(depth_mm, load=None)
+    def go_to(self, depth_mm: float, increment_mm: float, layer: Callable[[float], Deformation]) -> None:
+        """Press to `depth_mm` in increments of at most `increment_mm`, beginning each with the layer's change in it.
+
+        An increment that would turn a tetrahedron inside out is halved. A press that was interrupted goes on with the
+        increment under way. Raises NotConverged where no increment is small enough.
+        """
+        if self._now.narrow:
+            return
+        if self._now.increment_mm:
+            self._settle(self._now.increment_mm, load=None)
+        while (reached := self._now.increment_mm) < depth_mm:
+            count = max(1.0, np.ceil((depth_mm - reached) / increment_mm - 1e-9))
+            ahead = depth_mm if count == 1 else reached + (depth_mm - reached) / count
+            while (begun := self._begun(ahead, layer)) is None:
+                ahead = (reached + ahead) / 2
+                if ahead - reached < LEAST_INCREMENT_MM:
+                    raise NotConverged(
+                        f"at {reached:.3f} mm the gel turns inside out: press less deep, or give a finer resolution"
+                    )
+            self._now = begun
+            self._settle(begun.increment_mm, load=None)
+
+    def _begun(self, depth_mm: float, layer: Callable[[float], Deformation]) -> Checkpoint | None:
+        """Return an increment's first state, None if it has tetrahedra inside out, or all but."""
+        above = depth_above(layer(depth_mm), self._mesh)
+        at = self.state.at.copy()
+        at[:, 2] += (above - self._now.layer_mm) * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
+        object_mm = depth_mm - self._now.gap_share * self.barrier.distance_mm
+        at = _cleared(at, self._mesh, replace(self.barrier, depth_mm=object_mm))
+        before = self._solver.min_det_f(self.state)
+        if self._solver.min_det_f(State(at, object_mm)) < 0.1 * before:
+            return None
+        # A vertex that touches first now has gone straight to the object: friction is for sideways movement.
+        x, y, _ = self.state.at[self._mesh.surface].T
+        anchor = np.column_stack([x, y, depth_mm + self._field(x, y)])
+        return replace(self._now, state=State(at, object_mm), increment_mm=depth_mm, anchor=anchor, layer_mm=above)
 
     def close_gap(self, depth_mm: float, load: float | None) -> None:
         """Narrow the barrier; with `load` (shear moduli times mm2), let the object go and hold the load instead."""
@@ -114,7 +133,9 @@ class Pressing:
         back = self._now.gap_share * self.barrier.distance_mm
         self._move(State(self.state.at, depth_mm - back))
         self._move(State(_cleared(self.state.at, self._mesh, self.barrier), self.state.depth_mm))
-        self._solve(Contact(self.barrier, load=load))
+        # What is friction or the last stage is built upon this; else it is where the next stage begins.
+        exact = self._now.narrow or self._friction
+        self._solve(Contact(self.barrier, load=load), TOLERANCE_MM if exact else BEGINNING_TOLERANCE_MM)
         if self._friction:
             self._rub()
         surface = self.state.at[self._mesh.surface]
@@ -137,8 +158,8 @@ class Pressing:
             "smaller coefficient"
         )
 
-    def _solve(self, contact: Contact) -> None:
-        self._move(self._solver.solve(self.state, contact, on_step=self._record))
+    def _solve(self, contact: Contact, tolerance_mm: float = TOLERANCE_MM) -> None:
+        self._move(self._solver.solve(self.state, contact, tolerance_mm=tolerance_mm, on_step=self._record))
 
     def _move(self, state: State) -> None:
         self._now = replace(self._now, state=state)
@@ -158,7 +179,11 @@ def depth_above(layer: Deformation, mesh: Mesh) -> Array:
 
 
 def _cleared(at: Array, mesh: Mesh, barrier: Barrier) -> Array:
-    """Return the vertices, those lifted to a third of the barrier that are inside the object, or all but."""
+    """Return the vertices, with the gel lifted where its surface is inside the object, or all but.
+
+    What lies below goes along, less the deeper it is: a surface that is lifted alone turns tetrahedra inside out.
+    """
+    lift = np.maximum(0.3 * barrier.distance_mm - barrier.gap(at[mesh.surface]), 0)
     at = at.copy()
-    at[mesh.surface, 2] += np.maximum(0.3 * barrier.distance_mm - barrier.gap(at[mesh.surface]), 0)
+    at[:, 2] += lift[mesh.above] * (1 - mesh.vertices[:, 2] / mesh.thickness_mm)
     return at

@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse.linalg
 
 from sim_reference import gel
-from sim_reference.deformation import grid
+from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.fem.gel import FemGel, FemPress, solver_of
 from sim_reference.fem.mesh import gel_mesh
 from sim_reference.fem.multigrid import Hierarchy, conjugate_gradients
@@ -170,6 +170,24 @@ def test_a_step_is_cut_before_a_tetrahedron_inverts_on_its_way() -> None:
         assert min(ratios) > 0.099
         assert elastic.strain(mesh.vertices + 1.001 * share * step).volume_ratio.min() < 0.101
     assert upright_share(elastic, mesh.vertices, np.zeros_like(mesh.vertices)) == 1
+
+
+def test_no_press_begins_inside_out_under_steep_walls() -> None:
+    # The layer's surface rises by the whole depth between two vertices here: as a first state it would invert.
+    class EnoughError(Exception):
+        pass
+
+    steps: list[Step] = []
+
+    def three(step: Step, _: Checkpoint) -> None:
+        steps.append(step)
+        if len(steps) == 3:
+            raise EnoughError
+
+    block = np.where(np.maximum(np.abs(AT[None, :]), np.abs(AT[:, None])) < 1.2, 0.0, NO_OBJECT)
+    with pytest.raises(EnoughError):
+        FemGel(resolution_mm=0.2, dense_radius_mm=2.0).press(block, SPACING, 1.2, GEOMETRY, on_step=three)
+    assert all(np.isfinite(step.energy) and step.min_det_f > 0 for step in steps)
 
 
 def test_a_press_of_nothing_leaves_the_gel_at_rest() -> None:

@@ -156,7 +156,7 @@ class _Progress:
                         f"{self.path} is of another press, or of another version: remove it, or choose another --out"
                     )
                 state = State(kept["at"], float(kept["depth_mm"]))
-                return Checkpoint(state, int(kept["increment"]), bool(kept["narrow"]), float(kept["gap_share"]),
+                return Checkpoint(state, float(kept["increment_mm"]), bool(kept["narrow"]), float(kept["gap_share"]),
                                   kept["anchor"], kept["layer_mm"])  # fmt: skip
         except (ValueError, KeyError, EOFError) as error:
             raise InputError(f"{self.path} cannot be read ({error}): remove it, the press begins anew") from error
@@ -169,7 +169,7 @@ class _Progress:
             key=self._key,
             at=checkpoint.state.at,
             depth_mm=checkpoint.state.depth_mm,
-            increment=checkpoint.increment,
+            increment_mm=checkpoint.increment_mm,
             narrow=checkpoint.narrow,
             gap_share=checkpoint.gap_share,
             anchor=checkpoint.anchor,
