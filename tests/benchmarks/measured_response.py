@@ -17,7 +17,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import write_png
-from gellight.training.labelling import detect, write_presses
+from gellight.training.labelling import PressCircle, detect, write_presses
 from gellight.training.presses import Ball, read_presses
 from gellight.training.training import TrainingOptions, fit, read_reference
 from sim_reference.geometry import SensorGeometry
@@ -96,7 +96,7 @@ def measure(name: str, *, presses: int = 30, options: TrainingOptions | None = N
         reference = read_reference(f"{folder}/untouched-*.png")
         truth = _press_balls(response, place, presses, random)
         found = detect(sorted(truth), reference.image, BALL)
-        circles = [(detection.image, detection.circle) for detection in found if detection.circle is not None]
+        circles = [(one.image, one.contact) for one in found if isinstance(one.contact, PressCircle)]
         apart = [np.hypot(c.center_x_px - truth[path][0], c.center_y_px - truth[path][1]) for path, c in circles]
         write_presses(place / "presses.csv", found)
         labelled = read_presses(place / "presses.csv", ball=BALL, image_shape=GEOMETRY.image_shape)

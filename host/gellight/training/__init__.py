@@ -1,6 +1,7 @@
 """From labelled presses to a network.
 
 presses.py           ball presses and their labels; the table that GelNet learns from
+prisms.py            presses of prisms, and their labels
 gel_at_rest.py       what the gel at rest does, measured on the presses
 trainer.py           what trains: PyTorch where it is installed, else NumPy
 child.py             a module of gelnet run in a child process

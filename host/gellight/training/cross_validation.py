@@ -16,6 +16,7 @@ from gellight.training.child import Progress, silent
 from gellight.training.labelling.refinement import FirstFits, refine_others
 from gellight.training.labelling.refinement import refine as refinement_of
 from gellight.training.presses import Ball, Press, PressTable, images_of
+from gellight.training.prisms import PrismPress
 from gellight.training.training import Reference, TrainingOptions, fit
 from gellight.training.validation import PressError, PressFigures, frames_by, press_error, press_errors, summarised
 
@@ -73,6 +74,7 @@ def cross_validate(
     folds: int = 5,
     options: TrainingOptions | None = None,
     refine: bool = False,
+    prisms: Sequence[PrismPress] = (),
     progress: Progress = silent,
 ) -> CrossValidation:
     """Train `folds` times without a part of the presses and measure the error on that part.
@@ -81,8 +83,8 @@ def cross_validate(
 
     With `refine` each fold trains on circles that were refined among themselves. The part held out is judged by its
     labels as given, and by labels that are refined with the response of the light to the training presses. No response
-    and no network ever sees an image whose label it refines or judges. Raises InputError for too few presses, and as
-    `fit`.
+    and no network ever sees an image whose label it refines or judges. Every fold learns from all prisms. Raises
+    InputError for too few presses, and as `fit`.
     """
     numbers = images_of(presses)
     images = int(numbers.max(initial=-1)) + 1
@@ -97,7 +99,7 @@ def cross_validate(
             part = set(np.flatnonzero(np.isin(numbers, order[fold::folds])).tolist())
             training, held_out = _divided(presses, part, reference.image, ball, first)
             place = Path(folder) / f"fold-{fold}"
-            bundle = fit(training, reference, ball, place, sensor=f"fold {fold}", options=options)
+            bundle = fit(training, reference, ball, place, sensor=f"fold {fold}", options=options, prisms=prisms)
             found = _errors_of_fold(bundle, held_out, reference.image, ball)
             for key, of_fold in found.items():
                 errors[key] += of_fold

@@ -120,7 +120,7 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
     Raises InputError naming file, row and value unless every row is a circle that this ball can make in this image,
     and every image is readable and of that size. A row with a text in the column `REFUSED` is passed over.
     """
-    rows = _read_rows(path)
+    rows = read_rows(path, COLUMNS)
     presses: list[Press] = []
     seen: dict[Press, int] = {}
     for line, row in enumerate(rows, start=2):
@@ -130,36 +130,38 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
         name = (row["image"] or "").strip()
         if not name:
             raise InputError(f"{where}: column image is empty: give the name of the image beside the csv")
-        x, y, radius = (_number(row, column, where) for column in COLUMNS[1:])
+        x, y, radius = (number_in(row, column, where) for column in COLUMNS[1:])
         found = bool((row.get(QUALITY) or "").strip())
         circle = {"center_x_px": x, "center_y_px": y, "contact_radius_px": radius}
         press = Press(image=path.parent / name, **circle, found=found, dots=dots)
         _check_circle(press, ball, image_shape, where)
         _check_apart(press, seen, where)
         seen[press] = line
-        _check_image(press, image_shape, where)
+        check_image(press.image, image_shape, where)
         presses.append(press)
     if not presses:
         raise InputError(f"{path} has no presses: add a line for each image with the columns {', '.join(COLUMNS)}")
     return presses
 
 
-def _read_rows(path: Path) -> list[dict[str, str | None]]:
+def read_rows(path: Path, columns: Sequence[str]) -> list[dict[str, str | None]]:
+    """Read a csv that must have these columns; InputError where it cannot be read or one is missing."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
-            missing = [column for column in COLUMNS if column not in (reader.fieldnames or [])]
+            missing = [column for column in columns if column not in (reader.fieldnames or [])]
             rows = [dict(row) for row in reader]
     except OSError as error:
         raise InputError(f"presses {path} cannot be opened ({error.strerror}): check the name") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"presses {path} is not a csv file ({error}): save it as UTF-8 text") from error
     if missing:
-        raise InputError(f"{path} has no column {', '.join(missing)}: its first line must be {','.join(COLUMNS)}")
+        raise InputError(f"{path} has no column {', '.join(missing)}: its first line must be {','.join(columns)}")
     return rows
 
 
-def _number(row: dict[str, str | None], column: str, where: str) -> float:
+def number_in(row: dict[str, str | None], column: str, where: str) -> float:
+    """Return the number in a column of a row; InputError where there is none."""
     text = row[column]
     try:
         value = float(text or "")
@@ -209,14 +211,15 @@ def images_of(presses: Sequence[Press]) -> NDArray[np.int32]:
     return np.array([numbers[press.image] for press in presses], np.int32)
 
 
-def _check_image(press: Press, image_shape: tuple[int, int], where: str) -> None:
+def check_image(image: Path, image_shape: tuple[int, int], where: str) -> None:
+    """Refuse an image that cannot be read, or of another size (H, W) than the reference; InputError."""
     try:
-        shape = read_image(press.image).shape[:2]
+        shape = read_image(image).shape[:2]
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
     if shape != image_shape:
         raise InputError(
-            f"{where}: image {press.image.name} is {shape[1]} x {shape[0]} px, the reference image is "
+            f"{where}: image {image.name} is {shape[1]} x {shape[0]} px, the reference image is "
             f"{image_shape[1]} x {image_shape[0]} px: use images of one camera setting"
         )
 

@@ -24,6 +24,7 @@ from gellight.training.child import Check, Progress, go_on, run_module, silent
 from gellight.training.gel_at_rest import rest_of_presses
 from gellight.training.labelling.refinement import refine as refinement_of
 from gellight.training.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
+from gellight.training.prisms import PrismPress, with_prisms
 from gellight.training.trainer import TrainerName, chosen_trainer
 
 Floats = NDArray[np.float32]
@@ -117,6 +118,7 @@ def fit(
     sensor: str,
     options: TrainingOptions | None = None,
     table_options: TableOptions | None = None,
+    prisms: Sequence[PrismPress] = (),
     refine: bool = False,
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
@@ -129,8 +131,9 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). refine: refit the circles together with the light first (`labelling.refinement`); the metrics then
-    say by how much. The rim of circles whose radius no light decided weighs less, unless `table_options` say otherwise.
+    (`gel_at_rest`). prisms: presses of prisms that are learnt from too. refine: refit the circles together with the
+    light first (`labelling.refinement`); the metrics then say by how much. The rim of circles whose radius no light
+    decided weighs less, unless `table_options` say otherwise.
     The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
     them, ready for JSON. Raises InputError, TrainingError or BundleError; then `out` is as it was.
@@ -143,7 +146,7 @@ def fit(
     some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
     metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
     learnt = _learn(
-        presses, reference, ball, table_options or HAND_DRAWN, options or TrainingOptions(), progress, check
+        presses, prisms, reference, ball, table_options or HAND_DRAWN, options or TrainingOptions(), progress, check
     )
     return write_bundle(
         out,
@@ -175,6 +178,7 @@ class _Learnt:
 
 def _learn(
     presses: Sequence[Press],
+    prisms: Sequence[PrismPress],
     reference: Reference,
     ball: Ball,
     table_options: TableOptions,
@@ -185,7 +189,8 @@ def _learn(
     """Measure the light and the gel at rest, and train; errors as `fit`."""
     drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
-    table = build_table(presses, reference.image, ball, table_options, follow_light=follow)
+    balls = build_table(presses, reference.image, ball, table_options, follow_light=follow)
+    table = with_prisms(balls, prisms, reference.image, table_options, follow_light=follow)
     network, record = train(table, options, progress=progress, check=check)
     rest = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
-    return _Learnt(network, table, follow, rest, {"light_drift_grey": drift, "training": record})
+    return _Learnt(network, table, follow, rest, {"light_drift_grey": drift, "prisms": len(prisms), "training": record})

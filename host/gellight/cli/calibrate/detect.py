@@ -1,4 +1,4 @@
-"""`gellight calibrate detect`: the contact circles of ball presses, without a click."""
+"""`gellight calibrate detect`: the contacts of balls or prisms in pictures, without a click."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -12,18 +12,33 @@ from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.frames.image_files import image_files, read_image
 from gellight.report.pictures import write_png
-from gellight.training.labelling import Detection, detect, detect_several, write_overlays, write_presses
+from gellight.training.labelling import Detection, detect, detect_prisms, detect_several, write_overlays, write_presses
 from gellight.training.labelling.plate import PlateGrid, untouched_between
 from gellight.training.presses import Ball
+from gellight.training.prisms import prism_angle_rad
 from gellight.training.training import Reference, read_reference
+
+_HEADS = {
+    "center_x_px": "x", "center_y_px": "y", "contact_radius_px": "radius", "edge_x1_px": "x1", "edge_y1_px": "y1",
+    "edge_x2_px": "x2", "edge_y2_px": "y2", "face_px": "face", "rounding_px": "rounding", "angle_deg": "angle",
+    "lean_deg": "lean", "rise_deg": "rise",
+}  # fmt: skip
+"""of the table: px, and degrees"""
 
 
 @dataclass(frozen=True)
 class Pressed:
     """What is in the pictures."""
 
-    ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
-    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
+    ball_radius_mm: Annotated[float | None, typer.Option(help="radius of the pressed ball, mm")] = None
+    pixel_size_mm: Annotated[float | None, typer.Option(help="mm per pixel on the gel; balls need it")] = None
+    prism_angle_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="instead of a ball a prism was pressed, edge first: the angle between each face and the gel at rest; "
+            "of a cube on its edge 45"
+        ),
+    ] = None
     reference: Annotated[
         str | None,
         typer.Option(
@@ -38,8 +53,20 @@ class Pressed:
 
     @property
     def ball(self) -> Ball:
-        """The ball; InputError for what is no length."""
+        """The ball; InputError for what is no length, or not given."""
+        if self.ball_radius_mm is None or self.pixel_size_mm is None:
+            raise InputError("what was pressed? give --ball-radius-mm and --pixel-size-mm, or --prism-angle-deg")
         return Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+
+    def __post_init__(self) -> None:
+        """Refuse a prism and balls at once."""
+        if self.prism_angle_deg is not None and (self.plate or self.ball_radius_mm is not None):
+            raise InputError("give --prism-angle-deg for prisms, or the size of a ball, but not both")
+
+    @property
+    def sought(self) -> str:
+        """What is looked for."""
+        return "circle" if self.prism_angle_deg is None else "prism"
 
     @property
     def plate(self) -> bool:
@@ -51,11 +78,14 @@ class Pressed:
         if self.reference is not None:
             return read_reference(self.reference)
         if not self.plate:
-            raise InputError("one ball in an image is found by what changed: give --reference, or --several")
+            raise InputError("one press in an image is found by what changed: give --reference, or --several balls")
         return read_reference(_written_untouched(paths, self.ball, target, overwrite))
 
     def found(self, paths: list[Path], untouched: Reference) -> tuple[list[Detection], "PlateScale | None"]:
-        """Look for the balls, and measure the size of a pixel by the pitch of a plate where that is given."""
+        """Look for what was pressed, and measure the size of a pixel by the pitch of a plate where that is given."""
+        if self.prism_angle_deg is not None:
+            angle_rad = prism_angle_rad(self.prism_angle_deg, "--prism-angle-deg")
+            return detect_prisms(paths, untouched.image, angle_rad, dots=untouched.dots), None
         if not self.plate:
             return detect(paths, untouched.image, self.ball, dots=untouched.dots), None
         found, grid = detect_several(paths, untouched.image, self.ball, dots=untouched.dots, pitch_mm=self.pitch_mm)
@@ -67,21 +97,21 @@ def command(
     images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="presses: files, folders, quoted patterns")],
     pressed: Pressed,
     out: Annotated[Path, typer.Option(help="csv to write: a row an image, as `fit` reads it")],
-    overlay: Annotated[Path | None, typer.Option(help="folder for pictures with the circles drawn in")] = None,
+    overlay: Annotated[Path | None, typer.Option(help="folder for pictures with the contacts drawn in")] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the contact circle of a ball press in each image, or of each of several balls.
+    """Find the contact circle of a ball press in each image, or of each of several balls, or the edge of a prism.
 
     With --several and without --reference the untouched gel is taken from between the balls, and written beside the
     csv, so that `fit` can use it.
     An image without a usable press is listed with the reason and `fit` passes over it. The exit status is 0 if every
-    image has its circle, 1 if some were refused, and 2 if all were, or for a wrong argument; then no file is written.
+    image has its contact, 1 if some were refused, and 2 if all were, or for a wrong argument; then no file is written.
     """
     refuse_existing(out, overwrite)
     paths = _images(images)
     found, scale = pressed.found(paths, pressed.untouched(paths, out.with_name(f"{out.stem}-untouched.png"), overwrite))
-    refused = [detection for detection in found if detection.circle is None]
+    refused = [detection for detection in found if detection.contact is None]
     if as_json:  # before what may fail
         typer.echo(_json(found, scale))
     if len(refused) < len(found):
@@ -89,9 +119,11 @@ def command(
         if overlay is not None:
             write_overlays(overlay, found)
     if not as_json:
-        typer.echo(_table(found, out, scale))
+        typer.echo(_table(found, out, scale, pressed.sought))
     if len(refused) == len(found):
-        raise InputError(f"no circle in any of {len(found)} images: nothing was written; see the reason of each")
+        raise InputError(
+            f"no {pressed.sought} in any of {len(found)} images: nothing was written; see the reason of each"
+        )
     if refused:
         raise typer.Exit(1)
 
@@ -144,23 +176,21 @@ def _images(texts: list[str]) -> list[Path]:
     return paths
 
 
-def _table(found: list[Detection], out: Path, scale: PlateScale | None) -> str:
-    lines = [f"{'image':<24}{'x':>9}{'y':>9}{'radius':>9}{'quality':>9}  px"]
+def _table(found: list[Detection], out: Path, scale: PlateScale | None, sought: str) -> str:
+    seen = [detection.contact for detection in found if detection.contact is not None]
+    names = list(seen[0].record()) if seen else []
+    lines = [f"{'image':<24}" + "".join(f"{_HEADS.get(name, name):>9}" for name in names)]
     for detection in found:
-        circle = detection.circle
-        if circle is None:
+        if detection.contact is None:
             lines.append(f"{detection.image.name:<24}refused: {detection.refused}")
         else:
-            lines.append(
-                f"{detection.image.name:<24}{circle.center_x_px:>9.2f}{circle.center_y_px:>9.2f}"
-                f"{circle.contact_radius_px:>9.2f}{circle.quality:>9.3f}"
-            )
+            values = detection.contact.record().values()
+            lines.append(f"{detection.image.name:<24}" + "".join(f"{value:>9.2f}" for value in values))
     if scale is not None:
         lines.append(
             f"{scale.balls} balls of the plate: {scale.pixel_size_mm:g} mm per pixel (across "
             f"{scale.across_mm_per_px:g}, down {scale.down_mm_per_px:g}); they miss the grid by {scale.miss_px:g} px"
         )
-    circles = sum(detection.circle is not None for detection in found)
-    if circles:
-        lines.append(f"wrote {out}: {circles} circles, {len(found) - circles} images refused")
+    if seen:
+        lines.append(f"wrote {out}: {len(seen)} {sought}s, {len(found) - len(seen)} images refused")
     return "\n".join(lines)

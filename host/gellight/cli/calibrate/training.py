@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +15,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.evaluation.synthetic import make_synthetic
+from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
 from gellight.frames.view import read_view
 from gellight.training import training, validation
@@ -22,6 +23,7 @@ from gellight.training.child import Progress, silent
 from gellight.training.cross_validation import Comparison, CrossValidation, cross_validate
 from gellight.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.training.presses import Ball, Press, read_presses
+from gellight.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.training.trainer import TrainerName
 from gellight.training.training import RECIPES, Reference, TrainingOptions, read_reference
 from gellight.training.validation import AngleFigures, PressFigures
@@ -32,6 +34,10 @@ Labels = Annotated[
     Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
 ]
 
+Prisms = Annotated[
+    Path | None,
+    typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it"),
+]
 Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]
 Trainer = Annotated[TrainerName, typer.Option(help="auto: torch where it is installed")]
 
@@ -65,7 +71,7 @@ class SizedTraining(Training):
 
 @dataclass(frozen=True)
 class Recorded:
-    """Labelled pictures of ball presses, and of the untouched gel."""
+    """Labelled pictures of ball presses, and of the untouched gel; prisms may be added."""
 
     presses: Labels
     reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
@@ -74,6 +80,11 @@ class Recorded:
     refine: Annotated[
         bool, typer.Option("--refine", help="refit the circles together with the light before training")
     ] = False
+    prisms: Prisms = None
+
+    def pressed_prisms(self, untouched: Reference) -> list[PrismPress]:
+        """Return the presses of prisms, none where there is no csv; InputError for what cannot be used."""
+        return _prisms(self.prisms, untouched.image_shape, untouched.dots)
 
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
@@ -97,10 +108,11 @@ def fit(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Train on ball presses and write a calibration bundle."""
+    """Train on ball presses, and prisms beside them, and write a calibration bundle."""
     given, options = recorded.read(), how.options()
+    prisms = recorded.pressed_prisms(given[1])
     extra = which_ball(*given, previous)
-    crossed = _cross_validated(given, folds, options, recorded.refine) if folds else None
+    crossed = _cross_validated(given, folds, options, recorded.refine, prisms) if folds else None
     if crossed:
         extra["cross_validation"] = crossed.as_json()
     with progress_bar("training") as report:
@@ -109,6 +121,7 @@ def fit(
             bundle.out,
             sensor=sensor,
             options=options,
+            prisms=prisms,
             refine=recorded.refine,
             view=None if view is None else read_view(view),
             extra_metrics=extra,
@@ -125,12 +138,13 @@ def evaluate(
     ball_radius_mm: Annotated[
         float | None, typer.Option(help="radius of the pressed ball, mm; as in the bundle where not given")
     ] = None,
+    prisms: Prisms = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure the error of a bundle on labelled presses.
 
     It is the angle between the normals inside the contact circles. The size of the ball that the bundle feels is
-    measured too.
+    measured too, and the angle of prisms.
     """
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
@@ -138,12 +152,14 @@ def evaluate(
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=steps.dots if steps else None)
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
+    angles = prism_errors(bundle, _prisms(prisms, bundle.image_shape, steps.dots if steps else None))
     if as_json:
         result = {**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
+        result["prisms"] = [asdict(angle) for angle in angles]
         typer.echo(json.dumps(result, indent=2))
     else:
         felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
-        typer.echo("\n".join([*_error_lines(errors), felt]))
+        typer.echo("\n".join([*_error_lines(errors), felt, *map(_prism_line, angles)]))
 
 
 @with_options
@@ -157,7 +173,9 @@ def crossvalidate(
 
     Each press is measured once, in folds by image.
     """
-    errors = _cross_validated(recorded.read(), folds, how.options(), recorded.refine)
+    given = recorded.read()
+    prisms = recorded.pressed_prisms(given[1])
+    errors = _cross_validated(given, folds, how.options(), recorded.refine, prisms)
     typer.echo(json.dumps(errors.as_json(), indent=2) if as_json else "\n".join(_cross_lines(errors)))
 
 
@@ -198,9 +216,22 @@ def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous
     return found
 
 
-def _cross_validated(given: Given, folds: int, options: TrainingOptions, refine: bool) -> CrossValidation:
+def _prisms(path: Path | None, image_shape: tuple[int, int], dots: Dots | None) -> list[PrismPress]:
+    return [] if path is None else read_prisms(path, image_shape=image_shape, dots=dots)
+
+
+def _prism_line(found: PrismError) -> str:
+    return (
+        f"{found.image}: prism of {found.angle_deg:g} deg feels like {found.felt_deg:.2f} deg; normals of its faces "
+        f"{found.normal_deg:.2f} deg off"
+    )
+
+
+def _cross_validated(
+    given: Given, folds: int, options: TrainingOptions, refine: bool, prisms: list[PrismPress]
+) -> CrossValidation:
     with progress_bar("folds") as report:
-        return cross_validate(*given, folds=folds, options=options, refine=refine, progress=report)
+        return cross_validate(*given, folds=folds, options=options, refine=refine, prisms=prisms, progress=report)
 
 
 def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:

@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.training.labelling.pattern import (
+    LEAST_GREY,
+    LEAST_QUALITY,
     STEEPEST,
     PressShape,
     Window,
     background,
+    check_clipped,
     difference_image,
     fitted,
     left_over,
@@ -23,14 +26,9 @@ from gellight.training.labelling.search import Candidate, best_candidate, candid
 from gellight.training.presses import Ball
 
 Array = NDArray[np.float64]
-_LEAST_GREY = 3.0
-LEAST_QUALITY = 0.8
-"""share that the pattern of a ball must explain for its circle to be believed"""
 _LEAST_SHARE = 0.2
 _LEAST_RADIUS_PX = 6.0
 _LEAST_VIEW = 0.95
-_MOST_CLIPPED = 0.2
-"""of the values in the circle: one channel of three may lose half of its slopes, and the circle is still known"""
 _RIVAL = 0.3
 _PATIENCE = 16
 _FAINTEST = 0.05
@@ -48,6 +46,24 @@ class PressCircle:
     """share of the difference image around the circle that the pattern of a ball explains, 0 to 1"""
     contrast_grey: float
     """root mean square of that pattern inside the circle, grey levels"""
+
+    def record(self) -> dict[str, float]:
+        """Return what the csv and JSON hold, rounded."""
+        names = ("center_x_px", "center_y_px", "contact_radius_px")
+        return {**{name: round(getattr(self, name), 2) for name in names}, "quality": round(self.quality, 3)}
+
+    def from_line(self, image_shape: tuple[int, int]) -> Array:
+        """Return the distance of each (H, W) pixel from the circle and from a cross at its centre, px."""
+        rows, columns = np.indices(image_shape, dtype=np.float64)
+        dx, dy = np.asarray(columns - self.center_x_px), np.asarray(rows - self.center_y_px)
+        return np.asarray(np.minimum(np.abs(np.hypot(dx, dy) - self.contact_radius_px), _from_cross(dx, dy)))
+
+
+def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
+    """Distance of each pixel from a cross at the centre, px."""
+    across = np.hypot(np.maximum(np.abs(dx) - arm, 0), dy)
+    down = np.hypot(dx, np.maximum(np.abs(dy) - arm, 0))
+    return np.asarray(np.minimum(across, down))
 
 
 def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball) -> PressCircle:
@@ -143,10 +159,10 @@ def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -
 
 def _check_press(circle: PressCircle, ball: Ball) -> None:
     radius = circle.contact_radius_px
-    if circle.contrast_grey < _LEAST_GREY:
+    if circle.contrast_grey < LEAST_GREY:
         raise InputError(
             f"no press: the strongest pattern of a ball changes the colours by {circle.contrast_grey:.1f} grey levels, "
-            f"at least {_LEAST_GREY:g} are needed: press the ball into the gel"
+            f"at least {LEAST_GREY:g} are needed: press the ball into the gel"
         )
     if circle.quality < LEAST_QUALITY:
         raise InputError(
@@ -183,14 +199,7 @@ def _check_view(circle: PressCircle, image_shape: tuple[int, ...]) -> None:
 def _check_clipped(circle: PressCircle, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
     rows, columns = np.indices(image.shape[:2])
     distance = np.hypot(columns - circle.center_x_px, rows - circle.center_y_px)
-    inside = image[distance < circle.contact_radius_px]
-    at_rest = reference[distance < circle.contact_radius_px]
-    clipped = ((inside == 255) | ((inside == 0) & (at_rest > 0))).mean()
-    if clipped > _MOST_CLIPPED:
-        raise InputError(
-            f"the image is clipped: {100 * clipped:.0f} % of the values in the circle are at 0 or 255 grey levels, "
-            f"at most {100 * _MOST_CLIPPED:.0f} % may be: change the exposure or the brightness of the light"
-        )
+    check_clipped(image, reference, distance < circle.contact_radius_px, "in the circle")
 
 
 def _check_rivals(difference: Array, first: Candidate, shape: PressShape, ball_radius: float) -> None:

@@ -1,4 +1,4 @@
-"""Circles of many images: what was found or why not, as the csv that training reads, and as pictures for a glance."""
+"""Contacts in many images: what was found or why not, as the csv that training reads, and as pictures for a glance."""
 
 import csv
 import io
@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from gellight.frames.image_files import read_image
 from gellight.report.pictures import write_png
 from gellight.training.labelling.circle import PressCircle, find_circle, find_circles
 from gellight.training.labelling.plate import PlateGrid, plate_grid
+from gellight.training.labelling.prism import find_prism
 from gellight.training.presses import COLUMNS, QUALITY, REFUSED, Ball
 
 Array = NDArray[np.float64]
@@ -25,26 +27,32 @@ _INK = (255, 255, 255)
 _SHADOW = (0, 0, 0)
 
 
+class Contact(Protocol):
+    """Where an object touches the gel: a circle of a ball, or the edge of a prism."""
+
+    @property
+    def quality(self) -> float:
+        """Share of what changed that the pattern of the object explains."""
+
+    def record(self) -> dict[str, float]:
+        """Return what the csv and JSON hold, rounded."""
+
+    def from_line(self, image_shape: tuple[int, int]) -> Array:
+        """Return the distance of each (H, W) pixel from the lines that show it, px."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Detection:
-    """What was found in one image: a circle, or the reason why it is not used."""
+    """What was found in one image: a contact, or the reason why it is not used."""
 
     image: Path
-    circle: PressCircle | None
+    contact: Contact | None
     refused: str = ""
 
     def record(self) -> dict[str, object]:
-        """Return the circle or the reason by name, rounded, ready for JSON."""
-        if self.circle is None:
-            return {"image": str(self.image), "refused": self.refused}
-        found = self.circle
-        return {
-            "image": str(self.image),
-            "center_x_px": round(found.center_x_px, 2),
-            "center_y_px": round(found.center_y_px, 2),
-            "contact_radius_px": round(found.contact_radius_px, 2),
-            "quality": round(found.quality, 3),
-        }
+        """Return the contact or the reason by name, rounded, ready for JSON."""
+        found = {"refused": self.refused} if self.contact is None else self.contact.record()
+        return {"image": str(self.image), **found}
 
 
 def detect(
@@ -61,14 +69,34 @@ def detect(
 
     progress is called with (images done, images, quality of the last, 0 where it was refused).
     """
+    return _detected(images, lambda image: find_circle(image, reference, ball=ball), dots, progress)
+
+
+def detect_prisms(
+    images: Sequence[Path], reference: NDArray[np.number], angle_rad: float, *, dots: Dots | None = None
+) -> list[Detection]:
+    """Look for the edge of a prism in each image; otherwise as `detect`.
+
+    angle_rad: between each face and the gel at rest.
+    """
+    return _detected(images, lambda image: find_prism(image, reference, angle_rad=angle_rad), dots, lambda *_: None)
+
+
+def _detected(
+    images: Sequence[Path],
+    find: Callable[[NDArray[np.uint8]], Contact],
+    dots: Dots | None,
+    progress: Callable[[int, int, float], None],
+) -> list[Detection]:
     found = []
     for number, path in enumerate(images, start=1):
         try:
-            detection = Detection(image=path, circle=_found(path, reference, ball, dots))
+            image = read_image(path)
+            detection = Detection(image=path, contact=find(dots.filled(image) if dots else image))
         except InputError as error:
-            detection = Detection(image=path, circle=None, refused=str(error))
+            detection = Detection(image=path, contact=None, refused=str(error))
         found.append(detection)
-        progress(number, len(images), detection.circle.quality if detection.circle else 0.0)
+        progress(number, len(images), detection.contact.quality if detection.contact else 0.0)
     return found
 
 
@@ -91,9 +119,9 @@ def detect_several(
         try:
             circles, grid = _balls(path, reference, ball, dots, pitch_mm)
         except InputError as error:
-            found.append(Detection(image=path, circle=None, refused=str(error)))
+            found.append(Detection(image=path, contact=None, refused=str(error)))
             continue
-        found += [Detection(image=path, circle=circle) for circle in circles]
+        found += [Detection(image=path, contact=circle) for circle in circles]
         if grid is not None and (best is None or len(grid.on_grid) > len(best.on_grid)):
             best = grid
     return found, best
@@ -115,19 +143,15 @@ def _balls(
     return [circle for circle, inside in zip(circles, grid.on_grid, strict=True) if inside], grid
 
 
-def _found(path: Path, reference: NDArray[np.number], ball: Ball, dots: Dots | None) -> PressCircle:
-    image = read_image(path)
-    return find_circle(dots.filled(image) if dots else image, reference, ball=ball)
-
-
 def write_presses(path: Path, detections: Sequence[Detection]) -> None:
-    """Write the csv that `presses.read_presses` reads, whole or not at all.
+    """Write the csv that `presses.read_presses` or `prisms.read_prisms` reads, whole or not at all.
 
-    Refused images have a row too, with their reason and no circle; `read_presses` passes over them. Names are relative
-    to the folder of the csv, which is made. Raises InputError where it cannot be written.
+    Refused images have a row too, with their reason and no contact, and are passed over when it is read. Names are
+    relative to the folder of the csv, which is made. Raises InputError where it cannot be written.
     """
+    columns = next((one.contact.record() for one in detections if one.contact), dict.fromkeys((*COLUMNS[1:], QUALITY)))
     text = io.StringIO()
-    writer = csv.DictWriter(text, [*COLUMNS, QUALITY, REFUSED], lineterminator="\n")
+    writer = csv.DictWriter(text, [COLUMNS[0], *columns, REFUSED], lineterminator="\n")
     writer.writeheader()
     writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
     try:
@@ -138,15 +162,15 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
 
 
 def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
-    """Write NAME.png of each image that was found, with its circle and centre drawn in; InputError where it cannot."""
-    circles: dict[Path, list[PressCircle]] = {}
+    """Write NAME.png of each image that was found, with the contact drawn in; InputError where it cannot."""
+    contacts: dict[Path, list[Contact]] = {}
     for detection in detections:
-        if detection.circle is not None:
-            circles.setdefault(detection.image, []).append(detection.circle)
+        if detection.contact is not None:
+            contacts.setdefault(detection.image, []).append(detection.contact)
     stems = [image.stem for image in {detection.image for detection in detections}]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for image, seen in circles.items():
+        for image, seen in contacts.items():
             # Images of one name from two folders must not replace each other.
             name = image.stem if stems.count(image.stem) == 1 else f"{image.parent.name}-{image.stem}"
             target = folder / f"{name}.png"
@@ -159,19 +183,10 @@ def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
         ) from error
 
 
-def drawn(image: NDArray[np.uint8], circle: PressCircle) -> NDArray[np.uint8]:
-    """Draw the circle and its centre into a copy of the (H, W, 3) image, white with a black edge."""
-    rows, columns = np.indices(image.shape[:2], dtype=np.float64)
-    dx, dy = np.asarray(columns - circle.center_x_px), np.asarray(rows - circle.center_y_px)
-    from_line = np.minimum(np.abs(np.hypot(dx, dy) - circle.contact_radius_px), _from_cross(dx, dy))
+def drawn(image: NDArray[np.uint8], contact: Contact) -> NDArray[np.uint8]:
+    """Draw the lines of a contact into a copy of the (H, W, 3) image, white with a black edge."""
+    from_line = contact.from_line((image.shape[0], image.shape[1]))
     picture = image.copy()
     picture[from_line < 1.5] = _SHADOW
     picture[from_line < 0.75] = _INK
     return picture
-
-
-def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
-    """Distance of each pixel from a cross at the centre, px."""
-    across = np.hypot(np.maximum(np.abs(dx) - arm, 0), dy)
-    down = np.hypot(dx, np.maximum(np.abs(dy) - arm, 0))
-    return np.asarray(np.minimum(across, down))

@@ -33,6 +33,11 @@ _ROBUST_GREY = 4.0
 _STARTS = (0.35, 0.65, 1.0)
 """of the radius first guessed: a wide flat skirt looks like contact, so smaller circles are tried too"""
 DARK_GREY = 8.0
+LEAST_GREY = 3.0
+LEAST_QUALITY = 0.8
+"""share of what changed that the pattern of an object must explain to be believed"""
+_MOST_CLIPPED = 0.2
+"""of the values in the contact: one channel of three may lose half of its slopes, and the contact is still known"""
 _BLOCK = 64
 """columns that LAPACK works on at a time"""
 
@@ -113,6 +118,18 @@ def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) ->
     difference -= light_drift(difference)
     blurred: Array = ndimage.gaussian_filter(difference.astype(np.float64), (_BLUR_PX, _BLUR_PX, 0))
     return blurred
+
+
+def check_clipped(
+    image: NDArray[np.uint8], reference: NDArray[np.number], inside: NDArray[np.bool_], where: str
+) -> None:
+    """Refuse (H, W, 3) images with too many values at their ends inside a (H, W) mask; InputError."""
+    clipped = ((image[inside] == 255) | ((image[inside] == 0) & (reference[inside] > 0))).mean()
+    if clipped > _MOST_CLIPPED:
+        raise InputError(
+            f"the image is clipped: {100 * clipped:.0f} % of the values {where} are at 0 or 255 grey levels, "
+            f"at most {100 * _MOST_CLIPPED:.0f} % may be: change the exposure or the brightness of the light"
+        )
 
 
 def window(difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float) -> Window:

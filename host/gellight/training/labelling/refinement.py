@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.training.labelling.circle import LEAST_QUALITY, fit_circle
+from gellight.training.labelling.circle import fit_circle
 from gellight.training.labelling.pattern import (
+    LEAST_QUALITY,
     STEEPEST,
     PressShape,
     Window,

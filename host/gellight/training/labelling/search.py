@@ -89,8 +89,14 @@ def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
     # The linear part of the response and the depth are enough to find the place.
     pattern = response(x, y, shape, ball_radius)[:, [0, 1, 2, -1]]
     pattern *= (np.hypot(x, y) < _SUPPORT * contact_radius)[:, None]
+    return explained(image, pattern)
+
+
+def explained(image: Array, pattern: Array) -> Array:
+    """(H, W) sum of squares of (H, W, C) that the columns of (n * n, K) explain when they are centred at each pixel."""
+    side = round(len(pattern) ** 0.5)
     orthogonal, _ = np.linalg.qr(pattern)
-    kernels = orthogonal.T.reshape(-1, 2 * reach + 1, 2 * reach + 1)
+    kernels = orthogonal.T.reshape(-1, side, side)
     return np.asarray((_correlated(image, kernels) ** 2).sum(axis=0))
 
 
