@@ -21,6 +21,7 @@ from pathlib import Path
 
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
+from gellight.recording.recording_file import CHUNK_BYTES
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.soak.faults import FaultKind, PlannedFault, plan
@@ -204,6 +205,13 @@ class Soak:
         passed_s = now.time_s - began.time_s - (now.starved_s - began.starved_s)
         return min(passed_s, (now.board_us - began.board_us) * 1e-6) if now.board is began.board else passed_s
 
+    def _within(self, holds: Callable[[], bool]) -> bool:
+        """Wait until something holds; whether it did before `GIVE_UP_S` had passed, without starved time."""
+        began = self._moment()
+        while not (held := holds()) and self._since(began) < GIVE_UP_S:
+            time.sleep(POLL_S)
+        return held
+
     def _expect_dark(self, why: str) -> None:
         """Wait as long, by the board's own clock, as it may shine on without its host; then it is dark."""
         begun_us = self.sensor.board_us()
@@ -260,15 +268,15 @@ class Soak:
 
     def _full_disk(self, fault: PlannedFault, shift: Shift) -> None:
         """Let files grow no more, which a program learns as it learns of a full disk: its write fails."""
+        if not self._within(lambda: shift.recorder.path.stat().st_size > CHUNK_BYTES):
+            self.judge.broken(Invariant.RECORDING, f"{CHUNK_BYTES >> 20} MB were not recorded in {GIVE_UP_S:g} s")
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (shift.recorder.path.stat().st_size + 1, limits[1]))
         try:
-            end_s = time.monotonic() + GIVE_UP_S
-            while not shift.recorder.ended and time.monotonic() < end_s:
-                time.sleep(POLL_S)
+            ended = self._within(lambda: shift.recorder.ended)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        if not shift.recorder.ended:
+        if not ended:
             self.judge.broken(Invariant.RECORDING, "the disk was full, and the recorder did not say so")
         shift.record_anew()
 
