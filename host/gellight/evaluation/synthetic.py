@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 TEST_SEED = 3
 NOISE_GREY = 1.0
 DEPTHS_MM = (1.0, 1.5, 2.0)
-"""of the presses that are measured; 1.5 mm is the depth whose contacts have as many pixels as the paper's data set"""
+"""of the presses that are measured; the paper's figures are judged by the first"""
 MARGIN_MM = 3.0
 """of the centre of a ball from the edge of the view: its contact is then whole"""
 
