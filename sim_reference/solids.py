@@ -50,7 +50,7 @@ def _triangles(content: bytes) -> Array:
 
 
 def _check_closed(triangles: Array) -> None:
-    """Every edge has to be there as often in one direction as in the other."""
+    """Every edge has to belong to an even number of triangles; for a height it does not matter which way they turn."""
     _, numbers = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     corners = numbers.reshape(-1, 3)
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])

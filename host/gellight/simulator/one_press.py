@@ -85,7 +85,7 @@ def press_once(request: PressRequest, folder: Path, geometry: SensorGeometry, sh
     try:
         make_folder(folder)
         if request.gel == "fem":
-            result = _by_finite_elements(request, height, geometry, _Progress(folder, request, height, show))
+            result = _by_finite_elements(request, height, geometry, _Progress(folder, request, geometry, height, show))
         else:
             result = _by_layer(request, height, geometry)
     except (ValueError, NotConverged) as error:
@@ -140,9 +140,11 @@ def check_memory(resolution_mm: float, geometry: SensorGeometry, available: int,
 class _Progress:
     """Keeps the state of a press under way in the folder, and says how far it is."""
 
-    def __init__(self, folder: Path, request: PressRequest, height: Array, show: Progress) -> None:
+    def __init__(
+        self, folder: Path, request: PressRequest, geometry: SensorGeometry, height: Array, show: Progress
+    ) -> None:
         self.path, self._show = folder / "state.npz", show
-        said = f"{source_digest()} {asdict(request)}"
+        said = f"{source_digest()} {asdict(request)} {asdict(geometry)}"
         self._key = hashlib.sha256(said.encode() + height.tobytes()).hexdigest()
 
     def kept(self) -> Checkpoint | None:

@@ -1,6 +1,7 @@
 """`gellight simulate press`: by depth and by force, resumed, and refused with what works."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,8 @@ def test_an_interrupted_press_goes_on_from_its_last_step(tmp_path: Path) -> None
     other = PressRequest(**{**BALL.__dict__, "depth_mm": 0.5})
     with pytest.raises(InputError, match="another press"):
         press_once(other, tmp_path / "p", GEOMETRY, interrupt)
+    with pytest.raises(InputError, match="another press"):
+        press_once(BALL, tmp_path / "p", replace(GEOMETRY, gel_thickness_mm=4.0), interrupt)
     rest = press_once(BALL, tmp_path / "p", GEOMETRY, lambda _: None)
     assert rest.newton_steps is not None
     assert whole.newton_steps is not None
