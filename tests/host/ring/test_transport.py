@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -14,6 +15,7 @@ from gellight.base.errors import BoardError, InputError
 from gellight.cli import firmware as firmware_verb
 from gellight.cli import ring as ring_verb
 from gellight.ring.board_link import RefusedError
+from gellight.ring.emulator import child
 from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
@@ -54,6 +56,18 @@ def test_sim_is_a_board_like_any_other() -> None:
         assert event.first_bit_us < shown[-1].time_us <= event.latched_us
     assert not board.timeline[-1].colours.any()
     assert board.faults == []
+
+
+def test_who_waits_for_the_light_of_a_board_that_ends_waits_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The end was missed where another thread waited for the process: pictures came 10 s after a brown-out."""
+    monkeypatch.setattr(child, "STANDSTILL_S", 60.0)
+    monkeypatch.setattr(SimulatedBoard, "running", True)  # as it seems while another thread waits for the process
+    board = SimulatedBoard()
+    waiting = threading.Thread(target=board.light_during, args=(0.0, 1e12), daemon=True)
+    waiting.start()
+    board.close()
+    waiting.join(30)
+    assert not waiting.is_alive()
 
 
 def test_real_pyserial_reaches_it_through_a_terminal(terminal: SimulatedBoard) -> None:

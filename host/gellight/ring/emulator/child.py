@@ -73,6 +73,8 @@ class SimulatedBoard:
         self._passed: deque[tuple[float, float]] = deque([(time.monotonic(), 0.0)], KEPT_POINTS)
         """how far virtual time had come (us) at times of `time.monotonic` (s)"""
         self._started = False
+        self._silent = False
+        """whether the process says nothing more; its status does not show that while another thread waits for it"""
         self._ready = threading.Event()
         self._lock = threading.Condition()
         self._ours, theirs = socket.socketpair()
@@ -155,7 +157,7 @@ class SimulatedBoard:
         return from_us + (monotonic_s - from_s) * rate
 
     def _wait_for(self, reached: Callable[[], bool]) -> None:
-        if not self._lock.wait_for(lambda: reached() or not self.running, STANDSTILL_S):
+        if not self._lock.wait_for(lambda: reached() or self._silent, STANDSTILL_S):
             raise BoardError(
                 f"the simulated board got no further for {STANDSTILL_S:g} s: the machine is busy, open sim:// anew"
             )
@@ -172,13 +174,16 @@ class SimulatedBoard:
             return self.timeline.interval(start_us, end_us)
 
     def _listen(self) -> None:
-        for line in self._process.stdout or ():
+        try:
+            for line in self._process.stdout or ():
+                with self._lock:
+                    self._note(Report.model_validate_json(line))
+                    self._lock.notify_all()
+        finally:
             with self._lock:
-                self._note(Report.model_validate_json(line))
+                self._silent = True
                 self._lock.notify_all()
-        with self._lock:
-            self._lock.notify_all()
-        self._ready.set()
+            self._ready.set()
 
     def _note(self, report: Report) -> None:
         if report.now_us is not None:
