@@ -94,6 +94,7 @@ class Scripted:
         self.hand = False
         self.needs: tuple[Need, ...] = ()
         self.refusal = ""
+        self.preparation = self.interrupted_preparation = ""
         self.asked: list[Any] = []
 
     def state(self) -> CalibrationState:
@@ -107,6 +108,8 @@ class Scripted:
             routine=self.routine,
             hand=self.hand,
             needs=self.needs,
+            picture=self.preparation,
+            interrupted_picture=self.interrupted_preparation,
         )
 
     def _ask(self, *what: Any) -> None:

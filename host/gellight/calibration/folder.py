@@ -213,6 +213,11 @@ def _check_empty(path: Path) -> None:
 def _check_same(path: Path, begun: Identity, wanted: Identity) -> None:
     for name, value in wanted:
         found = getattr(begun, name)
+        if found != value and name == "picture":
+            raise InputError(
+                f"the calibration in {path} was begun with another view or other marker dots: give the same again, or "
+                "begin anew"
+            )
         if found != value:
             raise InputError(
                 f"the calibration in {path} was begun with {name} {found}, not {value}: give the same again, or begin "

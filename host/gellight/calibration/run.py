@@ -14,6 +14,7 @@ from gellight.calibration.readiness import check_target
 from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import steps_in
 from gellight.simulator.virtual_hand import VirtualHand
 
 
@@ -115,4 +116,5 @@ def _identity(camera: Camera, options: RoutineOptions) -> Identity:
         cylinder_diameter_mm=options.cylinder_diameter_mm,
         pin_pitch_mm=options.pin_pitch_mm,
         pixel_size_mm=options.pixel_size_mm,
+        picture=steps_in(camera.picture_files),
     )

@@ -25,6 +25,7 @@ from gellight.calibration.records import (
     UntouchedGel,
     Verification,
 )
+from gellight.frames.picture import PictureSteps
 from gellight.training.presses import Press
 
 STATE = "state.json"
@@ -78,6 +79,8 @@ class Identity(Record):
     pin_pitch_mm: float | None = None
     pixel_size_mm: float | None = None
     """where it was given and not measured"""
+    picture: PictureSteps | None = None
+    """how its pictures are made of those as taken; None: they are those"""
 
 
 class Steps(BaseModel):

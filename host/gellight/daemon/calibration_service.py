@@ -26,6 +26,8 @@ from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore, sensor_name
 from gellight.daemon.needs import Need, needs
 from gellight.frames.camera import Camera
+from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
+from gellight.frames.view import View, view_in
 from gellight.simulator.virtual_hand import hand_of
 
 Picture = NDArray[np.uint8]
@@ -35,6 +37,17 @@ RETRY_S = 1.0
 """between two attempts to set the sensor as its bundle says"""
 SETTLE_S = 5.0
 """as long the next request waits until the sensor is set after a calibration"""
+
+
+class ViewFile(StrictModel):
+    """A file that `gellight calibrate view` wrote."""
+
+    name: str = Field(max_length=255)
+    content: str = Field(max_length=10_000)
+
+    def view(self) -> View:
+        """Return what it holds; InputError, with its name, for what is no view."""
+        return view_in(self.content, self.name)
 
 
 class CalibrationRequest(StrictModel):
@@ -47,6 +60,10 @@ class CalibrationRequest(StrictModel):
     pixel_size_mm: float | None = Field(default=None, gt=0, le=1)
     """size of a pixel where it is known; None: the cylinder measures it"""
     presses: int = Field(default=40, ge=8, le=400)
+    view: ViewFile | None = None
+    """part and perspective of the picture that is the gel; None: all of it"""
+    dots: bool = False
+    """the gel has marker dots, which are filled"""
     hand: bool = False
     """a virtual hand presses, on a simulated sensor"""
     anew: bool = False
@@ -73,6 +90,10 @@ class CalibrationState(BaseModel):
     """whether the virtual hand presses in this routine"""
     needs: tuple[Need, ...] = ()
     """what a calibration needs; empty while one goes on"""
+    picture: str = ""
+    """how the pictures are prepared in use, in words; empty where they are as taken and a view can be chosen"""
+    interrupted_picture: str = ""
+    """the same of the calibration to go on with"""
     presets: tuple[Preset, ...] = PRESETS
     """kinds of sensors to choose from"""
 
@@ -131,13 +152,15 @@ class CalibrationService:
 
     def state(self) -> CalibrationState:
         """Return all that the wizard shows."""
-        interrupted, defaults = self._interrupted()
+        interrupted, defaults, begun_picture = self._interrupted()
         listed = () if self.calibrating else needs(self._daemon, self._folder, defaults.presses)
         return CalibrationState(
             sensor=self.sensor,
             simulated=self._daemon.stage is not None,
             defaults=defaults,
             interrupted=interrupted,
+            picture=_in_words(self._running_steps()),
+            interrupted_picture=begun_picture,
             in_service=self._daemon.bundle.identity,
             bundles=tuple(self._store.bundles(self.sensor)),
             routine=self._routine.snapshot() if self._routine else None,
@@ -145,15 +168,19 @@ class CalibrationService:
             needs=listed,
         )
 
-    def _interrupted(self) -> tuple[bool, CalibrationRequest]:
-        """Return whether there is a calibration to go on with, and its tools: it goes on with no others."""
+    def _interrupted(self) -> tuple[bool, CalibrationRequest, str]:
+        """Return whether there is a calibration to go on with, its tools, and how it prepares its pictures.
+
+        It goes on with no others.
+        """
         hand = CalibrationRequest(hand=self._daemon.stage is not None)
         try:
             begun = unfinished(self._folder)
             tools = {name: getattr(begun, name) for name in TOOLS} if begun else {}
-            return begun is not None, CalibrationRequest(hand=hand.hand, **tools)
+            picture = _in_words(begun.picture) if begun else ""
+            return begun is not None, CalibrationRequest(hand=hand.hand, **tools), picture
         except (GellightError, ValidationError):  # `begin` says what is wrong with the folder
-            return True, hand
+            return True, hand, ""
 
     def begin(self, request: CalibrationRequest) -> None:
         """Begin a calibration; InputError while another one runs or for a request that cannot be met."""
@@ -164,23 +191,45 @@ class CalibrationService:
             )
         with self._lock:
             self._check_idle("begin another")
-            if request.anew:
-                discard(self._folder)
-            self._routine = routine = self._make_routine(request, self._install)
-            self._hand = request.hand
+            back, before = self._prepare(request), self._routine
             try:
+                if request.anew:
+                    discard(self._folder)
+                self._routine = routine = self._make_routine(request, self._install)
                 self._daemon.lend()
                 routine.act("start")
             except BaseException:
-                self._routine = None
+                self._routine = before
+                back()
                 self._daemon.take_back()
                 raise
-            self._end = threading.Thread(target=self._follow, args=(routine,), name="calibration end", daemon=True)
+            self._hand = request.hand
+            self._end = threading.Thread(target=self._follow, args=(routine, back), name="calibration end", daemon=True)
             self._end.start()
 
-    def _follow(self, routine: Routine) -> None:
+    def _prepare(self, request: CalibrationRequest) -> Callable[[], object]:
+        """Prepare the pictures as is asked for, or as an interrupted calibration has them; return what ends that.
+
+        Raises InputError or BundleError where that cannot be; then nothing has changed.
+        """
+        begun = None if request.anew else unfinished(self._folder)
+        if begun is not None:
+            if request.view or request.dots:
+                raise InputError("the interrupted calibration has its own view and dots: choose neither, or forget it")
+            steps = begun.picture
+        else:
+            view = request.view.view() if request.view else None
+            steps = chosen_steps(self._daemon.camera, view, dots=request.dots)
+        return self._daemon.prepare(steps) if steps and steps != self._running_steps() else _nothing
+
+    def _running_steps(self) -> PictureSteps | None:
+        return steps_in(self._daemon.camera.picture_files)
+
+    def _follow(self, routine: Routine, back: Callable[[], object]) -> None:
         """Wait for the end of the routine, then set the sensor as its bundle says, as often as it takes."""
         routine.join()
+        if not self._daemon.bundle.calibrated:  # none was made for the pictures as they are prepared
+            back()
         while not self._daemon.take_back() and not self._closing.wait(RETRY_S):
             pass
 
@@ -251,6 +300,15 @@ class CalibrationService:
         )
         hand = hand_of(camera) if request.hand else None
         return Routine(camera, options, self._folder, hand=hand, install=install)
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+def _in_words(steps: PictureSteps | None) -> str:
+    """Return how pictures are prepared, for people; empty where they are as taken."""
+    return steps.in_words() if steps else ""
 
 
 def _plain(name: str) -> str:

@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
+from gellight.bundle.stand_in import stand_in
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.setting import Setting
 from gellight.daemon.switched_camera import Equip, SwitchedCamera
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
+from gellight.frames.picture import PictureSteps
 from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
@@ -199,6 +202,31 @@ class Daemon:
             before = self._in_use
             setting = self._use(replacement, Setting.said_by(bundle))
         return lambda: self._use(before, setting)
+
+    def prepare(self, steps: PictureSteps) -> Callable[[], object]:
+        """Prepare the pictures so from the next frame on; nothing is felt until a bundle for them replaces this one.
+
+        Returns what takes this back. Raises InputError where the bundle in use prepares them already, BundleError for a
+        view of pictures of another size.
+        """
+        camera = self._camera
+        if not isinstance(camera, SwitchedCamera):
+            raise InputError(f"how the pictures of {camera.url} are prepared cannot be changed while it runs")
+        if PICTURE_STEPS in camera.picture_files:
+            raise InputError(
+                "the bundle in use takes a view or fills marker dots already, and a calibration beside it keeps that: "
+                "choose neither, forget an interrupted calibration with others, or calibrate in the terminal"
+            )
+        bundle = stand_in((steps.image_height_px, steps.image_width_px))
+        before = self._in_use
+        nothing = _InUse(bundle=bundle, reconstructor=PicturePath(bundle), watch=None, selfcheck=None)
+        self._change_pictures(camera, steps, nothing)
+        return lambda: self._change_pictures(camera, None, before)
+
+    def _change_pictures(self, camera: SwitchedCamera, steps: PictureSteps | None, used: _InUse) -> None:
+        with self._changing, self._threads.halted():
+            camera.prepare(steps)
+            self._in_use = used
 
     def _watch_of(self, bundle: Bundle) -> SensorWatch | None:
         """Return what watches with a bundle that replaces the running one; the first bundle begins the watch."""

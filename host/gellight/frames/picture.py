@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.dots import Dots
+from gellight.frames.dots import Dots, find_dots
 from gellight.frames.frames import CameraFrame, FrameJudge
 from gellight.frames.view import View
 
@@ -41,6 +41,12 @@ class PictureSteps(BundleFile):
         """Return the steps that take a view and nothing else."""
         return cls(image_width_px=view.width_px, image_height_px=view.height_px, view=view)
 
+    def in_words(self) -> str:
+        """Return what is done, for people."""
+        view = [f"a view of {self.view.width_px} x {self.view.height_px} px is taken"] if self.view else []
+        dots = [f"{self.dots.count} marker dots are filled"] if self.dots else []
+        return " and ".join([*view, *dots])
+
     def files(self) -> Mapping[str, bytes]:
         """Return them as a file of a bundle."""
         return {FILE_NAME: (self.model_dump_json(indent=1) + "\n").encode()}
@@ -64,6 +70,27 @@ def steps_of(bundle: Bundle) -> PictureSteps | None:
     if steps.view and steps.view.image_shape != bundle.image_shape:
         raise BundleError(f"{bundle.source}: {FILE_NAME} has a view of another size than its pictures; {_REMEDY}")
     return steps
+
+
+def steps_in(files: Mapping[str, bytes]) -> PictureSteps | None:
+    """Return the steps in the `picture_files` of a camera; None where it has none."""
+    return PictureSteps.model_validate_json(files[FILE_NAME]) if FILE_NAME in files else None
+
+
+def chosen_steps(camera: Camera, view: View | None, *, dots: bool) -> PictureSteps | None:
+    """Return the steps that take a view of a camera's pictures and, with `dots`, fill the marker dots of the gel.
+
+    None where neither is wanted. The dots are looked for in the next picture, of the untouched gel; InputError where
+    there are none. BundleError for a view of pictures of another size than the camera's.
+    """
+    steps = PictureSteps.with_view(view) if view else None
+    seen = PreparedCamera(camera, steps) if steps else camera
+    if not dots:
+        return steps
+    found = find_dots(seen.read().image)
+    if found is None:
+        raise InputError("no marker dots are seen: light the gel, take everything off it, or choose no marker dots")
+    return PictureSteps.of(seen.image_shape, view, found)
 
 
 def prepared(camera: Camera, bundle: Bundle) -> Camera:

@@ -120,9 +120,16 @@ class View(BaseModel):
 def read_view(path: Path) -> View:
     """Read a `view.json`; InputError for what is none."""
     try:
-        return View.model_validate_json(path.read_bytes())
+        return view_in(path.read_bytes(), str(path))
     except OSError as error:
         raise InputError(f"view {path} cannot be opened ({error.strerror}): check the name") from error
+
+
+def view_in(content: bytes | str, name: str) -> View:
+    """Return the view of the content of a `view.json`; InputError, with its `name`, for what is none."""
+    try:
+        return View.model_validate_json(content)
     except ValidationError as error:
-        wrong = error.errors()[0]["msg"]
-        raise InputError(f"{path} is no view ({wrong}): make it with `gellight calibrate view`") from error
+        wrong = error.errors()[0]
+        why = "".join(f"{step}: " for step in wrong["loc"]) + wrong["msg"]
+        raise InputError(f"{name} is no view ({why}): make it with `gellight calibrate view`") from error

@@ -17,7 +17,7 @@ from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
-from gellight.frames.picture import PictureSteps
+from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
@@ -101,6 +101,21 @@ def test_a_view_of_another_camera_mode_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "x").exists()
 
 
+def test_an_interrupted_calibration_goes_on_with_its_own_view_and_dots(tmp_path: Path) -> None:
+    """Dots that are looked for anew, in another picture, would be a little different ones."""
+    view = View.of_box((16, 16, 128, 96), (120, 160))
+    steps = chosen_steps(Still(with_dots(gel())), view, dots=True)
+    begun = identity().model_copy(update={"picture": steps})
+    camera = Target(resume=True).camera(Still(gel()), begun)
+    assert steps_in(camera.picture_files) == steps
+    (tmp_path / "view.json").write_text(View.of_box((0, 0, 128, 96), (120, 160)).model_dump_json())
+    with pytest.raises(InputError, match=r"takes another view than .*leave --view out"):
+        Target(resume=True, view=tmp_path / "view.json").camera(Still(gel()), begun)
+    undotted = identity().model_copy(update={"picture": PictureSteps.with_view(view)})
+    with pytest.raises(InputError, match="fills no marker dots: leave --dots out"):
+        Target(resume=True, dots=True).camera(Still(gel()), undotted)
+
+
 @pytest.mark.parametrize("with_view", [False, True])
 def test_the_routine_sees_a_dotted_gel_without_its_dots(tmp_path: Path, with_view: bool) -> None:
     view = View.of_box((16, 16, 128, 96), (120, 160))
@@ -133,6 +148,11 @@ def test_restarting_throws_away_no_folder_of_another_program(tmp_path: Path) -> 
 def test_a_wrong_option_beside_restart_loses_nothing(tmp_path: Path) -> None:
     begun_in(tmp_path / "x.state")
     assert "at least 8" in refused("--auto", "--restart", "--presses", "3", "--out", str(tmp_path / "x"))
+    (tmp_path / "photo.json").write_text("{}")
+    view = ("--view", str(tmp_path / "photo.json"))
+    assert "is no view (taken_width_px: Field" in refused(
+        "--sensor", "sim://", "--restart", *view, "--out", str(tmp_path / "x")
+    )
     assert (tmp_path / "x.state/state.json").is_file()
 
 

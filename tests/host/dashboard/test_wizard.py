@@ -4,6 +4,7 @@ import json
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from gellight.daemon.needs import Need
 from gellight.dashboard.server import DashboardServer
+from gellight.frames.view import View
 from tests.helpers.browsing import PATIENCE_MS, Open, opening
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.scripted_calibration import WIDTH, Scripted, pressing, snapshot, stored
@@ -136,6 +138,77 @@ def test_a_sensor_of_another_maker_is_calibrated_with_its_ball_and_a_known_pixel
     page.get_by_test_id("action-begin").click()
     request = wait_for(calibration, page, 1)[0][1]
     assert (request.ball_radius_mm, request.pixel_size_mm) == (2.35, 0.058)
+
+
+VIEW = View.of_box((40, 30, 320, 240), (480, 640)).model_dump_json()
+
+
+@pytest.mark.browser
+def test_a_view_and_marker_dots_are_chosen_before_the_start(
+    opened: Open, calibration: Scripted, tmp_path: Path
+) -> None:
+    page = opened()
+    (tmp_path / "view.json").write_text(VIEW)
+    page.get_by_test_id("view").set_input_files(tmp_path / "view.json")
+    page.get_by_test_id("dots").check()
+    page.get_by_test_id("action-begin").click()
+    ((kind, request),) = wait_for(calibration, page, 1)
+    assert (kind, request.dots) == ("begin", True)
+    assert (request.view.name, request.view.view().image_shape) == ("view.json", (240, 320))
+    page.get_by_test_id("no-view").click()
+    page.get_by_test_id("dots").uncheck()
+    page.get_by_test_id("action-begin").click()
+    _, request = wait_for(calibration, page, 2)[1]
+    assert (request.view, request.dots) == (None, False)
+
+
+@pytest.mark.browser
+def test_what_is_wrong_with_a_view_is_told_on_the_page(
+    browser: Browser, server: DashboardServer, calibration: Scripted, tmp_path: Path
+) -> None:
+    page = browser.new_page()  # without `opened`: a refusal, 409, stands in the browser's console
+    page.goto(server.url + "calibrate.html")
+    calibration.refusal = "photo.json is no view (homography: Field required): make it with `gellight calibrate view`"
+    (tmp_path / "photo.json").write_text("{}")
+    page.get_by_test_id("view").set_input_files(tmp_path / "photo.json")
+    page.get_by_test_id("action-begin").click()
+    expect(page.get_by_test_id("problem")).to_have_text(calibration.refusal)
+    (tmp_path / "large.json").write_bytes(b" " * 10001)
+    page.get_by_test_id("view").set_input_files(tmp_path / "large.json")
+    expect(page.get_by_test_id("problem")).to_have_text("")
+    page.get_by_test_id("action-begin").click()
+    expect(page.get_by_test_id("problem")).to_contain_text(
+        "large.json is no view (10001 bytes, a view has at most 10000)"
+    )
+    assert len(calibration.asked) == 1, "it was not sent"
+    page.close()
+
+
+@pytest.mark.browser
+def test_pictures_that_are_prepared_already_are_said_to_be_and_offer_no_choice(
+    opened: Open, calibration: Scripted
+) -> None:
+    calibration.preparation = "a view of 320 x 240 px is taken and 120 marker dots are filled"
+    page = opened()
+    expect(page.get_by_test_id("picture-note")).to_have_text(
+        "Of each picture a view of 320 x 240 px is taken and 120 marker dots are filled; the calibration keeps that."
+    )
+    expect(page.get_by_test_id("view")).to_be_hidden()
+    expect(page.get_by_test_id("dots")).to_be_hidden()
+
+
+@pytest.mark.browser
+def test_a_view_can_be_chosen_where_an_interrupted_calibration_is_forgotten(
+    opened: Open, calibration: Scripted
+) -> None:
+    calibration.interrupted, calibration.interrupted_preparation = True, "a view of 320 x 240 px is taken"
+    page = opened()
+    expect(page.get_by_test_id("picture-note")).to_contain_text("Of each picture a view of 320 x 240 px is taken")
+    expect(page.get_by_test_id("view")).to_be_hidden()
+    page.get_by_test_id("anew").check()
+    expect(page.get_by_test_id("view")).to_be_visible()
+    expect(page.get_by_test_id("dots")).to_be_visible()
+    expect(page.get_by_test_id("picture-note")).to_be_hidden()
 
 
 @pytest.mark.browser

@@ -27,8 +27,7 @@ from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
 from gellight.daemon.installing import install, sensor_name
 from gellight.frames.camera import Camera
-from gellight.frames.dots import find_dots
-from gellight.frames.picture import PictureSteps, PreparedCamera
+from gellight.frames.picture import PreparedCamera, chosen_steps
 from gellight.frames.view import read_view
 from gellight.opening import open_camera
 from gellight.simulator.virtual_hand import hand_of
@@ -61,19 +60,20 @@ class Target:
         """Folder of the state."""
         return self.folder or self.out.with_name(self.out.name + ".state")
 
-    def camera(self, camera: Camera) -> Camera:
-        """Return the camera with the view taken and the dots filled, as asked for; InputError where there are none."""
+    def camera(self, camera: Camera, begun: Identity | None = None) -> Camera:
+        """Return the camera with the view taken and the dots filled, as asked for or as a calibration was begun with.
+
+        InputError where there are none, or for another view or dots than it was begun with.
+        """
         view = None if self.view is None else read_view(self.view)
-        steps = PictureSteps.with_view(view) if view else None
-        seen = PreparedCamera(camera, steps) if steps else camera
-        if not self.dots:
-            return seen
-        dots = find_dots(seen.read().image)
-        if dots is None:
-            raise InputError("no marker dots are seen: light the gel, take everything off it, or leave --dots out")
-        both = PictureSteps.of(seen.image_shape, view, dots)
-        assert both is not None
-        return PreparedCamera(camera, both)
+        steps = begun.picture if begun else None
+        if steps is None:
+            steps = chosen_steps(camera, view, dots=self.dots)
+        elif view is not None and view != steps.view:
+            raise InputError(f"the interrupted calibration takes another view than {self.view}: leave --view out")
+        elif self.dots and steps.dots is None:
+            raise InputError("the interrupted calibration fills no marker dots: leave --dots out, or give --restart")
+        return PreparedCamera(camera, steps) if steps else camera
 
     def begun(self) -> Identity | None:
         """Return what the interrupted calibration that is gone on with was begun with; None for a new one.
@@ -194,18 +194,20 @@ def command(
         overwrite=target.overwrite,
         **tools.chosen(begun),
     )
-    if target.restart:
-        discard(target.state)
     begun_s = time.monotonic()
-    ended = _calibrate(target, options, hand_seed=how.seed if auto else None, quiet=as_json)
+    ended = _calibrate(target, options, begun, hand_seed=how.seed if auto else None, quiet=as_json)
     _report(ended, target, time.monotonic() - begun_s, as_json)
 
 
-def _calibrate(target: Target, options: RoutineOptions, *, hand_seed: int | None, quiet: bool) -> Routine:
+def _calibrate(
+    target: Target, options: RoutineOptions, begun: Identity | None, *, hand_seed: int | None, quiet: bool
+) -> Routine:
     """Run the routine to its end and return it; hand_seed: of the virtual hand, None where a user presses."""
     settings = load_settings({"sensor.url": target.sensor})
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as opened:
-        camera = target.camera(opened)
+        camera = target.camera(opened, begun)
+        if target.restart:
+            discard(target.state)
         colours = settings.geometry.led_colours or options.led_colours
         options = replace(options, sensor=sensor_name(camera), name=target.name, led_colours=colours)
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)

@@ -3,9 +3,10 @@
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
 import { figureRows } from "./wizard_figures.js";
-import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction, presetNote } from "./wizard_texts.js";
+import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction, pictureNote, presetNote } from "./wizard_texts.js";
 
 const POLL_MS = 300;
+const MOST_VIEW_BYTES = 10000; // as the server takes
 const ENDS = ["finished", "aborted", "failed"];
 
 const element = (id) => document.getElementById(id);
@@ -114,6 +115,11 @@ function showRequest(state, running) {
   element("anew-row").hidden = !state.interrupted;
   element("kind-row").hidden = state.simulated || state.interrupted;
   element("kind-note").hidden = running || !element("kind").value;
+  const goesOn = state.interrupted && !element("anew").checked;
+  const prepared = goesOn ? state.interrupted_picture : state.picture;
+  for (const id of ["view-row", "dots-row"]) element(id).hidden = state.simulated || goesOn || Boolean(prepared);
+  element("picture-note").hidden = running || !prepared;
+  element("picture-note").textContent = pictureNote(prepared);
   if (filled) return;
   filled = true;
   const { defaults, presets } = state;
@@ -126,8 +132,24 @@ function showRequest(state, running) {
   element("hand").checked = defaults.hand;
 }
 
-function request() {
+/** The view file that was chosen, as the server reads it; throws, in words, for one that cannot be a view. */
+async function chosenView() {
+  const [file] = element("view-row").hidden ? [] : element("view").files;
+  if (!file) return null;
+  if (file.size > MOST_VIEW_BYTES) throw new Error(`${file.name} is no view (${file.size} bytes, a view has at most ${MOST_VIEW_BYTES}): make it with \`gellight calibrate view\``);
+  return { name: file.name, content: await file.text() };
+}
+
+/** Another file was chosen, or none: what was said of the last one no longer holds. */
+function noteView() {
+  element("no-view").hidden = element("view").files.length === 0;
+  showRefusal("");
+}
+
+async function request() {
   return {
+    view: await chosenView(),
+    dots: element("dots").checked && !element("dots-row").hidden,
     ball_radius_mm: element("ball").valueAsNumber,
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
     pin_pitch_mm: element("pins").value ? element("pins").valueAsNumber : null,
@@ -146,10 +168,14 @@ function choosePreset() {
   element("kind-note").textContent = preset ? presetNote(preset) : "";
 }
 
-function begin() {
+async function begin() {
   if (!element("request").reportValidity()) return;
   stats.losses = [];
-  command({ type: "begin", request: request() });
+  try {
+    await command({ type: "begin", request: await request() });
+  } catch (error) {
+    showRefusal(error.message);
+  }
 }
 
 /** After a calibration the live view is what everybody wants to see. */
@@ -297,6 +323,8 @@ async function showPicture() {
 
 element("which").addEventListener("change", (event) => { chosen = event.target.value; });
 element("kind").addEventListener("change", choosePreset);
+element("view").addEventListener("change", noteView);
+element("no-view").addEventListener("click", () => { element("view").value = ""; noteView(); });
 element("request").addEventListener("submit", (event) => { event.preventDefault(); begin(); });
 
 function row(...cells) {

@@ -34,3 +34,8 @@ export function presetNote({ title, view_mm: view, ball_radius_mm: ball, lights 
   const usual = ball ? `was calibrated with a ball of ${ball} mm` : "has no usual ball";
   return `${title} ${seen}, ${usual}; lights: ${lights}. Let the cylinder measure the pixel size unless you know it.`;
 }
+
+/** How pictures are prepared already, which a new calibration keeps. */
+export function pictureNote(picture) {
+  return picture ? `Of each picture ${picture}; the calibration keeps that.` : "";
+}

@@ -1,0 +1,210 @@
+"""A view of the gel and marker dots that are chosen before a calibration, on a sensor that runs."""
+
+import dataclasses
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.bundle.stand_in import stand_in
+from gellight.bundle.store import BundleStore
+from gellight.daemon.calibration_service import CalibrationRequest as Request
+from gellight.daemon.calibration_service import CalibrationService as Service
+from gellight.daemon.calibration_service import ViewFile
+from gellight.daemon.daemon import Daemon
+from gellight.daemon.switched_camera import SwitchedCamera
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
+from gellight.reconstruction.picture_path import PicturePath
+from gellight.reconstruction.pipeline import Reconstructor
+from tests.helpers.begun_calibration import begun_in, identity
+from tests.helpers.dotted import with_dots
+from tests.helpers.linear_sensor import linear_bundle, verified_bundle
+from tests.helpers.scripted_camera import ScriptedCamera
+
+SHAPE = (120, 160)
+VIEW = View.of_box((16, 16, 128, 96), SHAPE)
+CHOSEN = ViewFile(name="view.json", content=VIEW.model_dump_json())
+
+
+class GelCamera(ScriptedCamera):
+    """Shows an untouched gel, brighter on the right, with marker dots or without."""
+
+    image_shape = SHAPE
+
+    def __init__(self, *, dots: bool) -> None:
+        super().__init__(10**9, CameraError("never"), period_s=0.005)
+        gel = np.broadcast_to(np.linspace(100, 160, SHAPE[1])[None, :, None], (*SHAPE, 3)).astype(np.uint8)
+        self.image = with_dots(gel) if dots else gel
+
+    def read(self) -> CameraFrame:
+        return dataclasses.replace(super().read(), image=self.image)
+
+
+class SeeingRoutine:
+    """A routine that looks once at the camera it was given, and ends when the test says so."""
+
+    def __init__(self, camera: Camera, install: Callable[[Bundle], object]) -> None:
+        self.camera, self.install, self.over = camera, install, threading.Event()
+        self.seen = camera.read().image
+
+    @property
+    def ended(self) -> bool:
+        return self.over.is_set()
+
+    def snapshot(self) -> dict[str, Any]:
+        return {"step": "presses"}
+
+    def pictures(self) -> dict[str, Any]:
+        return {}
+
+    def act(self, action: str) -> None:
+        assert action == "start"
+
+    def stop(self) -> None:
+        self.over.set()
+
+    def join(self) -> None:
+        assert self.over.wait(10)
+
+
+@pytest.fixture(params=[True])
+def daemon(request: pytest.FixtureRequest) -> Iterator[Daemon]:
+    camera: Any = SwitchedCamera(GelCamera(dots=request.param), lambda camera: camera)
+    with Daemon(camera, PicturePath(stand_in(SHAPE)), rebuild=Reconstructor) as daemon:
+        yield daemon
+
+
+@pytest.fixture
+def routines() -> list[SeeingRoutine]:
+    return []
+
+
+@pytest.fixture
+def service(daemon: Daemon, tmp_path: Path, routines: list[SeeingRoutine]) -> Iterator[Service]:
+    def make_routine(request: Request, install: Callable[[Bundle], object]) -> Any:
+        routines.append(SeeingRoutine(daemon.camera, install))
+        return routines[-1]
+
+    store = BundleStore(tmp_path / "store")
+    with Service(daemon, store=store, folder=tmp_path / "state", make_routine=make_routine) as service:
+        yield service
+        for routine in routines:
+            routine.over.set()
+
+
+def shape_soon(daemon: Daemon, shape: tuple[int, int]) -> bool:
+    """Whether the frames have a shape (H, W) within some seconds."""
+    until_s = time.monotonic() + 10
+    while time.monotonic() < until_s:
+        if daemon.wait_frame(-1, 10).depth_mm.shape == shape:
+            return True
+    return False
+
+
+def test_the_calibration_and_the_page_see_the_view_without_its_dots(
+    service: Service, daemon: Daemon, routines: list[SeeingRoutine]
+) -> None:
+    assert service.state().picture == ""
+    service.begin(Request(view=CHOSEN, dots=True))
+    seen = routines[0].seen
+    plain = GelCamera(dots=False).image[16:112, 16:144]
+    assert seen.shape == (96, 128, 3)
+    assert np.abs(seen.astype(int) - plain).max() < 8, "the dots are filled"
+    assert "picture.json" in routines[0].camera.picture_files
+    assert shape_soon(daemon, (96, 128))
+    assert service.state().picture.startswith("a view of 128 x 96 px is taken and ")
+    routines[0].over.set()
+    assert shape_soon(daemon, SHAPE), "no bundle came of it: the pictures are as before"
+    assert service.state().picture == ""
+
+
+def test_a_bundle_that_passed_keeps_its_view_in_service(
+    service: Service, daemon: Daemon, routines: list[SeeingRoutine], tmp_path: Path
+) -> None:
+    service.begin(Request(view=CHOSEN))
+    made = verified_bundle(tmp_path / "made", sensor=service.sensor, shape=VIEW.image_shape)
+    routines[0].install(extend_bundle(made, tmp_path / "seen", PictureSteps.with_view(VIEW).files()))
+    routines[0].over.set()
+    assert shape_soon(daemon, VIEW.image_shape)
+    assert daemon.bundle.calibrated
+    assert np.isfinite(daemon.wait_frame(-1, 10).depth_mm).all()
+    assert service.state().picture == "a view of 128 x 96 px is taken"
+    again = View.of_box((0, 0, 64, 64), VIEW.image_shape)
+    with pytest.raises(InputError, match="takes a view or fills marker dots already"):
+        service.begin(Request(dots=True, view=ViewFile(name="v", content=again.model_dump_json())))
+
+
+@pytest.mark.parametrize("daemon", [False], indirect=True)
+@pytest.mark.parametrize(("wrong", "error", "says"), [
+    (Request(view=ViewFile(name="photo.json", content="{}")), InputError, r"photo\.json is no view \(taken_"),
+    (Request(view=ViewFile(name="x.png", content="\x89PNG")), InputError, r"x\.png is no view \(Invalid JSON"),
+    (Request(view=ViewFile(name="view.json", content=View.of_box((0, 0, 80, 60), (240, 320)).model_dump_json())),
+     BundleError, "delivers 160x120 pixels, the calibration takes its view from 320x240"),
+    (Request(dots=True), InputError, "no marker dots are seen"),
+])  # fmt: skip
+def test_a_wrong_choice_is_told_and_changes_nothing(
+    service: Service, daemon: Daemon, routines: list[SeeingRoutine], wrong: Request, error: type[Exception], says: str
+) -> None:
+    with pytest.raises(error, match=says):
+        service.begin(wrong)
+    assert routines == []
+    assert not service.calibrating
+    assert daemon.wait_frame(-1, 10).depth_mm.shape == SHAPE
+    service.begin(Request())
+    assert routines[0].seen.shape == (*SHAPE, 3)
+
+
+def test_an_interrupted_calibration_goes_on_with_its_own_view(
+    service: Service, routines: list[SeeingRoutine], tmp_path: Path
+) -> None:
+    begun = identity().model_copy(update={"picture": PictureSteps.with_view(VIEW)})
+    begun_in(tmp_path / "state", begun)
+    assert service.state().interrupted_picture == "a view of 128 x 96 px is taken"
+    assert service.state().picture == "", "the sensor itself runs without"
+    with pytest.raises(InputError, match="has its own view and dots"):
+        service.begin(Request(dots=True))
+    service.begin(Request())
+    assert routines[0].seen.shape == (96, 128, 3)
+
+
+def test_a_wrong_view_does_not_cost_the_interrupted_calibration(
+    service: Service, routines: list[SeeingRoutine], tmp_path: Path
+) -> None:
+    begun_in(tmp_path / "state", identity())
+    with pytest.raises(InputError, match="is no view"):
+        service.begin(Request(anew=True, view=ViewFile(name="photo.json", content="{}")))
+    assert service.state().interrupted
+    service.begin(Request(anew=True, view=CHOSEN))
+    assert not service.state().interrupted
+    assert routines[0].seen.shape == (96, 128, 3)
+
+
+def test_a_damaged_state_takes_the_view_back(service: Service, daemon: Daemon, tmp_path: Path) -> None:
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state" / "state.json").write_text("{")
+    with pytest.raises(BundleError, match="cannot be read"):
+        service.begin(Request(anew=True, view=CHOSEN))
+    assert shape_soon(daemon, SHAPE)
+    assert service.state().picture == ""
+
+
+def test_a_running_sensor_with_a_bundle_feels_again_when_nothing_came_of_it(tmp_path: Path) -> None:
+    bundle = linear_bundle(tmp_path / "running", SHAPE)
+    camera: Any = SwitchedCamera(GelCamera(dots=False), lambda camera: camera)
+    with Daemon(camera, Reconstructor(bundle)) as daemon:
+        back = daemon.prepare(PictureSteps.with_view(VIEW))
+        assert shape_soon(daemon, VIEW.image_shape)
+        assert not daemon.bundle.calibrated
+        back()
+        assert shape_soon(daemon, SHAPE)
+        assert daemon.bundle is bundle
+        assert np.isfinite(daemon.wait_frame(-1, 10).depth_mm).all()
