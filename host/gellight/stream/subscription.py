@@ -34,7 +34,9 @@ LISTENER_S = 2.0
 LOOK_S = 2.0
 """a daemon on the local network says at once what it publishes"""
 ANSWER_S = 10.0
-"""a call that changes the light waits for the board"""
+"""whoever is there says so"""
+CALL_S = 30.0
+"""a call that changes the light waits for the board, one that changes the mode until a network is loaded"""
 
 
 def subscribe(
@@ -228,11 +230,14 @@ class Subscription(FrameSource):
         self._ended()
 
     def _ask(self, call: Call) -> bytes:
-        replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=ANSWER_S))
+        replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=CALL_S))
         if not replies:
             raise StreamError(f"the daemon of {self.name} does not answer: is it still there?")
         if replies[0].ok is None:
-            raise InputError(replies[0].err.payload.to_string() if replies[0].err else "the call failed")
+            said = replies[0].err.payload.to_string() if replies[0].err else "the call failed"
+            if said == "Timeout":  # zenoh's own word
+                raise StreamError(f"the daemon of {self.name} did not answer within {CALL_S:g} s: is its machine busy?")
+            raise InputError(said)
         return replies[0].ok.payload.to_bytes()
 
     def status(self) -> dict[str, object]:

@@ -21,6 +21,7 @@ from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.stream import publisher as publisher_module
+from gellight.stream import subscription
 from gellight.stream.network import key, publishing_session, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
@@ -290,6 +291,18 @@ def test_a_call_is_answered_with_what_the_daemon_says() -> None:
             frames.light(None)
         with pytest.raises(InputError, match="not watched"):
             frames.zero()
+
+
+def test_a_daemon_that_takes_too_long_is_said_to_be_busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    daemon, _ = bump_daemon()
+    asked, answer = threading.Event(), threading.Event()
+    monkeypatch.setattr(subscription, "CALL_S", 0.2)
+    with daemon, Publisher(daemon), subscribe() as frames:
+        monkeypatch.setattr(daemon, "status", lambda: (asked.set(), answer.wait(30), {})[-1])
+        with pytest.raises(StreamError, match=r"did not answer within 0\.2 s: is its machine busy"):
+            frames.status()
+        assert asked.wait(30)
+        answer.set()
 
 
 @pytest.mark.parametrize(
