@@ -43,7 +43,21 @@ _BLOCK = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class PressShape:
+class FittedShape:
+    """Numbers that are fitted together."""
+
+    def vector(self) -> Array:
+        """The numbers in their order."""
+        return np.array(astuple(self))
+
+    @classmethod
+    def of(cls, vector: Array) -> Self:
+        """Take the numbers."""
+        return cls(**dict(zip((field.name for field in fields(cls)), vector.tolist(), strict=True)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressShape(FittedShape):
     """Where and how a ball is pressed; lengths in px."""
 
     center_x: float
@@ -53,15 +67,6 @@ class PressShape:
     """of the slope at the rim, what falls off within `step_length`"""
     step_length: float = 7.0
     skirt_length: float = 50.0
-
-    def vector(self) -> Array:
-        """The six numbers in this order."""
-        return np.array(astuple(self))
-
-    @classmethod
-    def of(cls, vector: Array) -> Self:
-        """Take the six numbers."""
-        return cls(**dict(zip((field.name for field in fields(cls)), vector.tolist(), strict=True)))
 
 
 def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Array]:

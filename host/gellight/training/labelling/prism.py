@@ -7,10 +7,10 @@ beside a ball; at the edge the coating rounds it. How the light answers is not k
 """
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import atan, cos, degrees, hypot, pi, sin, tan
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from gellight.reconstruction.pixel_grid import block_means
 from gellight.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
+    FittedShape,
     Window,
     check_clipped,
     difference_image,
@@ -118,7 +119,7 @@ class PrismContact:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EdgeShape:
+class EdgeShape(FittedShape):
     """The pattern of a prism: its numbers are fitted; lengths in px."""
 
     turn: float
@@ -135,15 +136,6 @@ class EdgeShape:
     step_share: float = 0.5
     step_length: float = 3.0
     skirt_length: float = 30.0
-
-    def vector(self) -> Array:
-        """The numbers in this order."""
-        return np.array(astuple(self))
-
-    @classmethod
-    def of(cls, vector: Array) -> Self:
-        """Take the numbers."""
-        return cls(**dict(zip((field.name for field in fields(cls)), vector.tolist(), strict=True)))
 
     def along_across(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return how far places lie along the edge and across it, px; x and y from the middle of the window."""
