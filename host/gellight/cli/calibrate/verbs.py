@@ -9,10 +9,13 @@ VERBS = lazy_group(
     {
         "detect": (
             "calibrate.detect:command",
-            "Find the contact circle of a ball press in each image, or of each of several balls.",
+            "Find the contact circle of a ball press in each image, or of each of several balls, or the edge of a prism.",
         ),
         "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
-        "fit": ("calibrate.training:fit", "Train on ball presses and write a calibration bundle."),
+        "fit": (
+            "calibrate.training:fit",
+            "Train on ball presses, and prisms beside them, and write a calibration bundle.",
+        ),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
         "synthetic": (
