@@ -101,7 +101,7 @@ def command(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the contact circle of a ball press in each image, or of each of several balls, or the edge of a prism.
+    """Find the contact circle of each ball in pictures of presses, or the edge of a prism.
 
     With --several and without --reference the untouched gel is taken from between the balls, and written beside the
     csv, so that `fit` can use it.

@@ -108,7 +108,7 @@ def fit(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Train on ball presses, and prisms beside them, and write a calibration bundle."""
+    """Train on presses of balls and prisms, and write a calibration bundle."""
     given, options = recorded.read(), how.options()
     prisms = recorded.pressed_prisms(given[1])
     extra = which_ball(*given, previous)

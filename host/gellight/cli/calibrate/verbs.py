@@ -9,12 +9,12 @@ VERBS = lazy_group(
     {
         "detect": (
             "calibrate.detect:command",
-            "Find the contact circle of a ball press in each image, or of each of several balls, or the edge of a prism.",
+            "Find the contact circle of each ball in pictures of presses, or the edge of a prism.",
         ),
         "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
         "fit": (
             "calibrate.training:fit",
-            "Train on ball presses, and prisms beside them, and write a calibration bundle.",
+            "Train on presses of balls and prisms, and write a calibration bundle.",
         ),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
