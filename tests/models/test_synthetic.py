@@ -96,12 +96,6 @@ def test_the_recipe_of_the_paper_is_trained_as_the_paper_says() -> None:
     assert FEW.how() == replace(RECIPES["fast"], epochs=2, least_visits=0, place_jitter=0)
 
 
-def test_the_shipped_network_learnt_to_have_its_zero_answer_subtracted() -> None:
-    training = load_bundle("synthetic").metrics["training"]
-    assert training["zero_based"] is True
-    assert RECIPES[training["recipe"]].zero_based
-
-
 def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
     few = ["--presses", "1", "--rows-per-press", "50", "--epochs", "1"]
     assert main(["--trainer", "numpy", "--out", str(tmp_path / "made"), *few]) == 2
