@@ -210,7 +210,8 @@ def _provenance(
     options: Options, sensor: Sensor, network: Trainer, validation: Table, *, width: int, seed: int
 ) -> dict[str, Any]:
     return {
-        "command": f"python -m gelnet.synthetic --trainer {network.version.split()[0]} --width {width} --seed {seed}",
+        "command": f"python -m gelnet.synthetic --trainer {network.version.split()[0]} --recipe {options.recipe} "
+        f"--width {width} --seed {seed}",
         "options": asdict(options),
         "sensor_sha256": geometry_hash(sensor.geometry, sensor.response),
         "geometry": asdict(sensor.geometry),
