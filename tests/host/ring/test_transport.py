@@ -15,8 +15,9 @@ from gellight.base.errors import BoardError, InputError
 from gellight.cli import firmware as firmware_verb
 from gellight.cli import ring as ring_verb
 from gellight.ring.board_link import RefusedError
-from gellight.ring.emulator import child
+from gellight.ring.emulator import child, process
 from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.emulator.waveform import Light
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
 
@@ -41,6 +42,31 @@ def terminal() -> Iterator[SimulatedBoard]:
     yield board
     board.close()
     assert board.faults == []
+
+
+def test_who_has_the_bytes_of_the_board_knows_its_light_and_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process of the board may stand still after it has sent them: frames taken then are of a later light."""
+    told: list[child.Report] = []
+    known: list[list[child.Report]] = []
+    monkeypatch.setattr(process, "tell", told.append)
+    host = SimpleNamespace(received=bytearray(), open=lambda: None, close=lambda: None)
+    board = SimpleNamespace(now_us=0.0, timeline=[], host=host)
+    stream = SimpleNamespace(connected=True, finished=False, read=lambda: b"")
+
+    def run_until(_: object, duration_us: float) -> None:
+        board.now_us += duration_us
+        board.timeline.append(Light(board.now_us, RED))
+        host.received += b"latched"
+
+    def write(_: bytes) -> None:
+        known.append(list(told))
+        stream.finished = True
+
+    board.run_until, stream.write = run_until, write
+    process.serve(board, stream)
+    ((light, time_passed),) = known
+    assert light.light_us == time_passed.now_us == board.now_us
+    assert time_passed.at_s <= time.monotonic()
 
 
 def test_sim_is_a_board_like_any_other() -> None:

@@ -100,18 +100,19 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             epoch_s, due_us = epoch_s + (due_us - MOST_LAG_US) / 1e6, MOST_LAG_US
         if due_us > 0:
             board.run_until(lambda: board.host.received, min(due_us, SLICE_US))
+        while told < len(board.timeline):
+            light = board.timeline[told]
+            tell(Report(light_us=light.time_us, colours=light.colours.tobytes().hex()))
+            told += 1
+        # Before the bytes: whoever has them may ask for light from then on, and this process may stand still meanwhile.
+        if board.host.received or board.now_us - progress_us >= PROGRESS_US:
+            progress_us = board.now_us
+            tell(Report(now_us=progress_us, at_s=time.monotonic()))
         if board.host.received:
             stream.write(bytes(board.host.received))
             board.host.received.clear()
         elif due_us < SLICE_US:
             select.select([stream.descriptor] if opened else [], [], [], IDLE_S)
-        while told < len(board.timeline):
-            light = board.timeline[told]
-            tell(Report(light_us=light.time_us, colours=light.colours.tobytes().hex()))
-            told += 1
-        if board.now_us - progress_us >= PROGRESS_US:
-            progress_us = board.now_us
-            tell(Report(now_us=progress_us, at_s=time.monotonic()))
 
 
 def main(arguments: list[str] | None = None) -> None:
