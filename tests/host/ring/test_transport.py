@@ -63,10 +63,26 @@ def test_who_has_the_bytes_of_the_board_knows_its_light_and_its_time(monkeypatch
         stream.finished = True
 
     board.run_until, stream.write = run_until, write
-    process.serve(board, stream)
+    process.serve(board, stream, time.monotonic())
     ((light, time_passed),) = known
     assert light.light_us == time_passed.now_us == board.now_us
     assert time_passed.at_s <= time.monotonic()
+
+
+def test_the_clock_of_the_board_goes_on_while_its_process_stands_still() -> None:
+    """A real board does not lag; where the emulated one lags too much, its clock is set back, and that is known."""
+    board = SimulatedBoard()
+    since_s, asked_s = board.on_time_since_s, time.monotonic()
+    assert board.clock_us(asked_s + 0.5) - board.clock_us(asked_s) == pytest.approx(0.5e6, abs=1)
+    assert board.virtual_us(asked_s) <= board.clock_us(asked_s) + 10
+    os.kill(board._process.pid, signal.SIGSTOP)
+    time.sleep(0.4)
+    os.kill(board._process.pid, signal.SIGCONT)
+    eventually(lambda: board.on_time_since_s > since_s)
+    now_s = time.monotonic()
+    assert board.virtual_us(now_s) <= board.clock_us(now_s) + 10
+    assert board.clock_us(now_s) < (now_s - asked_s - 0.3) * 1e6 + board.virtual_us(asked_s)
+    board.close()
 
 
 def test_sim_is_a_board_like_any_other() -> None:
