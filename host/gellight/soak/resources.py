@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import threading
 from collections import Counter
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ class Holdings:
     """resident, not of files, without what the allocator keeps of memory that was given back"""
     files: int
     threads: tuple[str, ...]
-    """their names"""
+    """their names, without numbers"""
     children: int
 
     @classmethod
@@ -39,7 +40,9 @@ class Holdings:
         resident = next(int(line.split()[1]) for line in lines if line.startswith("RssAnon:")) / 1e3
         tasks = list(Path("/proc/self/task").iterdir())
         children = sum(len((task / "children").read_text().split()) for task in tasks if (task / "children").exists())
-        threads = tuple(thread.name for thread in threading.enumerate())
+        alive = {int(task.name) for task in tasks}  # Python goes on listing threads of libraries that have ended
+        names = [thread.name for thread in threading.enumerate() if thread.native_id in alive]
+        threads = tuple(re.sub(r"[-_]?\d+", "", name) for name in names)
         return cls(at_s, resident, len(os.listdir("/proc/self/fd")), threads, children)  # noqa: PTH208
 
 
