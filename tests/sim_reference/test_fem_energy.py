@@ -1,6 +1,5 @@
 """The energies of the finite-element gel: derivatives against finite differences, and states that are known."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from sim_reference.fem.matrices import cofactors, determinant, inner, product, t
 from sim_reference.fem.mesh import Mesh, gel_mesh
 from sim_reference.fem.neo_hookean import NeoHookean
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.derivatives import slope
 
 SMALL = replace(SensorGeometry(), gel_diameter_mm=10.0)
 MESH = gel_mesh(SMALL, 1.25, 2.0)
@@ -31,16 +31,6 @@ def hessian(energy: NeoHookean, at: np.ndarray, *, project: bool = False) -> np.
     assembler = Assembler(EVERY, [energy.tets, energy.patch_vertices])
     shares = list(energy.hessians(at, project=project))
     return assembler.pattern.matrix(assembler.blocks(shares)).toarray()
-
-
-def slope(of: Callable[[np.ndarray], np.ndarray | float], at: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Derivative along `direction`, central differences of fourth order."""
-    step = 1e-4
-
-    def f(k: int) -> np.ndarray:
-        return np.asarray(of(at + k * step * direction))
-
-    return (8 * (f(1) - f(-1)) - (f(2) - f(-2))) / (12 * step)
 
 
 def test_many_matrices_at_once_are_what_numpy_finds_of_each() -> None:
