@@ -66,32 +66,19 @@ class Barrier:
         result[near] = self.stiffness * self.area[near, None, None] * blocks
         return result
 
-    def free_step(self, at: Array, step: Array) -> float:
-        """Return a share of `step` (S, 3), at most 1, along which no gap falls below a tenth of what it is.
+    def lift(self, at: Array, step: Array) -> Array:
+        """Return how far (S,) mm vertices `at` (S, 3) are lifted along z after `step`, so that none is in the object.
 
-        Each vertex goes on by what its gap and the steepest slope around it allow, again and again: the bound is on
-        the whole way, not only on its end.
+        Newton's step changes a gap g by c to first order. Within the distance, g becomes g + c, or g^2 / (g - c) where
+        it closes: there the pressure grows like 1/g, and does so by what the step expects. Other vertices keep half
+        the distance. Small steps are changed by terms of second order only.
         """
-        start = self.gap(at)
-        sideways = np.hypot(step[:, 0], step[:, 1])
-        speed = np.maximum(-step[:, 2], 0) + self.field.steepest(at[:, 0], at[:, 1], sideways) * sideways
-        moving = np.flatnonzero(0.9 * start < speed)
-        gap, gone = start[moving], np.zeros(len(moving))
-        way = np.ones(len(at))
-        for _ in range(100):
-            if not len(moving):
-                break
-            gone = np.minimum(gone + 0.9 * gap / speed[moving], 1)
-            gap = self._gap_along(at[moving], step[moving], gone)
-            go_on = gap > 0.1 * start[moving]
-            way[moving[go_on]] = gone[go_on]
-            way[moving[~go_on]] = np.minimum(way[moving[~go_on]], gone[~go_on])
-            going = go_on & (gone < 1)
-            moving, gap, gone = moving[going], gap[going], gone[going]
-        return float(min(way.min(), gone.min(initial=1.0)))
-
-    def _gap_along(self, at: Array, step: Array, share: Array) -> Array:
-        return self.gap(at + share[:, None] * step)
+        gap, reached = self.gap(at), self.gap(at + step)
+        change = (self._gap_gradient(at) * step).sum(axis=1)
+        wanted = np.maximum(change, 0) + gap**2 / (gap - np.minimum(change, 0))
+        touching = np.maximum(gap, wanted) < self.distance_mm
+        least = np.minimum(gap, 0.5 * self.distance_mm)
+        return np.where(touching, wanted - reached, np.maximum(least - reached, 0))
 
     def _near(self, at: Array) -> NDArray[np.int64]:
         return np.flatnonzero(self.gap(at) < self.distance_mm)

@@ -29,7 +29,7 @@ USUAL_GAP = 0.8
 STICK_MM = 0.001
 """friction holds within this"""
 LEAST_INCREMENT_MM = 0.001
-BEGINNING_TOLERANCE_MM = 1e-3
+BEGINNING_TOLERANCE_MM = 1e-2
 """in place of `newton.TOLERANCE_MM`, for what only begins the next stage"""
 MOST_LAGS = 20
 """how often friction is evaluated with the contact as it has become"""
@@ -125,8 +125,20 @@ class Pressing:
     def close_gap(self, depth_mm: float, load: float | None) -> None:
         """Narrow the barrier; with `load` (shear moduli times mm2), let the object go and hold the load instead."""
         going_on = self._now.narrow
-        self._now = replace(self._now, narrow=True)
+        if not going_on:
+            self._narrow()
         self._settle(self.depth_mm if going_on and load is not None else depth_mm, load)
+
+    def _narrow(self) -> None:
+        """Narrow the barrier and the gaps within it by moving object and gel: every pressure stays what it is."""
+        before, wide = self.state, self.barrier
+        self._now = replace(self._now, narrow=True)
+        share = self.barrier.distance_mm / wide.distance_mm
+        gap = wide.gap(before.at[self._mesh.surface])
+        forward = self._now.gap_share * (1 - share) * wide.distance_mm
+        at = before.at.copy()
+        at[self._mesh.surface, 2] += np.where(gap < wide.distance_mm, forward - (1 - share) * gap, 0)
+        self._move(State(at, before.depth_mm + forward))
 
     def _settle(self, depth_mm: float, load: float | None) -> None:
         """Hold the object back by the gap, and find where the gel rests."""
