@@ -41,6 +41,8 @@ class Equipment:
     """makes the frame path of a bundle"""
     watched: bool
     """whether the watch can look at the frames"""
+    rezero: bool
+    """whether the zero follows slow drift by itself"""
 
 
 class Daemon:
@@ -189,7 +191,8 @@ class Daemon:
         """Return what watches with a bundle that replaces the running one; the first bundle begins the watch."""
         watch = self._in_use.watch
         if watch is None and not self._in_use.bundle.calibrated and self._equipment is not None:
-            return SensorWatch(bundle) if self._equipment(bundle, self.mode).watched else None
+            needed = self._equipment(bundle, self.mode)
+            return SensorWatch(bundle, rezero=needed.rezero) if needed.watched else None
         return SensorWatch(bundle, rezero=watch.rezero) if watch else None
 
     def _use(self, replacement: InUse, setting: Setting) -> Setting:
@@ -277,7 +280,7 @@ class Daemon:
             used = self._in_use
             new = self._equipment(used.bundle, mode)
             path = new.rebuild(used.bundle)
-            watch = SensorWatch(used.bundle) if new.watched else None
+            watch = SensorWatch(used.bundle, rezero=new.rezero) if new.watched else None
             with self._threads.halted():
                 self._camera.switch(new.equip, used.bundle.controls, used.bundle.colours)
                 self._rebuild = new.rebuild
