@@ -231,7 +231,7 @@ def _prisms(path: Path | None, image_shape: tuple[int, int], dots: Dots | None) 
 def _prism_line(found: PrismError) -> str:
     return (
         f"{found.image}: prism of {found.angle_deg:g} deg feels like {found.felt_deg:.2f} deg; normals of its faces "
-        f"{found.normal_deg:.2f} deg off"
+        f"{found.normal_deg:.2f} deg off, shape of the depth {1000 * found.depth_mm:.0f} µm"
     )
 
 
