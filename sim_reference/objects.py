@@ -7,7 +7,8 @@ reproduces the paper's best incident angle (they decide its steepness).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import radians
+from functools import partial
+from math import radians, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,10 @@ class ObjectParameters:
     pin_pitch_mm: float = 2.0
     pin_grid_mm: tuple[float, float] = (44.0, 34.0)
     """width and height of the plate of the pin grid: more than the view"""
+    prism_mm: tuple[float, float] = (20.0, 10.0)
+    """length of the edge and width of both faces together"""
+    prism_turn_deg: float = 25.0
+    """of the edge, from x towards y"""
     relief_mm: float = 1.0
     region_diameter_mm: float = 35.0
     wavelength_mm: float = 2.5
@@ -57,6 +62,14 @@ def pin_grid(x: Array, y: Array, p: ObjectParameters) -> Array:
     off = [c - p.pin_pitch_mm * np.rint(c / p.pin_pitch_mm) for c in (x, y)]
     on_plate = (np.abs(x) < p.pin_grid_mm[0] / 2) & (np.abs(y) < p.pin_grid_mm[1] / 2)
     return np.where(on_plate, np.where(np.hypot(*off) < p.pin_radius_mm, 0.0, -p.relief_mm), NO_OBJECT)
+
+
+def prism(angle_deg: float, x: Array, y: Array, p: ObjectParameters) -> Array:
+    """Return a prism, edge towards the gel, both faces at `angle_deg` to the gel at rest; a cube on its edge has 45."""
+    along, across = _turned(x, y, radians(p.prism_turn_deg))
+    length, width = p.prism_mm
+    inside = (np.abs(along) < length / 2) & (np.abs(across) < width / 2)
+    return np.where(inside, -np.abs(across) * tan(radians(angle_deg)), NO_OBJECT)
 
 
 def triangular_step(x: Array, y: Array, p: ObjectParameters) -> Array:
@@ -155,7 +168,11 @@ OBJECTS: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {
 }
 OBJECT_NAMES = tuple(OBJECTS)
 BENCHMARK_NAMES = OBJECT_NAMES[1:]
-PROBES: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {"CYLINDER": cylinder, "PINS": pin_grid}
+PROBES: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {
+    "CYLINDER": cylinder,
+    "PINS": pin_grid,
+    **{f"PRISM{angle}": partial(prism, angle) for angle in (15, 30, 45)},
+}
 """tools of the calibration, no objects of the benchmark"""
 PROBE_NAMES = tuple(PROBES)
 

@@ -74,8 +74,7 @@ class NumpyTrainer:
             part = slice(start, start + _BLOCK)
             kept = None
             if self.recipe.dropout:
-                seen = len(pixels[part]) * (2 if self.recipe.zero_based else 1)
-                kept = kept_units((network.width, seen), self.recipe.dropout, self._random)
+                kept = kept_units((network.width, 2 * len(pixels[part])), self.recipe.dropout, self._random)
             loss, of_block = loss_of_block(network, pixels[part].T, gradient[part].T, self.recipe, kept)
             total += loss
             derivative += of_block
@@ -163,20 +162,15 @@ def loss_of_block(
 ) -> tuple[float, Floats]:
     """Return the loss of (C + 2, n) pixels with (2, n) gradients, summed up, and its derivative as `backward` does.
 
-    With a zero-based recipe the network is asked twice, also without the colour change: n columns more, for which
-    `kept` has to have factors.
+    The network is asked twice, also without the colour change, and that answer is subtracted, as the host does: n
+    columns more, so `kept` is (width, 2 n).
     """
     count = pixels.shape[1]
-    if recipe.zero_based:
-        unchanged = np.concatenate([np.zeros_like(pixels[: -len(PLACE)]), pixels[-len(PLACE) :]])
-        pixels = np.concatenate([pixels, unchanged], axis=1)
-    values = forward(network, pixels, kept)
+    unchanged = np.concatenate([np.zeros_like(pixels[: -len(PLACE)]), pixels[-len(PLACE) :]])
+    values = forward(network, np.concatenate([pixels, unchanged], axis=1), kept)
     gradient = gradient_of(values[-1], network.steepest_rad)
-    if recipe.zero_based:
-        loss, slope = _LOSSES[recipe.loss](gradient[:, :count] - gradient[:, count:], wanted)
-        slope = np.concatenate([slope, -slope], axis=1)
-    else:
-        loss, slope = _LOSSES[recipe.loss](gradient, wanted)
+    loss, slope = _LOSSES[recipe.loss](gradient[:, :count] - gradient[:, count:], wanted)
+    slope = np.concatenate([slope, -slope], axis=1)
     change = slope * (1 + gradient * gradient) * np.float32(network.steepest_rad)
     return loss, backward(network.layers, values, change, kept)
 

@@ -1,4 +1,8 @@
-"""How GelNet is trained: the recipes, and the learning rate of each step."""
+"""How GelNet is trained: the recipes, and the learning rate of each step.
+
+In every recipe the loss is of the answer to a pixel less the answer to an unchanged pixel at the same place: the host
+subtracts it from every frame. The paper does not mention it.
+"""
 
 import math
 from collections.abc import Iterator
@@ -24,8 +28,6 @@ class Recipe:
     place_jitter: float
     """standard deviation of a random shift of each pixel's place, in mean distances between presses: light changes
     slowly over the gel, and a few presses must not be taken for a map of it"""
-    zero_based: bool
-    """subtract the answer to an unchanged pixel at the same place, as the host does with every frame"""
 
 
 RECIPES = {
@@ -40,7 +42,6 @@ RECIPES = {
         largest_table=10**9,
         warm_up=0,
         place_jitter=0.0,
-        zero_based=False,
     ),
     "fast": Recipe(
         loss="normal",
@@ -52,7 +53,6 @@ RECIPES = {
         largest_table=500_000,
         warm_up=0.05,
         place_jitter=0.5,
-        zero_based=True,
     ),
     # For labels that are right to a pixel: steps twice as large, three times as many, and hardly any jitter.
     "thorough": Recipe(
@@ -65,7 +65,6 @@ RECIPES = {
         largest_table=500_000,
         warm_up=0.05,
         place_jitter=0.2,
-        zero_based=True,
     ),
 }
 HELD_OUT = 0.1

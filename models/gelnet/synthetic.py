@@ -26,11 +26,13 @@ from gelnet.table import Table, TableError, checked
 from gelnet.train import add_training_options
 from gelnet.trainers import make_trainer
 from gelnet.training import Trainer, normal_error_deg, print_progress, record_of, train, write
+from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
+from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.objects import ObjectParameters
-from sim_reference.surface import press_object, sample, untouched
+from sim_reference.surface import Surface, press_object, sample, untouched
 
 Floats = NDArray[np.float32]
 
@@ -47,7 +49,10 @@ class Options:
     """What is pressed and how much of it is learnt; chosen on the validation presses, see the model card."""
 
     presses: int = 400
+    places: int = 1
+    """at which each pressed ball is photographed; more than one where pressing takes long"""
     rows_per_press: int = 1250
+    """of a picture"""
     flat_share: float = 0.05
     """of a press's rows, from pixels where the gel is flat"""
     contact_share: float = 0.5
@@ -97,32 +102,47 @@ def simulated_sensor(geometry: SensorGeometry, *, seed: int) -> Sensor:
     return Sensor(geometry, response, light, (total / REFERENCE_FRAMES).astype(np.float32))
 
 
-def table_of_presses(sensor: Sensor, options: Options, *, count: int, noise_grey: float, seed: int) -> Table:
-    """Press `count` balls at random and return their labelled pixels, photographed with this noise."""
+def table_of_presses(
+    sensor: Sensor, options: Options, *, count: int, noise_grey: float, seed: int, model: GelModel = gel.press
+) -> Table:
+    """Press `count` balls at random into a gel and return their labelled pixels, photographed with this noise.
+
+    Each picture is an image of the table. Raises what the model of the gel raises.
+    """
     random = np.random.default_rng(seed)
-    parts = [_rows_of_press(sensor, options, noise_grey, random) for _ in range(count)]
+    parts = [part for _ in range(count) for part in _rows_of_press(sensor, options, noise_grey, random, model)]
     height, width = sensor.geometry.image_shape
     return checked(
         np.concatenate(parts),
-        np.repeat(np.arange(count, dtype=np.int32), [len(part) for part in parts]),
+        np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts]),
         np.array([width, height]),
         name="the simulated presses",
     )
 
 
-def _rows_of_press(sensor: Sensor, options: Options, noise_grey: float, random: np.random.Generator) -> Floats:
-    """Press one ball at a random place, photograph it, and return some of its pixels as (n, 7) rows."""
+def _rows_of_press(
+    sensor: Sensor, options: Options, noise_grey: float, random: np.random.Generator, model: GelModel
+) -> list[Floats]:
+    """Press one ball and photograph it at random places; return (n, 7) rows of each picture."""
     geometry = sensor.geometry
-    height, width = geometry.image_shape
     radius = options.main_radius_mm
     if random.random() < options.other_share:
         radius = float(np.exp(random.uniform(*np.log(options.other_radii_mm))))
     depth = random.uniform(0.05, min(options.deepest_mm, radius))
-    place = random.uniform(-0.5, 0.5, 2) * np.array([width, height]) * geometry.pixel_size_mm
+    view_mm = np.array(geometry.image_shape[::-1]) * geometry.pixel_size_mm
+    places = random.uniform(-0.5, 0.5, (options.places, 2)) * view_mm
     parameters = ObjectParameters(calibration_ball_radius_mm=radius)
-    deformation = press_object("BALL", depth, geometry, parameters=parameters)
-    surface = sample(deformation, geometry, float(place[0]), float(place[1]))
-    grey = linear_grey(ring_irradiance(surface, geometry, sensor.light), sensor.response).astype(np.float32)
+    deformation = press_object("BALL", depth, geometry, parameters=parameters, model=model)
+    surfaces = (sample(deformation, geometry, x, y) for x, y in places.tolist())
+    return [_rows_of_picture(sensor, surface, options, noise_grey, random) for surface in surfaces]
+
+
+def _rows_of_picture(
+    sensor: Sensor, surface: Surface, options: Options, noise_grey: float, random: np.random.Generator
+) -> Floats:
+    """Photograph a surface and return some of its pixels as (n, 7) rows."""
+    width = sensor.geometry.image_width_px
+    grey = linear_grey(ring_irradiance(surface, sensor.geometry, sensor.light), sensor.response).astype(np.float32)
     image = digitise(grey, noise_grey, random)
     chosen = _chosen_pixels(surface.gradient_map, surface.contact, options, random)
     rows = np.empty((len(chosen), 7), np.float32)
@@ -190,7 +210,8 @@ def _provenance(
     options: Options, sensor: Sensor, network: Trainer, validation: Table, *, width: int, seed: int
 ) -> dict[str, Any]:
     return {
-        "command": f"python -m gelnet.synthetic --trainer {network.version.split()[0]} --width {width} --seed {seed}",
+        "command": f"python -m gelnet.synthetic --trainer {network.version.split()[0]} --recipe {options.recipe} "
+        f"--width {width} --seed {seed}",
         "options": asdict(options),
         "sensor_sha256": geometry_hash(sensor.geometry, sensor.response),
         "geometry": asdict(sensor.geometry),

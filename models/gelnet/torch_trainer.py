@@ -51,13 +51,11 @@ class TorchTrainer:
         return float(loss.detach())
 
     def loss(self, pixels: Floats, gradient: Floats) -> Tensor:
-        """Return the loss of a batch."""
+        """Return the loss of a batch; the answers to unchanged pixels are subtracted, as the host does."""
         self.network.train()
         seen = torch.from_numpy(pixels)
-        found = self.network(seen)
-        if self.recipe.zero_based:
-            unchanged = torch.cat([torch.zeros_like(seen[:, : -len(PLACE)]), seen[:, -len(PLACE) :]], dim=1)
-            found = found - self.network(unchanged)
+        unchanged = torch.cat([torch.zeros_like(seen[:, : -len(PLACE)]), seen[:, -len(PLACE) :]], dim=1)
+        found = self.network(seen) - self.network(unchanged)
         return _LOSSES[self.recipe.loss](found, torch.from_numpy(gradient))
 
     def answer(self, pixels: Floats) -> Floats:

@@ -109,16 +109,13 @@ def unchanged(pixels: Floats) -> Floats:
     return np.concatenate([np.zeros_like(pixels[:, : -len(PLACE)]), place], axis=1)
 
 
-def normal_error_deg(network: Trainer, table: Table, *, zero_based: bool = True) -> dict[str, float]:
+def normal_error_deg(network: Trainer, table: Table) -> dict[str, float]:
     """Return mean, median and p95 of the angle between the network's normals and the table's, deg, over all rows.
 
-    zero_based: the answer to no colour change at the same place is subtracted, as the host does.
+    The answer to no colour change at the same place is subtracted, as the host does.
     """
     pixels = table.pixels
-    gradient = network.answer(pixels)
-    if zero_based:
-        gradient = gradient - network.answer(unchanged(pixels))
-    found, wanted = _normal(gradient), _normal(table.gradient)
+    found, wanted = _normal(network.answer(pixels) - network.answer(unchanged(pixels))), _normal(table.gradient)
     across = np.linalg.norm(np.cross(found, wanted), axis=1)
     angle = np.degrees(np.arctan2(across, (found * wanted).sum(axis=1)))
     median, p95 = np.percentile(angle, [50, 95])

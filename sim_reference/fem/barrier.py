@@ -2,11 +2,12 @@
 
     B = kappa * sum over surface vertices of A b(g),   b(g) = -(g - d)^2 log(g / d) for 0 < g < d, else 0
 
-g is the gap: how far a vertex lies above the object, along z. A is the vertex's area at rest. b grows without limit as
-the gap closes, and the barrier pushes only within the distance d, so the gel rests on the object with a gap of some
-tenths of d. In units of the shear modulus times mm3, as the elastic energy.
+g is the gap: how far a vertex lies above the object, along the object's z. A is the vertex's area at rest. b grows
+without limit as the gap closes, and the barrier pushes only within the distance d, so the gel rests on the object with
+a gap of some tenths of d. In units of the shear modulus times mm3, as the elastic energy.
 """
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from sim_reference.fem.height_field import HeightField
 
 Array = NDArray[np.float64]
+LEAST_UPRIGHT = 0.1
+"""of dg/dz: under walls of a leaning object that hang over, a lift does not help"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +25,7 @@ class Barrier:
     """The barrier between vertices of the free surface and an object."""
 
     field: HeightField
+    """of the object, in its own frame"""
     area: Array
     """(S,) mm2 of each vertex"""
     distance_mm: float
@@ -29,11 +33,25 @@ class Barrier:
     stiffness: float
     """kappa, shear moduli per mm"""
     depth_mm: float
-    """how far the object is moved along z"""
+    """how far the object's point `pivot` is moved along z"""
+    matrix: Array = dataclasses.field(default_factory=lambda: np.eye(3))
+    """(3, 3) how the object is turned about `pivot`"""
+    pivot: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    """(3,) a point of the object, in its own frame"""
+
+    def local(self, at: Array) -> Array:
+        """Return points `at` (S, 3) in the object's frame."""
+        arm = (at - self.pivot - [0.0, 0.0, self.depth_mm]) @ np.linalg.inv(self.matrix).T
+        return np.asarray(arm + self.pivot)
+
+    def world(self, points: Array) -> Array:
+        """Return where points (S, 3) of the object are."""
+        return np.asarray((points - self.pivot) @ self.matrix.T + self.pivot + [0.0, 0.0, self.depth_mm])
 
     def gap(self, at: Array) -> Array:
         """Return the gap (S,) in mm of vertices `at` (S, 3)."""
-        return at[:, 2] - self.depth_mm - self.field(at[:, 0], at[:, 1])
+        points = self.local(at)
+        return points[:, 2] - self.field(points[:, 0], points[:, 1])
 
     def value(self, at: Array) -> float:
         """Return B; infinite where a vertex is inside the object."""
@@ -43,62 +61,61 @@ class Barrier:
         return float(self.stiffness * self.area @ potential(gap, self.distance_mm)[0])
 
     def pressure(self, at: Array) -> Array:
-        """Return the pressure (S,) along z in shear moduli: -kappa b'."""
-        return -self.stiffness * potential(self.gap(at), self.distance_mm)[1]
+        """Return the pressure (S,) along z in shear moduli: -kappa b' dg/dz."""
+        near = self._near(at)
+        result = np.zeros(len(at))
+        result[near] = -(self.gradient(at)[near, 2] / self.area[near])
+        return result
 
     def gradient(self, at: Array) -> Array:
-        """Return dB/dx (S, 3): kappa A b' grad g, with grad g = (-dh/dx, -dh/dy, 1)."""
+        """Return dB/dx (S, 3): kappa A b' grad g, with grad g = A^-T (-dh/dx, -dh/dy, 1)."""
         near = self._near(at)
+        first = potential(self.gap(at[near]), self.distance_mm)[1]
         result = np.zeros_like(at)
-        result[near] = -(self.area[near] * self.pressure(at[near]))[:, None] * self._gap_gradient(at[near])
+        result[near] = (self.stiffness * self.area[near] * first)[:, None] * self.gap_gradient(at[near])
         return result
 
     def hessian(self, at: Array, *, project: bool) -> Array:
         """Return d2B/dx2 (S, 3, 3): kappa A (b'' grad g grad g^T + b' hess g), semidefinite if `project`."""
         near = self._near(at)
-        points = at[near]
-        _, first, second = potential(self.gap(points), self.distance_mm)
-        normal = self._gap_gradient(points)
+        points = self.local(at[near])
+        _, first, second = potential(self.gap(at[near]), self.distance_mm)
+        normal = self.gap_gradient(at[near])
         blocks = second[:, None, None] * normal[:, :, None] * normal[:, None, :]
         bend = -first[:, None, None] * self.field.heights(points[:, 0], points[:, 1]).curvature
-        blocks[:, :2, :2] += semidefinite(bend) if project else bend
+        sideways = np.linalg.inv(self.matrix)[:2]
+        blocks += sideways.T @ (semidefinite(bend) if project else bend) @ sideways
         result = np.zeros((len(at), 3, 3))
         result[near] = self.stiffness * self.area[near, None, None] * blocks
         return result
 
-    def free_step(self, at: Array, step: Array) -> float:
-        """Return a share of `step` (S, 3), at most 1, along which no gap falls below a tenth of what it is.
+    def lift(self, at: Array, step: Array, moved: "Barrier | None" = None) -> Array:
+        """Return how far (S,) mm vertices `at` (S, 3) are lifted along z after `step`, so that none is in the object.
 
-        Each vertex goes on by what its gap and the steepest slope around it allow, again and again: the bound is on
-        the whole way, not only on its end.
+        `moved` has the object where it is after the step, if it moves. Newton's step changes a gap g by c to first
+        order. Within the distance, g becomes g + c, or g^2 / (g - c) where it closes: there the pressure grows like
+        1/g, and does so by what the step expects. Other vertices keep half the distance. Small steps are changed by
+        terms of second order only.
         """
-        start = self.gap(at)
-        sideways = np.hypot(step[:, 0], step[:, 1])
-        speed = np.maximum(-step[:, 2], 0) + self.field.steepest(at[:, 0], at[:, 1], sideways) * sideways
-        moving = np.flatnonzero(0.9 * start < speed)
-        gap, gone = start[moving], np.zeros(len(moving))
-        way = np.ones(len(at))
-        for _ in range(100):
-            if not len(moving):
-                break
-            gone = np.minimum(gone + 0.9 * gap / speed[moving], 1)
-            gap = self._gap_along(at[moving], step[moving], gone)
-            go_on = gap > 0.1 * start[moving]
-            way[moving[go_on]] = gone[go_on]
-            way[moving[~go_on]] = np.minimum(way[moving[~go_on]], gone[~go_on])
-            going = go_on & (gone < 1)
-            moving, gap, gone = moving[going], gap[going], gone[going]
-        return float(min(way.min(), gone.min(initial=1.0)))
+        moved = moved or self
+        after = at + step
+        gap, reached = self.gap(at), moved.gap(after)
+        # Relative to the object, a vertex comes from where its point of the object has gone.
+        change = (self.gap_gradient(at) * (after - moved.world(self.local(at)))).sum(axis=1)
+        wanted = np.maximum(change, 0) + gap**2 / (gap - np.minimum(change, 0))
+        touching = np.maximum(gap, wanted) < self.distance_mm
+        least = np.minimum(gap, 0.5 * self.distance_mm)
+        widened = np.where(touching, wanted - reached, np.maximum(least - reached, 0))
+        return widened / np.maximum(moved.gap_gradient(after)[:, 2], LEAST_UPRIGHT)
 
-    def _gap_along(self, at: Array, step: Array, share: Array) -> Array:
-        return self.gap(at + share[:, None] * step)
+    def gap_gradient(self, at: Array) -> Array:
+        """Return grad g (S, 3) at vertices `at`."""
+        points = self.local(at)
+        slope = self.field.heights(points[:, 0], points[:, 1]).slope
+        return np.asarray(np.concatenate([-slope, np.ones((len(at), 1))], axis=1) @ np.linalg.inv(self.matrix))
 
     def _near(self, at: Array) -> NDArray[np.int64]:
         return np.flatnonzero(self.gap(at) < self.distance_mm)
-
-    def _gap_gradient(self, at: Array) -> Array:
-        slope = self.field.heights(at[:, 0], at[:, 1]).slope
-        return np.concatenate([-slope, np.ones((len(at), 1))], axis=1)
 
 
 def potential(gap: Array, distance: float) -> tuple[Array, Array, Array]:

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from sim_reference import gel
 from sim_reference.deformation import Deformation
+from sim_reference.fem.affine_body import Load, tilt_rad
 from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.height_field import HeightField, with_slopes_below
+from sim_reference.fem.leaning import MOST_TILT_RAD, Lean, lean_under
 from sim_reference.fem.mesh import gel_mesh
 from sim_reference.fem.neo_hookean import NeoHookean
 from sim_reference.fem.newton import Solver, State, Step
@@ -32,13 +34,29 @@ class FemPress:
 
     surface: Sampled
     """on the object's grid, not coated"""
-    depth_mm: float
-    """how far the object's highest point is beyond first touch"""
+    centre_mm: Array
+    """(3,) where the middle of the object's grid is, level with its highest point; the gap is accounted for"""
     force_n: float
     steps: list[Step] = field(repr=False)
     state: State = field(repr=False)
     barrier: Barrier = field(repr=False)
     """between the object, where it is, and the surface of the mesh"""
+
+    @property
+    def depth_mm(self) -> float:
+        """How far the object's middle is beyond first touch."""
+        return float(self.centre_mm[2])
+
+    @property
+    def tilt_rad(self) -> float:
+        """The angle between the object's axis and z."""
+        return tilt_rad(self.state.matrix)
+
+    @property
+    def slopes(self) -> Array:
+        """(2,) dz/dx, dz/dy of a plane of the object that was level."""
+        normal = np.linalg.inv(self.state.matrix)[2]
+        return np.asarray(-normal[:2] / normal[2])
 
     @property
     def min_gap_mm(self) -> float:
@@ -83,36 +101,60 @@ class FemGel:
         geometry: SensorGeometry,
         *,
         load_n: float | None = None,
+        free_at_mm: tuple[float, float] | None = None,
         on_step: OnStep | None = None,
         resume: Checkpoint | None = None,
     ) -> FemPress:
         """Press the object to a depth, or from there on let it sink in until the gel holds `load_n`.
 
-        The object does not tilt. `on_step` is called after each of Newton's steps; with `resume`, one of its
-        checkpoints, the same press goes on from there. Raises ValueError for a press outside 0 to 60 % of the gel's
-        thickness, for a load with friction, and for what the mesh or the layer refuses, NotConverged where no solution
-        was found.
+        With `free_at_mm` the load acts at this (x, y) of the object, which tilts as the gel lets it, by up to 15
+        degrees; else the object does not tilt. `on_step` is called after each of Newton's steps; with `resume`, one of
+        its checkpoints, the same press goes on from there. Raises ValueError for a press outside 0 to 60 % of the gel's
+        thickness, for a load with friction or beside the gel, and for what the mesh or the layer refuses, NotConverged
+        where no solution was found or the object falls over.
         """
         check_depth(press_depth_mm, geometry)
-        if load_n is not None and (self.friction or not load_n > 0):
-            raise ValueError(f"load {load_n} N with friction {self.friction}: give a load above 0 N, without friction")
+        load, bare = self._load(load_n, free_at_mm, geometry), replace(geometry, coating_smoothing_mm=0.0)
         solver = solver_of(self, geometry)
         limit = STEEPEST_MM / solver.mesh.spacing_mm
-        body = with_slopes_below(np.maximum(object_height_mm, -press_depth_mm - ABOVE_MM), spacing_mm, limit)
+        lowest = -press_depth_mm - ABOVE_MM
+        if load and load.tilts:
+            lowest -= float(np.tan(MOST_TILT_RAD)) * geometry.gel_diameter_mm / 2
+        body = with_slopes_below(np.maximum(object_height_mm, lowest), spacing_mm, limit)
         field = HeightField(body, spacing_mm)
-        pressing = Pressing(solver, field, self.friction, on_step, resume)
-        shear_modulus_mpa = self.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
-        bare = replace(geometry, coating_smoothing_mm=0.0)
+        lean = Lean(press_depth_mm)
+        if load and load.tilts:
+            lean = lean_under(load, object_height_mm, spacing_mm, press_depth_mm, bare)
+        pressing = Pressing(solver, field, self.friction, on_step, resume, lean)
         pressing.go_to(
-            press_depth_mm,
+            lean.depth_mm,
             INCREMENT_MM if self.friction else np.inf,
-            lambda depth: gel.press(object_height_mm, spacing_mm, depth, bare),
+            lambda depth: lean.press(object_height_mm, spacing_mm, depth, bare),
         )
-        pressing.close_gap(press_depth_mm, load=None if load_n is None else load_n / shear_modulus_mpa)
+        pressing.close_gap(lean.depth_mm, load)
         barrier = pressing.barrier
         sampled = sample_surface(solver.mesh, pressing.state.at, barrier, len(object_height_mm), spacing_mm)
-        force_n = sampled.force * shear_modulus_mpa
-        return FemPress(sampled, pressing.depth_mm, force_n, pressing.steps, pressing.state, barrier)
+        force_n = sampled.force * self.shear_modulus_mpa(geometry)
+        centre = barrier.world(np.zeros((1, 3)))[0] + [0.0, 0.0, pressing.gap_mm]
+        return FemPress(sampled, centre, force_n, pressing.steps, pressing.state, barrier)
+
+    def shear_modulus_mpa(self, geometry: SensorGeometry) -> float:
+        """Of the gel."""
+        return self.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
+
+    def _load(
+        self, load_n: float | None, free_at_mm: tuple[float, float] | None, geometry: SensorGeometry
+    ) -> Load | None:
+        if load_n is None:
+            if free_at_mm is not None:
+                raise ValueError("an object that is free to tilt needs a load: give a force, not a depth")
+            return None
+        if self.friction or not load_n > 0:
+            raise ValueError(f"load {load_n} N with friction {self.friction}: give a load above 0 N, without friction")
+        at_mm, radius = free_at_mm or (0.0, 0.0), geometry.gel_diameter_mm / 2
+        if not np.hypot(*at_mm) < radius:
+            raise ValueError(f"load at {at_mm[0]:g}, {at_mm[1]:g} mm: give a point over the gel, within {radius:g} mm")
+        return Load(load_n / self.shear_modulus_mpa(geometry), at_mm, tilts=free_at_mm is not None)
 
 
 def check_depth(press_depth_mm: float, geometry: SensorGeometry) -> None:
@@ -155,11 +197,10 @@ def depth_under(
 
     Raises ValueError for a load that is not above 0, or presses deeper than finite elements can follow.
     """
-    shear_modulus_mpa = model.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
 
     def held_n(depth: float) -> float:
         pressed = gel.press(object_height_mm, spacing_mm, depth, geometry)
-        return float(pressed.pressure.sum()) * spacing_mm**2 * shear_modulus_mpa
+        return float(pressed.pressure.sum()) * spacing_mm**2 * model.shear_modulus_mpa(geometry)
 
     shallow, deep = 0.0, geometry.deepest_press_mm
     most = held_n(deep)

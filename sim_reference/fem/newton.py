@@ -1,19 +1,22 @@
 """Projected Newton's method for the gel against an object: every iterate is free of penetration and inversion.
 
-The object is held at a depth, or loaded with a force: then its depth is one more unknown, and the energy is that of the
-gel and the contact less force times depth. Each step solves the linear system by conjugate gradients, is cut to what
-neither a gap nor a tetrahedron forbids, and then halved until the energy falls.
+The object is held where it is, or loaded with a force: then the moves that the load leaves free are more unknowns, and
+the linear system has a border (`affine_body`). Each step solves it by conjugate gradients, is cut to what no
+tetrahedron forbids, and then halved until the energy falls. Vertices that it would move into the object are lifted out
+of it, each for itself (`barrier.Barrier.lift`): if the whole step were cut instead, the first vertex that touches would
+stop all others.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.deformation import NotConverged
+from sim_reference.fem.affine_body import DOWN, UNKNOWNS, Load, border, gradient_by_object
 from sim_reference.fem.assembly import Assembler, Pattern
-from sim_reference.fem.barrier import Barrier, potential
+from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.friction import Friction
 from sim_reference.fem.matrices import cofactors, inner
 from sim_reference.fem.mesh import Mesh
@@ -22,7 +25,7 @@ from sim_reference.fem.neo_hookean import NeoHookean
 
 Array = NDArray[np.float64]
 TOLERANCE_MM = 2e-5
-"""Newton's method ends after a full step that moves nothing by more"""
+"""Newton's method ends after a whole step that moves nothing by more"""
 NEAR_MM = 0.03
 """after a full step shorter than this the Hessian is used as it is, not projected: convergence becomes quadratic"""
 
@@ -37,7 +40,7 @@ class Step:
     longest_mm: float
     """how far the step would move the vertex that it moves furthest"""
     share: float
-    """how much of the step was taken, 0 to 1"""
+    """how much of the step was taken, above 1 where it was prolonged"""
     min_gap_mm: float
     min_det_f: float
     linear_iterations: int
@@ -46,20 +49,50 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The gel's vertices (N, 3) mm, and the depth of the object."""
+    """The gel's vertices, and where the object is."""
 
     at: Array
+    """(N, 3) mm"""
     depth_mm: float
+    matrix: Array = field(default_factory=lambda: np.eye(3))
+    """(3, 3) see `barrier.Barrier`"""
+
+    def moved(self, step: "Change", share: float) -> "State":
+        """Return the state after a share of a step."""
+        return State(
+            self.at + share * step.direction,
+            self.depth_mm + share * step.depth_mm,
+            self.matrix + share * step.matrix,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A step of the gel and the object."""
+
+    direction: Array
+    """(N, 3) mm"""
+    of_object: Array
+    """(12,) see `affine_body`"""
+
+    @property
+    def depth_mm(self) -> float:
+        """Of the object."""
+        return float(self.of_object[DOWN])
+
+    @property
+    def matrix(self) -> Array:
+        """(3, 3) of the object."""
+        return self.of_object[3:].reshape(3, 3)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """What acts on the free surface. With `load` the object's depth is free, and the load is held."""
+    """What acts on the free surface. With `load` the object is free, and the load is held."""
 
     barrier: Barrier
     friction: Friction | None = None
-    load: float | None = None
-    """shear moduli times mm2"""
+    load: Load | None = None
 
 
 class Solver:
@@ -90,23 +123,21 @@ class Solver:
     ) -> State:
         """Return the state of least energy, from one without penetration and inversion.
 
-        It ends after a full step that moves nothing by more than `tolerance_mm`. Raises NotConverged after `limit`
+        It ends after a whole step that moves nothing by more than `tolerance_mm`. Raises NotConverged after `limit`
         steps.
         """
         energy, exact = self._energy(state, contact), False
         for number in range(1, limit + 1):
-            direction, depth_change, iterations, exact = self._direction(state, contact, exact)
-            slope = self._slope(state, contact, direction, depth_change)
-            share = self._free_share(state, contact, direction, depth_change)
-            state, share, energy = self._descend(state, contact, (direction, depth_change), share, energy, slope)
-            longest = max(float(np.abs(direction).max()), abs(depth_change))
+            change, iterations, exact = self._change(state, contact, exact)
+            slope, longest = self._slope(state, contact, change), self._longest(state, contact, change)
+            state, share, energy = self._descend(state, contact, change, energy, slope)
             step = Step(number, energy, longest, share, self.min_gap(state, contact), self.min_det_f(state),
                         iterations, not exact)  # fmt: skip
             if on_step:
                 on_step(step, state)
-            if share == 1 and longest < tolerance_mm:
+            if share >= 1 and longest < tolerance_mm:
                 return state
-            exact = share == 1 and longest < NEAR_MM
+            exact = share >= 1 and longest < NEAR_MM
         raise NotConverged(
             f"after {limit} steps the gel still moves by {longest:.1e} mm in a step, wanted {tolerance_mm:.1e}: press "
             "less deep, or give a finer resolution"
@@ -114,7 +145,7 @@ class Solver:
 
     def min_gap(self, state: State, contact: Contact) -> float:
         """Return the smallest gap in mm."""
-        return float(_at_depth(contact.barrier, state).gap(state.at[self.mesh.surface]).min())
+        return float(_placed(contact.barrier, state).gap(state.at[self.mesh.surface]).min())
 
     def min_det_f(self, state: State) -> float:
         """Return the smallest volume of a tetrahedron over that at rest."""
@@ -122,18 +153,20 @@ class Solver:
 
     def _energy(self, state: State, contact: Contact) -> float:
         surface = state.at[self.mesh.surface]
-        energy = _at_depth(contact.barrier, state).value(surface)
+        energy = _placed(contact.barrier, state).value(surface)
         if not np.isfinite(energy):
             return np.inf
         if contact.friction:
             energy += contact.friction.value(surface)
-        return energy + self.elastic.value(state.at) - (contact.load or 0.0) * state.depth_mm
+        if contact.load:
+            energy += contact.load.value(state.depth_mm, state.matrix)
+        return energy + self.elastic.value(state.at)
 
     def gradient(self, state: State, contact: Contact) -> Array:
         """Return the derivative of the energy by the vertices (N, 3): 0 at rest, but where the gel is bonded."""
         total = self.elastic.gradient(state.at)
         surface = state.at[self.mesh.surface]
-        total[self.mesh.surface] += _at_depth(contact.barrier, state).gradient(surface)
+        total[self.mesh.surface] += _placed(contact.barrier, state).gradient(surface)
         if contact.friction:
             total[self.mesh.surface] += contact.friction.gradient(surface)
         return total
@@ -142,71 +175,89 @@ class Solver:
         """Return the blocks of the energy's second derivative over the free vertices."""
         blocks = self._assembler.blocks(list(self.elastic.hessians(state.at, project=project)))
         surface = state.at[self.mesh.surface]
-        of_contact = _at_depth(contact.barrier, state).hessian(surface, project=project)
+        of_contact = _placed(contact.barrier, state).hessian(surface, project=project)
         if contact.friction:
             of_contact += contact.friction.hessian(surface, project=project)
         free = self._surface_rows >= 0
         blocks[self._assembler.pattern.diagonal[self._surface_rows[free]]] += of_contact[free]
         return blocks
 
-    def _direction(self, state: State, contact: Contact, exact: bool) -> tuple[Array, float, int, bool]:
-        """Return Newton's step (N, 3), that of the depth, the linear iterations, and whether the Hessian was exact."""
+    def _change(self, state: State, contact: Contact, exact: bool) -> tuple[Change, int, bool]:
+        """Return Newton's step, the linear iterations, and whether the Hessian was exact."""
         blocks = self.hessian_blocks(state, contact, project=not exact)
         matrix = self._assembler.pattern.matrix(blocks)
         precondition = self._hierarchy.solver(blocks)
         wanted = -self.gradient(state, contact)[self.mesh.free].ravel()
         found = conjugate_gradients(matrix, wanted, precondition, 1e-3 if exact else 1e-2)
-        if exact and not found.convex:
-            return self._direction(state, contact, exact=False)
-        iterations, vector, change = found.iterations, found.vector, 0.0
-        if contact.load is not None:
-            barrier, surface = _at_depth(contact.barrier, state), state.at[self.mesh.surface]
-            coupling, stiffness, force = self._depth_terms(barrier, surface)
-            other = conjugate_gradients(matrix, coupling, precondition, 1e-3)
-            iterations += other.iterations
-            missing = contact.load - force - float(coupling @ vector)
-            change = missing / (stiffness - float(coupling @ other.vector))
-            vector = vector - change * other.vector
+        of_object = np.zeros(UNKNOWNS)
+        if contact.load and found.convex:
+            barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
+            sides = border(barrier, contact.load, surface, self._spread, project=not exact)
+            found, of_object = sides.solve(found, lambda side: conjugate_gradients(matrix, side, precondition, 1e-3))
+        # Where the gel buckles, a direction of negative curvature is the way down, but not in an object's balance.
+        if exact and not found.convex and not (contact.load is None and float(wanted @ found.vector) > 0):
+            return self._change(state, contact, exact=False)
         direction = np.zeros_like(state.at)
-        direction[self.mesh.free] = vector.reshape(-1, 3)
-        return direction, change, iterations, exact
+        direction[self.mesh.free] = found.vector.reshape(-1, 3)
+        return Change(direction, of_object), found.iterations, exact
 
-    def _depth_terms(self, barrier: Barrier, surface: Array) -> tuple[Array, float, float]:
-        """Return d2B/dx d(depth) over the free vertices, d2B/d(depth)2 and dB/d(depth), the force."""
-        second = barrier.stiffness * barrier.area * potential(barrier.gap(surface), barrier.distance_mm)[2]
-        slope = barrier.field.heights(surface[:, 0], surface[:, 1]).slope
-        by_vertex = -second[:, None] * np.concatenate([-slope, np.ones((len(surface), 1))], axis=1)
-        coupling = np.zeros((len(self.mesh.free), 3))
-        coupling[self._surface_rows] = by_vertex
-        return coupling.ravel(), float(second.sum()), float(barrier.area @ barrier.pressure(surface))
+    def _spread(self, of_surface: Array) -> Array:
+        """Return (S, 3, k), given for the vertices of the surface, as (3n, k) for all that are free."""
+        result = np.zeros((len(self.mesh.free), *of_surface.shape[1:]))
+        result[self._surface_rows] = of_surface
+        return result.reshape(-1, of_surface.shape[2])
 
-    def _slope(self, state: State, contact: Contact, direction: Array, depth_change: float) -> float:
+    def _slope(self, state: State, contact: Contact, change: Change) -> float:
         """How fast the energy falls along the step: below 0."""
-        slope = float((self.gradient(state, contact) * direction).sum())
-        if contact.load is not None:
-            barrier = _at_depth(contact.barrier, state)
-            force = float(barrier.area @ barrier.pressure(state.at[self.mesh.surface]))
-            slope += (force - contact.load) * depth_change
+        slope = float((self.gradient(state, contact) * change.direction).sum())
+        if contact.load:
+            by_object = gradient_by_object(_placed(contact.barrier, state), state.at[self.mesh.surface])
+            slope += float((by_object + contact.load.gradient(state.matrix)) @ change.of_object)
         return slope
 
-    def _free_share(self, state: State, contact: Contact, direction: Array, depth_change: float) -> float:
-        relative = direction[self.mesh.surface] - [0.0, 0.0, depth_change]
-        outside = _at_depth(contact.barrier, state).free_step(state.at[self.mesh.surface], relative)
-        return min(outside, upright_share(self.elastic, state.at, direction))
+    def _longest(self, state: State, contact: Contact, change: Change) -> float:
+        """How far the step would move the vertex, or the object where a vertex touches it, that it moves furthest."""
+        barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
+        touching = surface[barrier.gap(surface) < barrier.distance_mm]
+        of_object = (barrier.local(touching) - barrier.pivot) @ change.matrix.T + [0.0, 0.0, change.depth_mm]
+        return max(float(np.abs(change.direction).max()), float(np.abs(of_object).max(initial=0.0)))
 
     def _descend(
-        self, state: State, contact: Contact, change: tuple[Array, float], share: float, energy: float, slope: float
+        self, state: State, contact: Contact, change: Change, energy: float, slope: float
     ) -> tuple[State, float, float]:
-        """Halve the step until the energy falls by a ten-thousandth of what the slope promises."""
+        """Halve a step until the energy falls by a ten-thousandth of what its slope promises; prolong it if it pays."""
         # Sums over a million terms are right to about this much; near the end the energy changes by less.
         rounding = 1e-13 * abs(energy)
+        share = upright_share(self.elastic, state.at, change.direction)
         for _ in range(40):
-            ahead = State(state.at + share * change[0], state.depth_mm + share * change[1])
+            ahead = self._ahead(state, contact, change, share)
             reached = self._energy(ahead, contact)
             if reached <= energy + 1e-4 * share * slope + rounding:
-                return ahead, share, reached
+                return self._go_further(state, contact, change, (ahead, share, reached), energy + 0.75 * slope)
             share /= 2
         raise NotConverged("no step lowers the energy: give a finer resolution or press less deep")
+
+    def _go_further(
+        self, state: State, contact: Contact, change: Change, best: tuple[State, float, float], low: float
+    ) -> tuple[State, float, float]:
+        """Double a whole step for as long as the energy falls, if with it the energy has already fallen below `low`.
+
+        The projected Hessian is too stiff where the gel is close to buckling; then steps are many times too short.
+        """
+        while best[1] >= 1 and best[2] < low:
+            ahead = self._ahead(state, contact, change, 2 * best[1])
+            reached = self._energy(ahead, contact)
+            if reached >= best[2]:
+                break
+            best = ahead, 2 * best[1], reached
+        return best
+
+    def _ahead(self, state: State, contact: Contact, change: Change, share: float) -> State:
+        """Return the state after a share of a step, with no vertex of the surface in the object."""
+        ahead, surface = state.moved(change, share), self.mesh.surface
+        before, after = _placed(contact.barrier, state), _placed(contact.barrier, ahead)
+        ahead.at[surface, 2] += before.lift(state.at[surface], share * change.direction[surface], after)
+        return ahead
 
 
 def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:
@@ -230,5 +281,5 @@ def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:
     return float(min(1.0, 1 / max(real.max(), 1.0)))
 
 
-def _at_depth(barrier: Barrier, state: State) -> Barrier:
-    return replace(barrier, depth_mm=state.depth_mm)
+def _placed(barrier: Barrier, state: State) -> Barrier:
+    return replace(barrier, depth_mm=state.depth_mm, matrix=state.matrix)

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from sim_reference.deformation import Deformation, NotConverged, grid
-from sim_reference.fem.barrier import Barrier
+from sim_reference.fem.affine_body import Load, tilt_rad
+from sim_reference.fem.barrier import LEAST_UPRIGHT, Barrier
 from sim_reference.fem.friction import friction_of
 from sim_reference.fem.height_field import HeightField
+from sim_reference.fem.leaning import Lean, check_tilt
 from sim_reference.fem.mesh import Mesh
 from sim_reference.fem.newton import TOLERANCE_MM, Contact, Solver, State, Step
 
@@ -29,8 +31,10 @@ USUAL_GAP = 0.8
 STICK_MM = 0.001
 """friction holds within this"""
 LEAST_INCREMENT_MM = 0.001
-BEGINNING_TOLERANCE_MM = 1e-3
+BEGINNING_TOLERANCE_MM = 1e-2
 """in place of `newton.TOLERANCE_MM`, for what only begins the next stage"""
+MOST_LIFTS = 50
+"""how often the gel is lifted out of an object that leans"""
 MOST_LAGS = 20
 """how often friction is evaluated with the contact as it has become"""
 
@@ -59,13 +63,21 @@ class Pressing:
     """A press under way: the state of the gel, and the steps so far."""
 
     def __init__(
-        self, solver: Solver, field: HeightField, friction: float, on_step: OnStep | None, resume: Checkpoint | None
+        self,
+        solver: Solver,
+        field: HeightField,
+        friction: float,
+        on_step: OnStep | None,
+        resume: Checkpoint | None,
+        start: Lean,
     ) -> None:
-        """Start with the gel at rest, or go on from `resume`."""
+        """Start with the gel at rest and the object leaning, or go on from `resume`."""
         self._solver, self._field, self._friction, self._on_step = solver, field, friction, on_step
-        self._mesh = solver.mesh
+        self._mesh, self._pivot = solver.mesh, start.pivot
         at = self._mesh.vertices
-        at_rest = Checkpoint(State(at, 0.0), 0.0, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at)))
+        at_rest = Checkpoint(
+            State(at, 0.0, start.matrix), 0.0, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at))
+        )
         self._now = resume or at_rest
         self.steps: list[Step] = []
 
@@ -77,13 +89,13 @@ class Pressing:
     @property
     def barrier(self) -> Barrier:
         """The barrier of the mesh's surface against the object where it is."""
-        distance = BARRIER_DISTANCES_MM[self._now.narrow]
-        return Barrier(self._field, self._mesh.surface_area, distance, STIFFNESS / distance, self.state.depth_mm)
+        area, state, distance = self._mesh.surface_area, self.state, BARRIER_DISTANCES_MM[self._now.narrow]
+        return Barrier(self._field, area, distance, STIFFNESS / distance, state.depth_mm, state.matrix, self._pivot)
 
     @property
-    def depth_mm(self) -> float:
-        """How deep the gel is pressed: the object, and the mean gap between them, weighted with the force."""
-        return self.state.depth_mm + self._now.gap_share * self.barrier.distance_mm
+    def gap_mm(self) -> float:
+        """Mean gap between gel and object, weighted with the force."""
+        return self._now.gap_share * self.barrier.distance_mm
 
     def go_to(self, depth_mm: float, increment_mm: float, layer: Callable[[float], Deformation]) -> None:
         """Press to `depth_mm` in increments of at most `increment_mm`, beginning each with the layer's change in it.
@@ -112,27 +124,40 @@ class Pressing:
         above = depth_above(layer(depth_mm), self._mesh)
         at = self.state.at.copy()
         at[:, 2] += (above - self._now.layer_mm) * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
-        object_mm = depth_mm - self._now.gap_share * self.barrier.distance_mm
+        object_mm = depth_mm - self.gap_mm
         at = _cleared(at, self._mesh, replace(self.barrier, depth_mm=object_mm))
         before = self._solver.min_det_f(self.state)
-        if self._solver.min_det_f(State(at, object_mm)) < 0.1 * before:
+        begun = replace(self.state, at=at, depth_mm=object_mm)
+        if self._solver.min_det_f(begun) < 0.1 * before:
             return None
         # A vertex that touches first now has gone straight to the object: friction is for sideways movement.
         x, y, _ = self.state.at[self._mesh.surface].T
         anchor = np.column_stack([x, y, depth_mm + self._field(x, y)])
-        return replace(self._now, state=State(at, object_mm), increment_mm=depth_mm, anchor=anchor, layer_mm=above)
+        return replace(self._now, state=begun, increment_mm=depth_mm, anchor=anchor, layer_mm=above)
 
-    def close_gap(self, depth_mm: float, load: float | None) -> None:
-        """Narrow the barrier; with `load` (shear moduli times mm2), let the object go and hold the load instead."""
+    def close_gap(self, depth_mm: float, load: Load | None) -> None:
+        """Narrow the barrier; with `load`, let the object go and hold the load instead."""
         going_on = self._now.narrow
-        self._now = replace(self._now, narrow=True)
-        self._settle(self.depth_mm if going_on and load is not None else depth_mm, load)
+        if not going_on:
+            self._narrow()
+        self._settle(self.state.depth_mm + self.gap_mm if going_on and load else depth_mm, load)
 
-    def _settle(self, depth_mm: float, load: float | None) -> None:
+    def _narrow(self) -> None:
+        """Narrow the barrier and the gaps within it by moving object and gel: every pressure stays what it is."""
+        before, wide = self.state, self.barrier
+        self._now = replace(self._now, narrow=True)
+        share = self.barrier.distance_mm / wide.distance_mm
+        surface = before.at[self._mesh.surface]
+        gap, upright = wide.gap(surface), np.maximum(wide.gap_gradient(surface)[:, 2], LEAST_UPRIGHT)
+        forward = self._now.gap_share * (1 - share) * wide.distance_mm
+        at = before.at.copy()
+        at[self._mesh.surface, 2] += np.where(gap < wide.distance_mm, forward - (1 - share) * gap / upright, 0)
+        self._move(replace(before, at=at, depth_mm=before.depth_mm + forward))
+
+    def _settle(self, depth_mm: float, load: Load | None) -> None:
         """Hold the object back by the gap, and find where the gel rests."""
-        back = self._now.gap_share * self.barrier.distance_mm
-        self._move(State(self.state.at, depth_mm - back))
-        self._move(State(_cleared(self.state.at, self._mesh, self.barrier), self.state.depth_mm))
+        self._move(replace(self.state, depth_mm=depth_mm - self.gap_mm))
+        self._move(replace(self.state, at=_cleared(self.state.at, self._mesh, self.barrier)))
         # What is friction or the last stage is built upon this; else it is where the next stage begins.
         exact = self._now.narrow or self._friction
         self._solve(Contact(self.barrier, load=load), TOLERANCE_MM if exact else BEGINNING_TOLERANCE_MM)
@@ -165,6 +190,7 @@ class Pressing:
         self._now = replace(self._now, state=state)
 
     def _record(self, step: Step, state: State) -> None:
+        check_tilt(tilt_rad(state.matrix))
         self._move(state)
         self.steps.append(replace(step, number=len(self.steps) + 1))
         if self._on_step:
@@ -183,7 +209,12 @@ def _cleared(at: Array, mesh: Mesh, barrier: Barrier) -> Array:
 
     What lies below goes along, less the deeper it is: a surface that is lifted alone turns tetrahedra inside out.
     """
-    lift = np.maximum(0.3 * barrier.distance_mm - barrier.gap(at[mesh.surface]), 0)
-    at = at.copy()
-    at[:, 2] += lift[mesh.above] * (1 - mesh.vertices[:, 2] / mesh.thickness_mm)
-    return at
+    at, fade = at.copy(), 1 - mesh.vertices[:, 2] / mesh.thickness_mm
+    wanted = 0.3 * barrier.distance_mm
+    # Once is enough under an object that does not lean.
+    for _ in range(MOST_LIFTS):
+        lift = np.maximum(wanted - barrier.gap(at[mesh.surface]), 0)
+        at[:, 2] += lift[mesh.above] * fade
+        if lift.max() < 0.5 * wanted:
+            return at
+    raise NotConverged("the object leans over the gel beside it: put the load nearer to the middle of the contact")

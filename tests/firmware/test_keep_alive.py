@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
-from gellight.ring.enumerations import SyncMode
+from gellight.ring.enumerations import State, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -24,6 +24,14 @@ def hold_up(board: BenchBoard, ring: LightRing) -> None:
     with ring._lock:
         board.run(1_200_000)
         assert not lit(board).any()
+
+
+def trigger(board: BenchBoard, ring: LightRing) -> None:
+    """Drive an edge to the trigger pin."""
+    with ring._lock:
+        for high in (True, False):
+            board.set_trigger(high)
+            board.run(100)
 
 
 def comes(board: BenchBoard, ring: LightRing, reached: Callable[[], bool]) -> bool:
@@ -55,6 +63,22 @@ def test_darkness_that_was_asked_for_stays(board: BenchBoard, caplog: pytest.Log
         hold_up(board, ring)
         assert comes(board, ring, lambda: "a sequence that ran has ended" in caplog.text)
         assert not board_lit()
+
+
+def test_a_sequence_that_misses_its_triggers_is_not_called_ended(
+    board: BenchBoard, caplog: pytest.LogCaptureFixture
+) -> None:
+    with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
+        ring.set_sync(SyncMode.EXT, timeout_us=50_000)
+        ring.start()
+        trigger(board, ring)
+        assert comes(board, ring, lambda: "its sequence goes on with the next light" in caplog.text)
+        assert "made its LEDs dark (trigger missed)" in caplog.text
+        assert "has ended" not in caplog.text
+        assert ring.status().state == State.RUNNING
+        trigger(board, ring)
+        assert comes(board, ring, lambda: bool((lit(board) == RED).all()))
 
 
 def test_a_board_that_does_not_answer_for_a_while_is_asked_on(

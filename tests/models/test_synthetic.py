@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from gelnet import synthetic
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
 from gelnet.trainers import NAMES
+from sim_reference import gel
 from sim_reference.camera import CameraResponse, linear_grey
+from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
 from sim_reference.surface import Surface
@@ -59,6 +62,25 @@ def test_the_rows_are_the_truth_of_the_pixels_they_name(sensor: synthetic.Sensor
     assert np.abs(table.rows[steep, :3]).max(axis=1).mean() > 10 * np.abs(table.rows[~steep, :3]).mean()
 
 
+def test_each_ball_is_pressed_once_into_the_gel_that_is_given_and_photographed_at_several_places(
+    sensor: synthetic.Sensor,
+) -> None:
+    depths = []
+
+    def pressed(height: np.ndarray, spacing_mm: float, depth_mm: float, geometry: SensorGeometry) -> Deformation:
+        depths.append(depth_mm)
+        return gel.press(height, spacing_mm, depth_mm, geometry)
+
+    options = replace(FEW, places=3)
+    table = table_of_presses(sensor, options, count=2, noise_grey=0.3, seed=9, model=pressed)
+    assert len(set(depths)) == len(depths) == 2
+    assert set(table.image) == set(range(6))
+    middles = [np.median(table.rows[table.image == image, 3:5], axis=0) for image in range(3)]
+    assert all(np.hypot(*(a - b)) > 3 for a, b in combinations(middles, 2))
+    ends = [np.abs(table.rows[table.image == image, 5:]).max() for image in range(6)]
+    assert np.ptp(ends[:3]) < 0.1 * np.mean(ends[:3])
+
+
 def test_a_seed_repeats_its_presses_and_validation_presses_are_no_training_presses(sensor: synthetic.Sensor) -> None:
     def presses(seed: int) -> set[bytes]:
         rows = table_of_presses(sensor, FEW, count=2, noise_grey=0.3, seed=seed).rows
@@ -94,12 +116,6 @@ def test_the_command_writes_everything_the_bundle_needs(
 def test_the_recipe_of_the_paper_is_trained_as_the_paper_says() -> None:
     assert replace(FEW, recipe="paper").how() == RECIPES["paper"]
     assert FEW.how() == replace(RECIPES["fast"], epochs=2, least_visits=0, place_jitter=0)
-
-
-def test_the_shipped_network_learnt_to_have_its_zero_answer_subtracted() -> None:
-    training = load_bundle("synthetic").metrics["training"]
-    assert training["zero_based"] is True
-    assert RECIPES[training["recipe"]].zero_based
 
 
 def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from gelnet.parameters import Floats, Parameters
 from gelnet.recipes import RECIPES, Recipe
 from gelnet.table import Table, checked, split_by_image
 from gelnet.torch_trainer import TorchTrainer
-from gelnet.trainers import make_trainer
+from gelnet.trainers import NAMES, make_trainer
 from gelnet.training import normal_error_deg, train
 
 PAPER = replace(RECIPES["paper"], dropout=0.0)
@@ -65,6 +65,20 @@ def test_the_same_weights_and_batch_give_the_same_loss_and_derivative(recipe: Re
         wanted, wanted_derivative = torch_derivative(by_torch, pixels, gradient)
         assert loss == pytest.approx(wanted, rel=1e-6)
         np.testing.assert_allclose(derivative, wanted_derivative, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("trainer", NAMES)
+def test_every_recipe_subtracts_the_answer_to_an_unchanged_pixel_as_the_host_does(trainer: str, name: str) -> None:
+    """So an unchanged pixel is flat whatever the weights: its loss is the least there is."""
+    table, made = pressed(), make_trainer(trainer, seed=0)
+    recipe = replace(RECIPES[name], dropout=0.0)
+    made.begin(table.pixels, table.gradient, width=8, recipe=recipe)
+    unchanged = table.pixels[:300] * np.array([0, 0, 0, 1, 1], np.float32)
+    assert np.abs(made.answer(unchanged)).max() > 0.01
+    least = {"gradient": 0.0, "normal": 1e-3}[recipe.loss]
+    assert made.step(unchanged, np.zeros((300, 2), np.float32), 0.0) == pytest.approx(least, rel=1e-4, abs=1e-7)
+    assert made.step(unchanged, np.full((300, 2), 0.1, np.float32), 0.0) > 0.05
 
 
 @recipes
@@ -177,10 +191,12 @@ def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.
     table = pressed()
     by_torch, _ = pair(RECIPES["paper"], table)
     pixels, gradient = table.rows[:200, :5].copy(), table.rows[:200, 5:].copy()
-    kept = kept_units((32, 200), 0.1, np.random.default_rng(0))
+    kept = kept_units((32, 400), 0.1, np.random.default_rng(0))
     assert set(np.unique(kept)) == {np.float32(0), np.float32(1 / 0.9)}
     assert (kept == 0).mean() == pytest.approx(0.1, abs=0.02)
-    monkeypatch.setattr(nn.Dropout, "forward", lambda self, x: x * torch.from_numpy(kept.T.copy()))
+    # torch is asked about the pixels first, then about unchanged ones.
+    halves = iter(np.split(kept.T.copy(), 2))
+    monkeypatch.setattr(nn.Dropout, "forward", lambda self, x: x * torch.from_numpy(next(halves)))
     wanted, wanted_derivative = torch_derivative(by_torch, pixels, gradient)
     loss, derivative = loss_of_block(by_torch.parameters(), pixels.T, gradient.T, RECIPES["paper"], kept)
     assert loss / 200 == pytest.approx(wanted, rel=1e-6)

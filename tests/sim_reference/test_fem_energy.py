@@ -1,6 +1,5 @@
 """The energies of the finite-element gel: derivatives against finite differences, and states that are known."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from sim_reference.fem.matrices import cofactors, determinant, inner, product, t
 from sim_reference.fem.mesh import Mesh, gel_mesh
 from sim_reference.fem.neo_hookean import NeoHookean
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.derivatives import slope
 
 SMALL = replace(SensorGeometry(), gel_diameter_mm=10.0)
 MESH = gel_mesh(SMALL, 1.25, 2.0)
@@ -31,16 +31,6 @@ def hessian(energy: NeoHookean, at: np.ndarray, *, project: bool = False) -> np.
     assembler = Assembler(EVERY, [energy.tets, energy.patch_vertices])
     shares = list(energy.hessians(at, project=project))
     return assembler.pattern.matrix(assembler.blocks(shares)).toarray()
-
-
-def slope(of: Callable[[np.ndarray], np.ndarray | float], at: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Derivative along `direction`, central differences of fourth order."""
-    step = 1e-4
-
-    def f(k: int) -> np.ndarray:
-        return np.asarray(of(at + k * step * direction))
-
-    return (8 * (f(1) - f(-1)) - (f(2) - f(-2))) / (12 * step)
 
 
 def test_many_matrices_at_once_are_what_numpy_finds_of_each() -> None:
@@ -162,15 +152,21 @@ def test_the_barrier_acts_within_its_distance_and_forbids_the_object() -> None:
     assert one.value(raised(at, -1e-3)) == np.inf
 
 
-def test_a_step_is_cut_before_any_vertex_touches_the_object_on_its_way() -> None:
+def test_a_step_into_the_object_is_lifted_out_of_it_and_others_are_not() -> None:
     at = above_the_object()
     for _ in range(20):
         step = RANDOM.normal(0, 0.5, at.shape)
-        share = BARRIER.free_step(at, step)
-        assert 0 < share <= 1
-        on_the_way = [BARRIER.gap(at + s * step).min() for s in np.linspace(0, share, 200)]
-        assert min(on_the_way) > 0
-    assert BARRIER.free_step(at, np.tile([0.0, 0.0, 5.0], (50, 1))) == 1
+        lifted = at + step
+        lifted[:, 2] += BARRIER.lift(at, step)
+        assert BARRIER.gap(lifted).min() > 0
+        assert BARRIER.gap(at + step).min() < 0
+    assert not BARRIER.lift(at, np.tile([0.0, 0.0, 5.0], (50, 1))).any()
+
+
+def test_a_lift_changes_small_steps_by_terms_of_second_order() -> None:
+    at, step = above_the_object(), RANDOM.normal(0, 1e-4, (50, 3))
+    whole, tenth = np.abs(BARRIER.lift(at, step)).max(), np.abs(BARRIER.lift(at, step / 10)).max()
+    assert 0 < tenth < whole / 90
 
 
 def test_friction_pulls_back_with_its_share_of_the_normal_force() -> None:
@@ -190,4 +186,4 @@ def test_a_step_in_the_object_is_no_wider_than_its_grid_and_rings_nowhere() -> N
     assert height.min() == pytest.approx(0, abs=1e-12)
     assert height.max() == pytest.approx(1, abs=1e-12)
     assert height[x < -0.21].max() < 1e-9
-    assert np.abs(np.gradient(height, x)).max() <= field.steepest(np.zeros(1), np.zeros(1), np.zeros(1))[0]
+    assert np.abs(np.gradient(height, x)).max() <= 1 / 0.1

@@ -8,6 +8,7 @@ from pathlib import Path
 from gellight.base.errors import InputError
 from gellight.bundle.limits import Limits
 from gellight.ring.wire import MOST_LEDS
+from gellight.training.prisms import prism_angle_rad
 from gellight.training.training import TrainingOptions
 
 RING_COLOURS = "RRRRGGGGBBBB"
@@ -32,12 +33,16 @@ class RoutineOptions:
     """of a square pixel, where it is known already; None: the cylinder measures it"""
     pin_pitch_mm: float | None = None
     """distance of neighbouring pins of the grid that shows how the lens bends the picture; None: there is no grid"""
+    prism_angle_deg: float | None = None
+    """of a prism that verifies beside the ball, between each face and the gel at rest; None: there is no prism"""
     reference_frames: int = 30
     cylinder_presses: int = 5
     presses: int = 40
     """ball presses to train on; a guided routine says when fewer are enough"""
     verifications: int = 6
     """fresh ball presses, never trained on"""
+    prism_presses: int = 3
+    """presses of the prism, where there is one"""
     limits: Limits = field(default_factory=Limits)
     training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
     led_colours: str = RING_COLOURS
@@ -56,7 +61,10 @@ class RoutineOptions:
                 f"led_colours = {self.led_colours!r}: give a letter for each LED of the ring, R, G or B, each at least "
                 f"once, {MOST_LEDS} at most"
             )
-        least = {"presses": LEAST_PRESSES, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
+        if self.prism_angle_deg is not None:
+            prism_angle_rad(self.prism_angle_deg, "prism_angle_deg")
+        least = {"presses": LEAST_PRESSES, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,
+                 "reference_frames": 8}  # fmt: skip
         for name, count in least.items():
             if getattr(self, name) < count:
                 raise InputError(f"{name} = {getattr(self, name)}: at least {count} are needed")

@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.calibration.records import LiveCoverage, Record, ShownCircle, Verdict
+from gellight.calibration.records import LiveCoverage, Record, ShownCircle, ShownEdge, Verdict
 from gellight.calibration.state import Steps
 
 STEPS = ("prepare", "reference", "pixel_size", "lens", "presses", "fit", "verify")
@@ -34,7 +34,7 @@ class Changes(TypedDict, total=False):
     progress: Progress
     awaiting: str
     problem: str
-    press: ShownCircle | None
+    press: ShownCircle | ShownEdge | None
     coverage: LiveCoverage | None
     advice: str
     verdict: Verdict | None
@@ -53,7 +53,7 @@ class Display:
     progress: Progress = field(default_factory=Progress)
     awaiting: str = ""
     problem: str = ""
-    press: ShownCircle | None = None
+    press: ShownCircle | ShownEdge | None = None
     coverage: LiveCoverage | None = None
     advice: str = ""
     verdict: Verdict | None = None

@@ -4,6 +4,7 @@ state.json        what is done; it marks the folder as one of a calibration
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
+prisms/*.png      fresh presses of the prism
 grids/*.png       the pin grid
 draft/            the bundle before it is verified
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.base.writing import make_folder, write_file
 from gellight.calibration.display import Picture
-from gellight.calibration.records import CheckErrors, Circle, StepFigures
+from gellight.calibration.records import CheckErrors, Circle, Edge, PrismErrors, StepFigures
 from gellight.calibration.state import (
     DRAFT,
     KINDS,
@@ -32,6 +33,7 @@ from gellight.calibration.state import (
     Identity,
     PictureRecord,
     PressRecord,
+    PrismRecord,
     State,
     discard,
     state_in,
@@ -116,8 +118,9 @@ class Folder:
         """After a bad verdict: forget it and its fresh presses, and ask for more presses to learn from."""
         self.state.extra_presses += presses
         steps = self.state.steps
-        steps.presses, steps.fit, steps.refused_checks = None, None, 0
+        steps.presses, steps.fit, steps.refused_checks, steps.without_prism = None, None, 0, False
         self.state.checks.clear()
+        self.state.prisms.clear()
         self.save()
 
     def forget_grid(self) -> None:
@@ -153,6 +156,15 @@ class Folder:
     def add_check(self, picture: Picture, circle: Circle, errors: CheckErrors) -> CheckRecord:
         """Keep a fresh press."""
         return self._add("checks", self.state.checks, CheckRecord, picture, **dict(circle), figures=errors)
+
+    def add_prism(self, picture: Picture, edge: Edge, errors: PrismErrors) -> PrismRecord:
+        """Keep a fresh press of the prism."""
+        return self._add("prisms", self.state.prisms, PrismRecord, picture, **dict(edge), figures=errors)
+
+    def go_without_prism(self) -> None:
+        """Keep that the user presses the prism no more."""
+        self.state.steps.without_prism = True
+        self.save()
 
     def add_grid(self, picture: Picture) -> PictureRecord:
         """Keep a picture of the pin grid."""
@@ -227,6 +239,6 @@ def _check_same(path: Path, begun: Identity, wanted: Identity) -> None:
 
 def _drop_lost(path: Path, state: State) -> None:
     """Drop records whose picture is not there: the power failed, or the disk was full, between the two."""
-    lists: Iterable[list[Any]] = (state.presses, state.checks, state.grids)
+    lists: Iterable[list[Any]] = (state.presses, state.checks, state.prisms, state.grids)
     for records in lists:
         records[:] = [record for record in records if (path / record.file).is_file()]

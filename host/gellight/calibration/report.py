@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.calibration.circle import drawn
+from gellight.calibration.prism_report import prism_tiles
 from gellight.calibration.records import (
     BallPresses,
     CheckErrors,
@@ -24,18 +25,18 @@ from gellight.calibration.records import (
     Verdict,
     Verification,
 )
+from gellight.calibration.report_pictures import small_pictures
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.state import CheckRecord
 from gellight.calibration.uniformity import contour_picture
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.integration import normals
 from gellight.report import html
-from gellight.report.charts import Axes, Series, heat_map, line_chart, picture
+from gellight.report.charts import Axes, Series, heat_map, line_chart
 from gellight.report.html import box, section, table
 from gellight.report.pictures import depth_picture, difference_picture, normal_picture
 from gellight.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 
-_WIDTH_PX = 320
 _SHAPE = "depth, mean taken off, µm"
 _WHAT_IS_TAKEN_OFF = (
     "None of these presses was learnt from. A contact circle does not say how deep its own rim lies. So where it says "
@@ -77,14 +78,15 @@ class Example:
         return float((self.felt.depth_mm - self.cap_mm)[self.inside].mean())
 
 
-def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: Example) -> str:
-    """Return the page as HTML; figures: means over the fresh presses."""
+def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: Example, prism: str = "") -> str:
+    """Return the page as HTML; figures: means over the fresh presses; prism: the section about it."""
     folder, sensor = run.folder, run.options.sensor
     name = f"{folder.state.name} ({sensor})" if folder.state.name else sensor
     sections = (
         _tiles(run, verdict, figures),
         f"<p>{escape(verdict.text)}</p>",
         _verification(folder.state.checks, figures, example),
+        prism,
         _preparation(run),
         _pixel_size(folder.figures(PixelSize), run.options.cylinder_diameter_mm),
         _lens(folder.state.steps.lens),
@@ -101,6 +103,7 @@ def _tiles(run: CalibrationRun, verdict: Verdict, figures: Verification) -> str:
         [
             *depth_tiles(figures, [check.figures for check in folder.state.checks]),
             (f"{verdict.normal_deg:.2f}°", "mean angle between the normals in contact there"),
+            *(prism_tiles(figures.prism) if figures.prism else ()),
             (f"{1000 * size.pixel_size_mm:.2f} µm", f"a pixel, {_origin(size)}"),
             (f"{folder.figures(UntouchedGel).pixel_noise_grey:.2f}", "grey levels of noise in a pixel of a frame"),
             (f"{presses.presses}", f"ball presses learnt from; {presses.refused} refused"),
@@ -129,7 +132,7 @@ def _verification(records: list[CheckRecord], figures: Verification, example: Ex
     return section(
         "Verification on fresh presses",
         f"<p>{_WHAT_IS_TAKEN_OFF}</p>",
-        _pictures(_felt_pictures(example)),
+        small_pictures(_felt_pictures(example)),
         box("figures", section_profile(example)),
         f"<p>The ball is drawn twice: its rim at depth 0, and raised by {1000 * example.rim_mm:.0f} µm, where it fits "
         "what is felt best. A depth that is wrong by as much everywhere does not show against the raised ball.</p>",
@@ -217,7 +220,7 @@ def _preparation(run: CalibrationRun) -> str:
         f"{reference.pixel_noise_grey:.2f} grey levels of noise in a pixel, which count as {reference.noise_grey:.2f} "
         "(more where neighbours share them, as behind a camera that compresses); while warming up the light moved by "
         f"{reference.warm_up_grey:.2f} grey levels.</p>",
-        _pictures(shown),
+        small_pictures(shown),
         box("wide", table(["intensity", "mean", "sigma", "within 1 sigma", "2 sigma", "3 sigma"], rows)),
         table(["LED", "colour", "grey levels it adds", "shines from, degrees"], leds) if leds else "",
     )
@@ -289,13 +292,3 @@ def _training(found: Fit) -> str:
         f"{training.held_out_normal_error_deg.mean:.2f} degrees.</p>",
         box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
     )
-
-
-def _pictures(images: list[tuple[NDArray[np.uint8], str]]) -> str:
-    return box("pictures", *(picture(_thinned(image), words, _WIDTH_PX) for image, words in images))
-
-
-def _thinned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Every so many pixels are enough for a picture on a page."""
-    step = max(1, image.shape[1] // _WIDTH_PX)
-    return np.ascontiguousarray(image[::step, ::step])

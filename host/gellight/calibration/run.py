@@ -15,7 +15,7 @@ from gellight.calibration.state import Identity
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import steps_in
-from gellight.simulator.virtual_hand import VirtualHand
+from gellight.simulator.virtual_hand import VirtualHand, prism_of
 
 
 class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
@@ -30,6 +30,8 @@ class CalibrationRun:
     ) -> None:
         """Open the state in `folder`; InputError or BundleError for a folder or a bundle that cannot be written."""
         check_target(options, folder, camera.image_shape)
+        if hand is not None and options.prism_angle_deg is not None:
+            prism_of(options.prism_angle_deg)
         if camera.stage is not None:
             camera.stage.take_over()
         self.camera = camera
@@ -116,5 +118,6 @@ def _identity(camera: Camera, options: RoutineOptions) -> Identity:
         cylinder_diameter_mm=options.cylinder_diameter_mm,
         pin_pitch_mm=options.pin_pitch_mm,
         pixel_size_mm=options.pixel_size_mm,
+        prism_angle_deg=options.prism_angle_deg,
         picture=steps_in(camera.picture_files),
     )

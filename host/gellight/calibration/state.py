@@ -14,24 +14,28 @@ from gellight.calibration.records import (
     BallPresses,
     CheckErrors,
     Circle,
+    Edge,
     Fit,
     MeasuredLens,
     MeasuredPixelSize,
     PinGrid,
     PixelSize,
     Preparation,
+    PrismErrors,
     Record,
     ShownCircle,
+    ShownEdge,
     UntouchedGel,
     Verification,
 )
 from gellight.frames.picture import PictureSteps
 from gellight.training.presses import Press
+from gellight.training.prisms import PrismPress, prism_angle_rad
 
 STATE = "state.json"
 REFERENCE = "reference.npy"
 DRAFT = "draft"
-KINDS = ("presses", "checks", "grids")
+KINDS = ("presses", "checks", "prisms", "grids")
 """folders of pictures"""
 _SHOWN = ("press.png", "cylinder.png", "pins.png")
 """pictures that the terminal keeps beside the state"""
@@ -41,7 +45,7 @@ class PictureRecord(Record):
     """A picture that was kept."""
 
     number: int = Field(ge=1)
-    file: str = Field(pattern=r"^(presses|checks|grids)/press-\d{3,}\.png$")
+    file: str = Field(pattern=r"^(presses|checks|prisms|grids)/press-\d{3,}\.png$")
     """relative to the folder of the calibration"""
 
 
@@ -68,6 +72,27 @@ class CheckRecord(PressRecord):
     figures: CheckErrors
 
 
+class PrismRecord(PictureRecord, Edge):
+    """A press of a prism, and its errors."""
+
+    figures: PrismErrors
+
+    def press(self, folder: Path, angle_deg: float) -> PrismPress:
+        """Return the press as it is judged; folder: that of the calibration."""
+        edge_px = self.edge_x1_px, self.edge_y1_px, self.edge_x2_px, self.edge_y2_px
+        return PrismPress(
+            image=folder / self.file,
+            edge_px=edge_px,
+            face_px=self.face_px,
+            angle_rad=prism_angle_rad(angle_deg, self.file),
+            rounding_px=self.rounding_px,
+        )
+
+    def shown(self) -> ShownEdge:
+        """Return what is shown of it."""
+        return ShownEdge(number=self.number, **{name: getattr(self, name) for name in Edge.model_fields})
+
+
 class Identity(Record):
     """What a calibration cannot change once it has begun: the sensor, the size of its pictures, the tools."""
 
@@ -79,6 +104,8 @@ class Identity(Record):
     pin_pitch_mm: float | None = None
     pixel_size_mm: float | None = None
     """where it was given and not measured"""
+    prism_angle_deg: float | None = None
+    """of the prism that verifies, where there is one"""
     picture: PictureSteps | None = None
     """how its pictures are made of those as taken; None: they are those"""
 
@@ -97,6 +124,8 @@ class Steps(BaseModel):
     verify: Verification | None = None
     refused_checks: int = 0
     """fresh presses that were refused"""
+    without_prism: bool = False
+    """whether the user went on without pressing the prism as often as was asked"""
 
 
 SCHEMA_VERSION = 1
@@ -114,6 +143,8 @@ class State(BaseModel):
     """to train on"""
     checks: list[CheckRecord] = Field(default_factory=list)
     """fresh ones"""
+    prisms: list[PrismRecord] = Field(default_factory=list)
+    """fresh presses of the prism"""
     grids: list[PictureRecord] = Field(default_factory=list)
     """of the pin grid"""
     extra_presses: int = 0
@@ -141,7 +172,7 @@ def discard(path: Path) -> None:
     state = state_in(path)
     if state is None:
         return
-    pictures = [record.file for record in (*state.presses, *state.checks, *state.grids)]
+    pictures = [record.file for record in (*state.presses, *state.checks, *state.prisms, *state.grids)]
     with writing(path):
         for name in (*pictures, *_draft_files(path), *_SHOWN, REFERENCE, STATE):
             (path / name).unlink(missing_ok=True)

@@ -1,6 +1,6 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,106 +10,44 @@ from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, wri
 from gellight.bundle.limits import Limits
 from gellight.calibration.circle import circle_of, drawn
 from gellight.calibration.display import Progress
+from gellight.calibration.judging import Judge, Rerenderer
 from gellight.calibration.preparing import led_settings
 from gellight.calibration.pressing import ball_of
+from gellight.calibration.prism_report import prism_section
 from gellight.calibration.records import (
     CheckErrors,
     Circle,
     MethodErrors,
     PixelSize,
     Preparation,
+    PrismVerification,
     Verdict,
     Verification,
 )
 from gellight.calibration.report import Example, page
 from gellight.calibration.run import CalibrationRun
 from gellight.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
-from gellight.calibration.state import CheckRecord
-from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.calibration.state import CheckRecord, PrismRecord
+from gellight.calibration.verifying_prism import check_prism
+from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.errors import surface_errors
-from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
-from gellight.reconstruction.lens.undistortion import circle_on_gel
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.report.pictures import depth_picture, difference_picture
 from gellight.simulator.virtual_hand import VirtualHand
 from gellight.training.baselines import fit_lookup_table, fit_polynomial
-from gellight.training.polynomial import powers_up_to, ridge, terms_of
-from gellight.training.presses import Ball, Press, PressTable, contact_circle
-from gellight.training.validation import baseline_errors, press_error
+from gellight.training.presses import Ball, Press, PressTable
+from gellight.training.validation import baseline_errors
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
 """so many more are asked for after a bad verdict"""
-_LARGEST_TABLE = 60_000
-_POWERS = powers_up_to(4, 4)
-_RIDGE = 1e-6
-
-
-class Rerenderer:
-    """Predicts the picture from the slopes that were felt: a check that needs no truth, on any sensor.
-
-    A polynomial maps slopes and place to colour changes, the opposite way of the network; it is fitted to the same
-    table. Where the slopes felt are wrong, the predicted picture differs from the one that was taken.
-    """
-
-    def __init__(self, rows: Floats, image_shape: tuple[int, int]) -> None:
-        """Fit to the (N, 7) table of a calibration."""
-        self._shape = image_shape
-        chosen = rows[:: max(1, len(rows) // _LARGEST_TABLE)].astype(np.float64)
-        self._amounts = ridge(self._features(chosen[:, 5:7], chosen[:, 3:5]), chosen[:, :3], _RIDGE)
-
-    def difference(self, gradient_map: Floats, where: NDArray[np.bool_]) -> Floats:
-        """(N, 3) predicted difference, grey levels, at the pixels of a (H, W, 2) gradient map that a mask chooses."""
-        features = self._features(gradient_map[where].astype(np.float64), np.argwhere(where)[:, ::-1])
-        return np.asarray(features @ self._amounts, np.float32)
-
-    def _features(self, slopes: NDArray[np.float64], places_px: NDArray[np.number]) -> NDArray[np.float64]:
-        height, width = self._shape
-        return terms_of([*slopes.T, *(2 * places_px / (width, height) - 1).T], _POWERS)
-
-
-@dataclass(frozen=True)
-class _Judge:
-    """What every fresh press is held against."""
-
-    draft: Bundle
-    reconstructor: Reconstructor
-    rerenderer: Rerenderer
-    ball: Ball
-
-    def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
-        """Return what is felt of a press, and its errors; slopes felt wrong would make another picture."""
-        felt = self.reconstructor.reconstruct(frame)
-        seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
-        inside = contact_circle(press, self.draft.image_shape)
-        predicted = self.rerenderer.difference(seen.gradient_map, inside)
-        error = press_error(self.on_gel(press), self.ball, felt)
-        true = surface_errors(felt, frame.truth) if frame.truth else None
-        return felt, CheckErrors(
-            depth_mm=error.depth_mae_mm,
-            normal_deg=error.mean_deg,
-            indentation_mm=felt.contact.indentation_mm,
-            picture_grey=float(np.abs(predicted - seen.difference[inside]).mean()),
-            true_depth_mm=true.contact_depth_mm if true else None,
-            true_normal_deg=true.normal_deg if true else None,
-            true_contact_normal_deg=true.contact_normal_deg if true else None,
-        )
-
-    def on_gel(self, press: Press) -> Press:
-        """Return the circle of a press over the undistorted gel: the same where the bundle knows no lens."""
-        if not has_lens(self.draft):
-            return press
-        seen = press.center_x_px, press.center_y_px, press.contact_radius_px
-        x, y, radius = circle_on_gel(lens_of(read_record(self.draft)), self.draft.pixel_size_mm, seen)
-        return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
 
 
 def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_bundle(run.folder.draft)
     rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
-    judge = _Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
+    judge = Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
     reference, detector = run.folder.reference(), detector_of(run)
 
     def press(hand: VirtualHand) -> None:
@@ -123,6 +61,8 @@ def verify(run: CalibrationRun) -> Bundle | None:
             _take(run, capture, reference, judge)
     wait_free(run, detector)
     _announce(run)
+    if run.options.prism_angle_deg is not None:
+        check_prism(run, judge, run.options.prism_angle_deg)
     return _conclude(run, draft, judge)
 
 
@@ -134,7 +74,7 @@ def _announce(run: CalibrationRun) -> None:
     )
 
 
-def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: _Judge) -> None:
+def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: Judge) -> None:
     image = capture.frame.image  # one frame, as the running sensor sees it
     try:
         check_light(image, "the press")
@@ -157,15 +97,18 @@ def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
         raise InputError(f"the contact at ({x:.0f}, {y:.0f}) px leaves the picture: press nearer to the middle")
 
 
-def _conclude(run: CalibrationRun, draft: Bundle, judge: _Judge) -> Bundle | None:
-    figures = summary(run.folder.state.checks, _second_opinions(run, draft, judge.ball))
+def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None:
+    state, angle = run.folder.state, run.options.prism_angle_deg
+    prism = prism_summary(state.prisms, angle) if state.prisms and angle is not None else None
+    figures = summary(state.checks, _second_opinions(run, draft, judge.ball), prism)
     verdict = verdict_on(figures, run.options.limits)
     run.display.add_figures("verify", figures)
     run.display.update(verdict=verdict, instruction=verdict.text)
     if not verdict.passed:
         run.folder.want_more(MORE_PRESSES)
         return None
-    report = page(run, verdict, figures, _example(run, judge))
+    more = prism_section(state.prisms, prism, run.folder.path, judge.reconstructor) if prism else ""
+    report = page(run, verdict, figures, _example(run, judge), more)
     bundle = _write(run, draft, figures, report)
     run.folder.finish(figures)
     run.folder.close()
@@ -173,11 +116,22 @@ def _conclude(run: CalibrationRun, draft: Bundle, judge: _Judge) -> Bundle | Non
     return bundle
 
 
-def summary(checks: list[CheckRecord], second_opinions: dict[str, MethodErrors]) -> Verification:
-    """Return the means over the fresh presses."""
-    each = [check.figures.as_json() for check in checks]
-    means = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
-    return Verification(presses=len(each), second_opinions=second_opinions, **means)
+def summary(
+    checks: list[CheckRecord], second_opinions: dict[str, MethodErrors], prism: PrismVerification | None = None
+) -> Verification:
+    """Return the means over the fresh presses of the ball, with those of the prism."""
+    means = _means([check.figures for check in checks])
+    return Verification(presses=len(checks), second_opinions=second_opinions, prism=prism, **means)
+
+
+def prism_summary(presses: list[PrismRecord], angle_deg: float) -> PrismVerification:
+    """Return the means over the presses of the prism."""
+    return PrismVerification(presses=len(presses), angle_deg=angle_deg, **_means([press.figures for press in presses]))
+
+
+def _means(errors: Sequence[CheckErrors]) -> dict[str, float]:
+    each = [error.as_json() for error in errors]
+    return {name: float(np.mean([one[name] for one in each])) for name in each[0]}
 
 
 def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
@@ -195,17 +149,24 @@ def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str
 
 
 def verdict_on(figures: Verification, limits: Limits) -> Verdict:
-    """Judge the mean errors: every depth error that is known, and the normals, have to be within the limits."""
+    """Judge the mean errors of the ball, each depth error that is known and the normals; of a prism the normals alone.
+
+    The depth of a prism is shown and not judged: the limit is that of a ball, and an edge is long, so that errors of
+    its slope add up.
+    """
     depth_mm = max(figures.depth_mm, figures.known_depth_mm)
-    passed = depth_mm <= limits.depth_mm and figures.normal_deg <= limits.normal_deg
+    normal_deg = max(figures.normal_deg, figures.prism.normal_deg if figures.prism else 0.0)
+    passed = depth_mm <= limits.depth_mm and normal_deg <= limits.normal_deg
     text = f"Passed. {_words(figures)}."
     if not passed:
+        advice = "Press more, and check the radius of the ball"
+        advice += "; for steep faces press deeper, and check the angle of the prism" if figures.prism else ""
         text = (
             f"Not passed. {_words(figures)}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} "
-            "degrees. Nothing was replaced. Press more, and check the radius of the ball."
+            f"degrees. Nothing was replaced. {advice}."
         )
-    depth_um, normal_deg = round(1000 * figures.known_depth_mm, 1), round(figures.normal_deg, 2)
-    return Verdict(passed=passed, depth_um=depth_um, normal_deg=normal_deg, text=text)
+    depth_um, ball_deg = round(1000 * figures.known_depth_mm, 1), round(figures.normal_deg, 2)
+    return Verdict(passed=passed, depth_um=depth_um, normal_deg=ball_deg, text=text)
 
 
 def _words(figures: Verification) -> str:
@@ -213,10 +174,21 @@ def _words(figures: Verification) -> str:
     depth = f"shape of the depth off by {shape}, since a contact circle does not say how deep its rim lies"
     if figures.true_depth_mm is not None:
         depth = f"depth off by {1000 * figures.true_depth_mm:.0f} µm on average in contact ({shape})"
-    return f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+    words = f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+    return words if figures.prism is None else f"{words}. {_prism_words(figures.prism)}"
 
 
-def _example(run: CalibrationRun, judge: _Judge) -> Example:
+def _prism_words(prism: PrismVerification) -> str:
+    depth = f"shape of the depth off by {1000 * prism.depth_mm:.0f} µm"
+    if prism.true_depth_mm is not None:
+        depth = f"depth off by {1000 * prism.true_depth_mm:.0f} µm in contact ({depth} on the faces)"
+    return (
+        f"{prism.presses} presses of the prism of {prism.angle_deg:g} degrees: it feels like {prism.felt_deg:.1f}; "
+        f"{depth}; normals of its faces off by {prism.normal_deg:.2f} degrees"
+    )
+
+
+def _example(run: CalibrationRun, judge: Judge) -> Example:
     """The fresh press with the median depth error, reconstructed again."""
     checks = sorted(run.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
     press = checks[len(checks) // 2].press(run.folder.path)

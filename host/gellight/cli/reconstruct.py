@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.options import AsJson
+from gellight.cli.options import AsJson, with_options
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
@@ -40,27 +40,72 @@ class Row:
     force_error_n: float | None
 
 
-def command(
-    images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="Image files, folders or quoted patterns.")],
-    out: Annotated[Path, typer.Option(help="Folder for NAME.npz and NAME.png of each image; created if need be.")],
+@dataclass(frozen=True)
+class Method:
+    """How depth is found in the pictures."""
+
     calibration: Annotated[
         str | None, typer.Option(help="Bundle: a folder, a .gelcal file, or 'synthetic'; or give --lights.")
-    ] = None,
+    ] = None
     lights: Annotated[
         Path | None,
         typer.Option(help="Lights that `calibrate directions` found: the images are one series, one for each light."),
-    ] = None,
+    ] = None
     white: Annotated[
         float | None,
         typer.Option(min=1, help="With several lights: level that is white.", show_default="255, or 65535 of 16 bit"),
-    ] = None,
+    ] = None
     least_squares: Annotated[
         bool, typer.Option("--least-squares", help="With a bundle of several lights: without its network.")
-    ] = False,
+    ] = False
+    dense: Annotated[bool, typer.Option("--dense", help="Run the network on untouched pixels too.")] = False
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the network.")] = 1
+
+    def __post_init__(self) -> None:
+        """Refuse both sources, and none."""
+        if (self.calibration is None) == (self.lights is None):
+            raise InputError("depth comes from colours or from several lights: give either --calibration or --lights")
+
+    def frames(self, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
+        """Reconstruct the images, each with the path that names its result."""
+        if self.lights is not None:
+            self._refuse_useless("--lights", "least_squares", "dense")
+            return iter([(frame_of_lights(LightDirections.read(self.lights), paths, self.white), paths[0])])
+        bundle = load_bundle(str(self.calibration))
+        if has_channels(bundle):
+            self._refuse_useless("a bundle of several lights", "dense")
+            return iter([(self._of_channels(bundle, paths), paths[0])])
+        self._refuse_useless("a bundle of one light", "white", "least_squares")
+        return self._of_colours(bundle, paths)
+
+    def _refuse_useless(self, source: str, *names: str) -> None:
+        """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
+        useless = [f"--{name.replace('_', '-')}" for name in names if getattr(self, name)]
+        if useless:
+            raise InputError(f"{' and '.join(useless)} changes nothing with {source}: leave it away")
+
+    def _of_channels(self, bundle: Bundle, paths: Sequence[Path]) -> TactileFrame:
+        """Reconstruct the pictures of one series by a bundle with a channel for each light."""
+        directions = read_directions(bundle)
+        mode = "photometric" if self.least_squares else "network"
+        slopes = slopes_by(bundle, directions, mode, threads=self.threads)
+        return frame_of_lights(directions, paths, self.white, slopes=slopes)
+
+    def _of_colours(self, bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
+        """Reconstruct each picture by itself, one after the other."""
+        reconstructor = Reconstructor(bundle, threads=self.threads, masked=not self.dense)
+        with prepared(ImageCamera(list(paths)), bundle) as camera:
+            for path in paths:
+                yield reconstructor.reconstruct(camera.read()), path
+
+
+@with_options
+def command(
+    images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="Image files, folders or quoted patterns.")],
+    out: Annotated[Path, typer.Option(help="Folder for NAME.npz and NAME.png of each image; created if need be.")],
+    method: Method,
     as_json: AsJson = False,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
-    dense: Annotated[bool, typer.Option("--dense", help="Run the network on untouched pixels too.")] = False,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of the network.")] = 1,
 ) -> None:
     """Reconstruct depth, normals and contact from images of the gel.
 
@@ -72,49 +117,9 @@ def command(
     used the work ends with its name; what was written before stays.
     """
     paths = [path for text in images for path in image_files(text)]
-    if (calibration is None) == (lights is None):
-        raise InputError("depth comes from colours or from several lights: give either --calibration or --lights")
     _refuse_clashes(paths, out)
-    if lights is not None:
-        _refuse_useless("--lights", least_squares=least_squares, dense=dense)
-        felt = iter([(frame_of_lights(LightDirections.read(lights), paths, white), paths[0])])
-    else:
-        assert calibration is not None
-        bundle = load_bundle(calibration)
-        if has_channels(bundle):
-            _refuse_useless("a bundle of several lights", dense=dense)
-            felt = iter([(_of_channels(bundle, paths, white, least_squares, threads), paths[0])])
-        else:
-            _refuse_useless("a bundle of one light", white=white, least_squares=least_squares)
-            felt = _of_colours(bundle, paths, dense, threads)
-    rows = [_written(frame, path, out, depth_scale_um) for frame, path in felt]
+    rows = [_written(frame, path, out, depth_scale_um) for frame, path in method.frames(paths)]
     typer.echo(json.dumps([asdict(row) for row in rows], indent=2) if as_json else _table(rows))
-
-
-def _refuse_useless(source: str, **options: object) -> None:
-    """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
-    useless = [f"--{name.replace('_', '-')}" for name, value in options.items() if value]
-    if useless:
-        raise InputError(f"{' and '.join(useless)} changes nothing with {source}: leave it away")
-
-
-def _of_channels(
-    bundle: Bundle, paths: Sequence[Path], white: float | None, least_squares: bool, threads: int
-) -> TactileFrame:
-    """Reconstruct the pictures of one series by a bundle with a channel for each light."""
-    directions = read_directions(bundle)
-    slopes = slopes_by(bundle, directions, "photometric" if least_squares else "network", threads=threads)
-    return frame_of_lights(directions, paths, white, slopes=slopes)
-
-
-def _of_colours(
-    bundle: Bundle, paths: Sequence[Path], dense: bool, threads: int
-) -> Iterator[tuple[TactileFrame, Path]]:
-    """Reconstruct each picture by itself, one after the other."""
-    reconstructor = Reconstructor(bundle, threads=threads, masked=not dense)
-    with prepared(ImageCamera(list(paths)), bundle) as camera:
-        for path in paths:
-            yield reconstructor.reconstruct(camera.read()), path
 
 
 def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:

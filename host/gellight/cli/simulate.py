@@ -37,6 +37,13 @@ def press(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write surface, pressure and report here.")],
     depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep.")] = None,
     force: Annotated[float | None, typer.Option("--force-n", help="With which force, instead of a depth.")] = None,
+    free: Annotated[bool, typer.Option("--free", help="Let the object tilt under the force.")] = False,
+    load_at: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--load-at", metavar="X Y", help="With --free: where on the object the force acts, mm.", show_default="0 0"
+        ),
+    ] = None,
     gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "fem",
     resolution: Annotated[
         float, typer.Option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
@@ -46,15 +53,19 @@ def press(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Press one object into the gel, to a depth or with a force.
+    """Press one object into the gel, to a depth or with a force; with --free it tilts as the gel lets it.
 
     A press by finite elements that was interrupted goes on from its last step with the same command.
     """
     if (depth is None) == (force is None):
         raise InputError("give --depth-mm or --force-n, one of the two")
+    if free and force is None:
+        raise InputError("an object with --free tilts under a load: give --force-n, not --depth-mm")
+    if load_at is not None and not free:
+        raise InputError("--load-at is of an object that may tilt: give --free too")
     refuse_existing(out / "press.npz", overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
-                     friction=friction)  # fmt: skip
+                     friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
     with _shown(object_name) as show:
         report = press_once(request, out, read_geometry(geometry), show)
     answer = asdict(report)

@@ -43,7 +43,7 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
             first.rebuild(bundle),
             selfcheck=judge,
             rebuild=first.rebuild,
-            watch=SensorWatch(bundle, rezero=settings.watch.rezero) if first.watched else None,
+            watch=SensorWatch(bundle, rezero=first.rezero) if first.watched else None,
             equipment=lambda used, other: equipment(used, in_mode(settings, other)),
             every=every,
             realtime=settings.service.realtime,
@@ -60,6 +60,7 @@ def equipment(bundle: Bundle, settings: Settings) -> Equipment:
         equip=lambda camera: tactile_camera(camera, bundle, settings.reconstruction, settings.lighting),
         rebuild=lambda replacement: path_for(replacement, settings),
         watched=settings.watch.enabled and not changing and bundle.calibrated,
+        rezero=settings.watch.rezero,
     )
 
 

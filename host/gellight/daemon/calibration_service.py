@@ -31,7 +31,7 @@ from gellight.frames.view import View, view_in
 from gellight.simulator.virtual_hand import hand_of
 
 Picture = NDArray[np.uint8]
-TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm")
+TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm", "prism_angle_deg")
 """what of a request an interrupted calibration was begun with"""
 RETRY_S = 1.0
 """between two attempts to set the sensor as its bundle says"""
@@ -59,6 +59,8 @@ class CalibrationRequest(StrictModel):
     """distance of two pins of the grid that measures the lens; None without one"""
     pixel_size_mm: float | None = Field(default=None, gt=0, le=1)
     """size of a pixel where it is known; None: the cylinder measures it"""
+    prism_angle_deg: float | None = Field(default=None, ge=1, le=75)
+    """angle of the faces of a prism that verifies beside the ball; None without one"""
     presses: int = Field(default=40, ge=8, le=400)
     view: ViewFile | None = None
     """part and perspective of the picture that is the gel; None: all of it"""
@@ -294,6 +296,7 @@ class CalibrationService:
             cylinder_diameter_mm=request.cylinder_diameter_mm,
             pin_pitch_mm=request.pin_pitch_mm,
             pixel_size_mm=request.pixel_size_mm,
+            prism_angle_deg=request.prism_angle_deg,
             presses=request.presses,
             overwrite=True,
             led_colours=self._led_colours,

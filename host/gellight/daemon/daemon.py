@@ -4,7 +4,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import isnan
 from typing import Self
 
 import numpy as np
@@ -15,63 +14,21 @@ from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.stand_in import stand_in
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
+from gellight.daemon.in_use import InUse, touch_of
 from gellight.daemon.setting import Setting
 from gellight.daemon.switched_camera import Equip, SwitchedCamera
 from gellight.frames.camera import Camera, PressStage
-from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, SelfCheckResult, TactileFrame
+from gellight.frames.frames import CameraFrame, FrameJudge, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
-from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
-VERIFIED = ("presses", "depth_mm", "true_depth_mm", "normal_deg")
-"""what the status says of the verification of the bundle: see `calibration.records.Verification`"""
 CALIBRATING_PAUSE_S = 0.3
 """between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
 nothing"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _InUse:
-    """What belongs to the running bundle."""
-
-    bundle: Bundle
-    """as it was installed: a zero that followed the light is not in it"""
-    reconstructor: FramePath
-    watch: SensorWatch | None
-    selfcheck: FrameJudge | None
-
-    @property
-    def verified(self) -> dict[str, object] | None:
-        """The mean errors of the bundle on fresh presses; None where none were made, or it says nothing of them."""
-        figures = self.bundle.metrics.get("verification")
-        return {name: value for name, value in figures.items() if name in VERIFIED} if figures else None
-
-    @property
-    def force(self) -> dict[str, float] | None:
-        """What is known of the force of the bundle; None where it has no constant for it."""
-        record = read_force(self.bundle)
-        if record is None:
-            return None
-        return {name: getattr(record, name) for name in ("youngs_modulus_mpa", "error_share", "heaviest_n")}
-
-    def reconstruct(self, frame: CameraFrame) -> TactileFrame:
-        """Reconstruct a frame, and say with what that was done."""
-        taken_s = time.monotonic()
-        felt = self.reconstructor.reconstruct(frame)
-        zeroed, now_s = self.reconstructor.bundle, time.monotonic()
-        provenance = Provenance(
-            calibration=self.bundle.identity,
-            zero=zeroed.identity,
-            pixel_size_mm=zeroed.pixel_size_mm,
-            unix_s=time.time() - (now_s - frame.time_s),
-            ages_s={"taken": taken_s - frame.time_s, "reconstructed": now_s - frame.time_s},
-            findings=tuple(finding.kind for finding in self.watch.findings()) if self.watch else (),
-        )
-        return replace(felt, provenance=provenance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +41,8 @@ class Equipment:
     """makes the frame path of a bundle"""
     watched: bool
     """whether the watch can look at the frames"""
+    rezero: bool
+    """whether the zero follows slow drift by itself"""
 
 
 class Daemon:
@@ -112,7 +71,7 @@ class Daemon:
         self._equipment = equipment
         self._rebuild = rebuild
         bundle = reconstructor.bundle
-        self._in_use = _InUse(bundle=bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck)
+        self._in_use = InUse(bundle=bundle, reconstructor=reconstructor, watch=watch, selfcheck=selfcheck)
         self._lent: Setting | None = None
         """how the sensor was set before a calibration; None while none goes on"""
         self._changing = threading.RLock()
@@ -192,7 +151,7 @@ class Daemon:
                 "it, and start it with this bundle"
             )
         judge = self._in_use.selfcheck
-        replacement = _InUse(
+        replacement = InUse(
             bundle=bundle,
             reconstructor=self._rebuild(bundle),
             watch=self._watch_of(bundle),
@@ -219,11 +178,11 @@ class Daemon:
             )
         bundle = stand_in((steps.image_height_px, steps.image_width_px))
         before = self._in_use
-        nothing = _InUse(bundle=bundle, reconstructor=PicturePath(bundle), watch=None, selfcheck=None)
+        nothing = InUse(bundle=bundle, reconstructor=PicturePath(bundle), watch=None, selfcheck=None)
         self._change_pictures(camera, steps, nothing)
         return lambda: self._change_pictures(camera, None, before)
 
-    def _change_pictures(self, camera: SwitchedCamera, steps: PictureSteps | None, used: _InUse) -> None:
+    def _change_pictures(self, camera: SwitchedCamera, steps: PictureSteps | None, used: InUse) -> None:
         with self._changing, self._threads.halted():
             camera.prepare(steps)
             self._in_use = used
@@ -232,10 +191,11 @@ class Daemon:
         """Return what watches with a bundle that replaces the running one; the first bundle begins the watch."""
         watch = self._in_use.watch
         if watch is None and not self._in_use.bundle.calibrated and self._equipment is not None:
-            return SensorWatch(bundle) if self._equipment(bundle, self.mode).watched else None
+            needed = self._equipment(bundle, self.mode)
+            return SensorWatch(bundle, rezero=needed.rezero) if needed.watched else None
         return SensorWatch(bundle, rezero=watch.rezero) if watch else None
 
-    def _use(self, replacement: _InUse, setting: Setting) -> Setting:
+    def _use(self, replacement: InUse, setting: Setting) -> Setting:
         """Go on with another bundle and light; return how the sensor was set before."""
         with self._changing:
             before = self._set(setting)
@@ -320,7 +280,7 @@ class Daemon:
             used = self._in_use
             new = self._equipment(used.bundle, mode)
             path = new.rebuild(used.bundle)
-            watch = SensorWatch(used.bundle) if new.watched else None
+            watch = SensorWatch(used.bundle, rezero=new.rezero) if new.watched else None
             with self._threads.halted():
                 self._camera.switch(new.equip, used.bundle.controls, used.bundle.colours)
                 self._rebuild = new.rebuild
@@ -384,29 +344,21 @@ class Daemon:
         return self._selfcheck_result
 
     def touch(self) -> dict[str, object] | None:
-        """Return what the newest frame feels, ready for JSON; None before the first frame and without a calibration.
-
-        Keys: indentation_mm, area_mm2 and force: None where the bundle has no constant for it, or normal_n, error_n,
-        flags and largest_pressure_mpa.
-        """
+        """Return what the newest frame feels, as `touch_of`; None before the first frame."""
         try:
             _, frame = self._threads.delivered.take(0, 0.0)
         except Exception:  # none is there yet, or the frames ended before one was
             return None
-        if isnan(frame.contact.indentation_mm):  # without a calibration nothing is felt
-            return None
-        force = frame.force
-        weighed = {**force.as_json(), "largest_pressure_mpa": float(force.pressure_mpa.max())} if force else None
-        return {"indentation_mm": frame.contact.indentation_mm, "area_mm2": frame.contact.area_mm2, "force": weighed}
+        return touch_of(frame)
 
     def status(self) -> dict[str, object]:
         """Return what is known of the sensor, ready for JSON.
 
         Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
         mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
-        same names), touch (see `touch`), calibration {sensor, identity, verified: None, or its errors on fresh presses,
-        force: None, or its constant and errors}, watch (None, or see `SensorWatch.status`), error (text or None) and
-        camera (what the camera says).
+        same names), touch (see `touch_of`), calibration {sensor, identity, verified: None, or its errors on fresh
+        presses, force: None, or its constant and errors}, watch (None, or see `SensorWatch.status`), error (text or
+        None) and camera (what the camera says).
         """
         result, camera, used = self._selfcheck_result, self._camera.status(), self._in_use
         return {

@@ -125,6 +125,7 @@ def make_synthetic(
     out: Path,
     *,
     width: int,
+    recipe: str = "fast",
     seed: int = 0,
     threads: int = 1,
     trainer: TrainerName = "auto",
@@ -137,7 +138,7 @@ def make_synthetic(
     """
     with tempfile.TemporaryDirectory(prefix="gellight-synthetic-") as folder:
         place = Path(folder)
-        arguments = ["--out", folder, "--width", str(width), "--seed", str(seed)]
+        arguments = ["--out", folder, "--width", str(width), "--recipe", recipe, "--seed", str(seed)]
         run_module("gelnet.synthetic", arguments, progress, trainer=chosen_trainer(trainer), threads=threads)
         training = json.loads((place / "training.json").read_text())
         draft = _written(place, place / "draft", {"training": training})

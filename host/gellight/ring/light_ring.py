@@ -141,7 +141,8 @@ class LightRing(BoardLink):
             what = "is cool again" if self._dark is Dark.NOT_DARK else f"made its LEDs dark ({why})"
             if self.still is None:
                 self._dark = None
-                logger.warning("the board %s; a sequence that ran has ended", what)
+                runs = "its sequence goes on with the next light" if self._running else "a sequence that ran has ended"
+                logger.warning("the board %s; %s", what, runs)
             else:
                 self.light(self.still)
                 logger.warning("the board %s; they are lit again", what)

@@ -49,16 +49,25 @@ class PressRequest:
     gel: GelKind
     resolution_mm: float
     friction: float
+    free_at_mm: tuple[float, float] | None = None
+    """x, y of the object where the force acts, if the object is free to tilt"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressReport:
-    """What came of it. The layer has no steps, gap, or vertices of a mesh."""
+    """What came of it. The layer has no steps, gap, or vertices of a mesh, and no object that tilts."""
 
     object_name: str
     gel: GelKind
     depth_mm: float
+    """of the object's middle"""
     force_n: float
+    tilt_deg: float | None
+    """between the object's axis and z"""
+    tilt_towards_deg: float | None
+    """where the object is deepest: the angle from x towards y; none where it is not free"""
+    centre_mm: tuple[float, float, float] | None
+    """x, y, z of the object's middle, level with its highest point; it began at 0, 0, 0"""
     newton_steps: int | None
     min_gap_mm: float | None
     min_det_f: float | None
@@ -157,7 +166,7 @@ class _Progress:
                     raise InputError(
                         f"{self.path} is of another press, or of another version: remove it, or choose another --out"
                     )
-                state = State(kept["at"], float(kept["depth_mm"]))
+                state = State(kept["at"], float(kept["depth_mm"]), kept["matrix"])
                 return Checkpoint(state, float(kept["increment_mm"]), bool(kept["narrow"]), float(kept["gap_share"]),
                                   kept["anchor"], kept["layer_mm"])  # fmt: skip
         except (ValueError, KeyError, EOFError) as error:
@@ -171,6 +180,7 @@ class _Progress:
             key=self._key,
             at=checkpoint.state.at,
             depth_mm=checkpoint.state.depth_mm,
+            matrix=checkpoint.state.matrix,
             increment_mm=checkpoint.increment_mm,
             narrow=checkpoint.narrow,
             gap_share=checkpoint.gap_share,
@@ -188,14 +198,25 @@ def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGe
     if depth is None:
         depth = depth_under(request.force_n or 0.0, height, SPACING_MM, model, geometry)
     pressed = model.press(
-        height, SPACING_MM, depth, geometry, load_n=request.force_n, on_step=progress.keep, resume=progress.kept()
+        height,
+        SPACING_MM,
+        depth,
+        geometry,
+        load_n=request.force_n,
+        free_at_mm=request.free_at_mm,
+        on_step=progress.keep,
+        resume=progress.kept(),
     )
-    shear_modulus_mpa = model.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
+    x, y, z = (float(at) for at in pressed.centre_mm)
+    towards = float(np.degrees(np.arctan2(*pressed.slopes[::-1])))
     report = PressReport(
         object_name=request.object_name,
         gel=request.gel,
-        depth_mm=pressed.depth_mm,
+        depth_mm=z,
         force_n=pressed.force_n,
+        tilt_deg=float(np.degrees(pressed.tilt_rad)),
+        tilt_towards_deg=None if request.free_at_mm is None else towards,
+        centre_mm=(x, y, z),
         newton_steps=len(pressed.steps),
         min_gap_mm=pressed.min_gap_mm,
         min_det_f=pressed.min_det_f,
@@ -204,21 +225,27 @@ def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGe
         peak_memory_gb=0.0,
     )
     surface = pressed.surface
-    return _Result(surface.depth_mm, surface.pressure * shear_modulus_mpa, surface.tangential_mm, report)
+    pressure_mpa = surface.pressure * model.shear_modulus_mpa(geometry)
+    return _Result(surface.depth_mm, pressure_mpa, surface.tangential_mm, report)
 
 
 def _by_layer(request: PressRequest, height: Array, geometry: SensorGeometry) -> _Result:
+    if request.free_at_mm is not None:
+        raise ValueError("an object that is free to tilt: the elastic layer knows none, give --gel fem")
     model = FemGel()
     depth = request.depth_mm
     if depth is None:
         depth = depth_under(request.force_n or 0.0, height, SPACING_MM, model, geometry)
     pressed = gel.press(height, SPACING_MM, depth, geometry)
-    pressure_mpa = pressed.pressure * model.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
+    pressure_mpa = pressed.pressure * model.shear_modulus_mpa(geometry)
     report = PressReport(
         object_name=request.object_name,
         gel=request.gel,
         depth_mm=depth,
         force_n=float(pressure_mpa.sum()) * SPACING_MM**2,
+        tilt_deg=None,
+        tilt_towards_deg=None,
+        centre_mm=None,
         newton_steps=None,
         min_gap_mm=None,
         min_det_f=None,

@@ -9,6 +9,7 @@ import random
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +34,8 @@ logger = logging.getLogger(__name__)
 SERIAL = "SOAK0001"
 SHUTTER = Shutter(transfer_us=5000.0)
 KEPT_EXPOSURES = 4000
+SETTLED_S = 1.0
+"""so long after emulation fell behind for good the host knows the board's clock again"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ class Exposure:
     lights: NDArray[np.uint8]
     """(n, 12, 3) every light that some row saw, in order"""
     on_time: bool
-    """the emulated board kept pace with the wall clock, so that times of the two can be compared"""
+    """the clock of the emulated board kept pace with the wall clock, as a real board's does"""
 
 
 @dataclass
@@ -256,10 +259,10 @@ class SoakSensor:
         try:
             if board is None or not board.running:
                 return dark, False
-            start_us = board.virtual_us(start_s)
-            end_us = board.virtual_us(start_s + SHUTTER.duration_us * 1e-6)
-            seen = board.light_during(start_us - SHUTTER.pulse_period_us, end_us)
-            return np.stack([light.colours for light in seen]), _on_time(board, start_s)
+            seen = _seen(board, start_s, board.clock_us)
+            if start_s >= board.on_time_since_s + SETTLED_S:
+                return seen, True
+            return _seen(board, start_s, board.virtual_us), False
         except GellightError as error:
             logger.info("the light of a picture is not known: %s", error)
             return dark, False
@@ -269,14 +272,10 @@ class SoakSensor:
         return self._exposures.get(number)
 
 
-PACE_S, PACE_US = 1.0, 1500.0
-
-
-def _on_time(board: SimulatedBoard, start_s: float) -> bool:
-    """Whether virtual and wall time ran alike, to `PACE_US`, for `PACE_S` before the exposure and during it."""
-    moments = np.linspace(start_s - PACE_S, start_s + SHUTTER.duration_us * 1e-6, 12)
-    offsets = [board.virtual_us(moment) - moment * 1e6 for moment in moments]
-    return bool(np.ptp(offsets) < PACE_US)
+def _seen(board: SimulatedBoard, start_s: float, clock_us: Callable[[float], float]) -> NDArray[np.uint8]:
+    """(n, 12, 3) every light that some row of the exposure saw, in order."""
+    start_us, end_us = clock_us(start_s), clock_us(start_s + SHUTTER.duration_us * 1e-6)
+    return np.stack([light.colours for light in board.light_during(start_us - SHUTTER.pulse_period_us, end_us)])
 
 
 def gel(shape: tuple[int, int]) -> NDArray[np.uint8]:

@@ -2,9 +2,13 @@
 
 import ctypes
 import os
+import re
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +27,8 @@ class Holdings:
     memory_mb: float
     """resident, not of files, without what the allocator keeps of memory that was given back"""
     files: int
-    threads: int
+    threads: tuple[str, ...]
+    """their names, without numbers"""
     children: int
 
     @classmethod
@@ -35,7 +40,10 @@ class Holdings:
         resident = next(int(line.split()[1]) for line in lines if line.startswith("RssAnon:")) / 1e3
         tasks = list(Path("/proc/self/task").iterdir())
         children = sum(len((task / "children").read_text().split()) for task in tasks if (task / "children").exists())
-        return cls(at_s, resident, len(os.listdir("/proc/self/fd")), threading.active_count(), children)  # noqa: PTH208
+        alive = {int(task.name) for task in tasks}  # Python goes on listing threads of libraries that have ended
+        names = [thread.name for thread in threading.enumerate() if thread.native_id in alive]
+        threads = tuple(re.sub(r"[-_]?\d+", "", name) for name in names)
+        return cls(at_s, resident, len(os.listdir("/proc/self/fd")), threads, children)  # noqa: PTH208
 
 
 def memory_growth_mb(samples: Sequence[Holdings]) -> tuple[float, float]:
@@ -54,10 +62,10 @@ def memory_growth_mb(samples: Sequence[Holdings]) -> tuple[float, float]:
 
 
 def handle_growth(rests: Sequence[Holdings]) -> dict[str, int]:
-    """Return what is more at the last rest, with no daemon running, than at any of the first two."""
-    first, last = rests[:2], rests[-1]
-    more = {
-        name: getattr(last, name) - max(getattr(rest, name) for rest in first)
-        for name in ("files", "threads", "children")
-    }
-    return {name: count for name, count in more.items() if count > 0}
+    """Return what is more at the last rest, with no daemon running, than at any of the first two; threads by name."""
+    *first, last = [_counted(rest) for rest in (*rests[:2], rests[-1])]
+    return dict(last - reduce(or_, first))
+
+
+def _counted(rest: Holdings) -> Counter[str]:
+    return Counter(files=rest.files, children=rest.children, **Counter(f"thread {name}" for name in rest.threads))

@@ -95,6 +95,8 @@ class PrismError:
     """mean of both faces: half of 180 degrees less the angle between them"""
     normal_deg: float
     """mean angle between the normals felt and those of the faces"""
+    depth_mm: float
+    """mean absolute depth error on the faces, its mean taken off: nothing says how deep the edge lies"""
     pixels: int
 
 
@@ -175,15 +177,15 @@ def _rows(
 ) -> Floats:
     shape = (reference.shape[0], reference.shape[1])
     difference = difference_of(press.frame().image, reference, follow_light=follow_light)
-    faces = _seen_faces(press, shape, options.inset_px)
+    faces = seen_faces(press, shape, options.inset_px)
     rim = np.abs(press.distances(shape)[1]) > RIM * press.face_px
     y, x = np.nonzero((faces != 0) & (~rim | (random.random(shape) < _RIM_SHARE)))
     slopes = np.array([press.gradient(side) for side in (-1, 1)])[(faces[y, x] + 1) // 2]
     return np.column_stack([difference[y, x], x, y, slopes]).astype(np.float32)
 
 
-def _seen_faces(press: PrismPress, shape: tuple[int, int], inset_px: float = 1.0) -> NDArray[np.int8]:
-    """The faces without what dots hide: what is filled in was not seen."""
+def seen_faces(press: PrismPress, shape: tuple[int, int], inset_px: float = 1.0) -> NDArray[np.int8]:
+    """Return the faces, (H, W) as `PrismPress.faces`, without what dots hide: what is filled in was not seen."""
     faces = press.faces(shape, inset_px)
     return np.where(press.dots.mask(read_image(press.image)), 0, faces).astype(np.int8) if press.dots else faces
 
@@ -191,12 +193,13 @@ def _seen_faces(press: PrismPress, shape: tuple[int, int], inset_px: float = 1.0
 def prism_errors(bundle: Bundle, prisms: Sequence[PrismPress]) -> list[PrismError]:
     """Reconstruct each press and compare the angle of its faces with the known one; InputError for other sizes."""
     reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
-    return [prism_error(press, reconstructor.reconstruct(press.frame())) for press in prisms]
+    return [prism_error(press, reconstructor.reconstruct(press.frame()), bundle.pixel_size_mm) for press in prisms]
 
 
-def prism_error(press: PrismPress, felt: TactileFrame) -> PrismError:
+def prism_error(press: PrismPress, felt: TactileFrame, pixel_size_mm: tuple[float, float]) -> PrismError:
     """Compare the faces as they are felt with the known ones."""
-    faces = _seen_faces(press, (felt.depth_mm.shape[0], felt.depth_mm.shape[1]))
+    shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
+    faces = seen_faces(press, shape)
     means, off = [], []
     for side in (-1, 1):
         normals = felt.normal_map[faces == side]
@@ -204,11 +207,14 @@ def prism_error(press: PrismPress, felt: TactileFrame) -> PrismError:
         true = np.array([-x, -y, 1]) / math.sqrt(1 + x * x + y * y)
         means.append(normals.mean(axis=0))
         off.append(np.degrees(np.arccos(np.clip(normals @ true, -1, 1))))
+    fall_mm = math.tan(press.angle_rad) * math.sqrt(math.prod(pixel_size_mm)) * np.abs(press.distances(shape)[1])
+    depth_error = (felt.depth_mm + fall_mm)[faces != 0]
     before, behind = (mean / np.linalg.norm(mean) for mean in means)
     return PrismError(
         image=press.image.name,
         angle_deg=math.degrees(press.angle_rad),
         felt_deg=math.degrees(math.acos(float(np.clip(before @ behind, -1, 1)))) / 2,
         normal_deg=float(np.concatenate(off).mean()),
+        depth_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
         pixels=int((faces != 0).sum()),
     )

@@ -123,10 +123,8 @@ def fit(
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
-    overwrite: bool = False,
-    progress: Progress = silent,
-    check: Check = go_on,
-) -> Bundle:
+    overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
+) -> Bundle:  # fmt: skip
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
@@ -145,24 +143,16 @@ def fit(
         presses, metrics["refinement"] = refined.presses, refined.record()
     some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
     metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
-    learnt = _learn(
-        presses, prisms, reference, ball, table_options or HAND_DRAWN, options or TrainingOptions(), progress, check
-    )
+    learnt = _learn(presses, prisms, reference, ball,
+                    table_options or HAND_DRAWN, options or TrainingOptions(), progress, check)  # fmt: skip
     return write_bundle(
-        out,
-        sensor=sensor,
-        reference=reference.image,
-        reference_frames=reference.frames,
-        noise_grey=reference.noise_grey,
-        rest_grey=learnt.rest_grey,
-        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
-        network=learnt.network,
-        follow_light=learnt.follow_light,
+        out, sensor=sensor, overwrite=overwrite,
+        reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
+        rest_grey=learnt.rest_grey, follow_light=learnt.follow_light, network=learnt.network,
+        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=learnt.table.arrays(),
         metrics={**metrics, **learnt.metrics},
-        presses=learnt.table.arrays(),
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
-        overwrite=overwrite,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

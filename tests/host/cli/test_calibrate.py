@@ -231,8 +231,9 @@ def test_one_press_is_not_enough_and_the_child_says_so(pressed: Path, tmp_path: 
 
 def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
     result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--recipe", "slow")
-    assert isinstance(result.exception, InputError)
-    assert "recipe 'slow': give one of fast, thorough, paper" in str(result.exception)
+    for found in (result, run("synthetic", "--out", tmp_path / "out", "--recipe", "slow")):
+        assert isinstance(found.exception, InputError)
+        assert "recipe 'slow': give one of fast, thorough, paper" in str(found.exception)
 
 
 def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

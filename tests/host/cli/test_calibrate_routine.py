@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.calibration.display import Display, Progress
-from gellight.calibration.records import LiveCoverage, ShownCircle
+from gellight.calibration.records import LiveCoverage, ShownCircle, ShownEdge
 from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
@@ -47,11 +47,11 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -
 
 def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
     assert Tools(cylinder_diameter_mm=6.0).chosen(None) == {"cylinder_diameter_mm": 6.0}
-    begin = identity(ball_mm=2.5, pins_mm=2.0)
+    begin = identity(ball_mm=2.5, pins_mm=2.0, prism_deg=45.0)
     begun_in(tmp_path, begin)
     assert Target(folder=tmp_path, restart=True).begun() is None
     assert Target(folder=tmp_path, resume=True).begun() == begin
-    given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0}
+    given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0, "prism_angle_deg": 45.0}
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
 
 
@@ -226,3 +226,16 @@ def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
         assert words in text
     assert "12 more presses on the left edge" in text
     assert "it moved" in text
+
+
+def test_the_screen_shows_where_the_edge_of_a_prism_was_found() -> None:
+    from rich.console import Console
+
+    edge = ShownEdge(
+        number=1, edge_x1_px=10.0, edge_y1_px=20.0, edge_x2_px=90.0, edge_y2_px=25.0, face_px=12.5, rounding_px=2.0
+    )
+    shown = Display(steps=("verify",))
+    shown.update(press=edge)
+    console = Console(record=True, width=100)
+    console.print(screen(shown, "", keys=False))
+    assert "edge from 10.0, 20.0 to 90.0, 25.0, faces 12.5 px wide (checked)" in console.export_text()

@@ -51,32 +51,31 @@ def children(process: int) -> list[int]:
     return [one for one in workers if "spawn_main" in Path(f"/proc/{one}/cmdline").read_text()]
 
 
-def test_two_sensors_run_in_processes_of_their_own_and_sigterm_ends_all(tmp_path: Path) -> None:
+def test_two_sensors_run_in_processes_of_their_own_that_are_started_anew_and_sigterm_ends_all(tmp_path: Path) -> None:
     with running(tmp_path, *TWO) as (verb, shown):
         address = wait_for(shown, r"dashboard: (\S+)")[0]
         wait_for(shown, r"publishing: gellight.subscribe\('(.*)'\)", 2)
         names = {sensor["sensor"]: sensor["error"] for sensor in fetch(address + "sensors")}
         assert names == {"1: sim://?board=0&seed=1": None, "2: sim://?board=0&seed=2": None}
         assert {fetch(f"{address}{key}/status")["sensor"] for key in "12"} == {TWO[1], TWO[3]}
-        processes = children(verb.pid)
-        assert len(processes) == 2
-        verb.send_signal(signal.SIGTERM)
-        assert verb.wait(20) == 0, shown.read_text()
-        assert not any(Path(f"/proc/{process}").exists() for process in processes)
-        assert "Traceback" not in shown.read_text()
+        first, second = children(verb.pid)
 
-
-def test_a_process_that_breaks_off_is_started_anew_and_the_other_goes_on(tmp_path: Path) -> None:
-    with running(tmp_path, *TWO) as (verb, shown):
-        address = wait_for(shown, r"dashboard: (\S+)")[0]
-        wait_for(shown, "publishing: ", 2)
         before = fetch(address + "2/status")["frames"]
-        os.kill(children(verb.pid)[0], signal.SIGKILL)
+        os.kill(first, signal.SIGKILL)
         wait_for(shown, re.escape("1: sim://?board=0&seed=1: its process broke off (exit status -9), starting it anew"))
         assert fetch(address + "sensors")[1]["error"] is None
         wait_for(shown, "publishing: ", 3)
         assert fetch(address + "1/status")["error"] is None
         assert fetch(address + "2/status")["frames"] > before
+        processes = children(verb.pid)
+        assert len(processes) == 2
+        assert second in processes
+        assert first not in processes
+
+        verb.send_signal(signal.SIGTERM)
+        assert verb.wait(20) == 0, shown.read_text()
+        assert not any(Path(f"/proc/{process}").exists() for process in processes)
+        assert "Traceback" not in shown.read_text()
 
 
 def test_the_processes_end_with_their_parent_however_it_ends(tmp_path: Path) -> None:

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import LocalCluster
+from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
+from gellight.cli.main import app
 from gellight.design import studies
 from gellight.design.sweep import ResultStore, SweepOptions, run, run_study
 from sim_reference.geometry import SensorGeometry
@@ -46,6 +48,7 @@ def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path: Path) -> None:
     options = SweepOptions(store=ResultStore(tmp_path), scheduler="tcp://127.0.0.1:1")
-    with pytest.raises(InputError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:1"):
-        run_study(studies.coarse_study(setup(), GROUPS), options)
+    result = CliRunner().invoke(app, ["optimize", "coarse", "--scheduler", "tcp://127.0.0.1:1", "--size", "32"])
+    assert isinstance(result.exception, InputError)
+    assert "no Dask scheduler at tcp://127.0.0.1:1" in str(result.exception)
     assert run([], options) == []

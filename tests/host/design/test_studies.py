@@ -114,7 +114,6 @@ def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.Monke
         (["coarse", "--gel", "fem", "--resolution-mm", "0.01"], "mm fits"),
         (["coarse", "--press", "-1"], "must be positive"),
         (["coarse", "--shard", "3/2"], "give i/n"),
-        (["coarse", "--scheduler", "tcp://127.0.0.1:1", "--size", "32"], r"Dask|cluster"),
         (["ball", "--press", "3", "--radius", "2"], "deeper than the ball"),
         (["ball", "--press", "3.5"], "give 0 to 3 mm, 60% of the gel's thickness"),
         (["ball", "--press", "0"], "press deeper"),

@@ -15,8 +15,9 @@ from gellight.base.errors import BoardError, InputError
 from gellight.cli import firmware as firmware_verb
 from gellight.cli import ring as ring_verb
 from gellight.ring.board_link import RefusedError
-from gellight.ring.emulator import child
+from gellight.ring.emulator import child, process
 from gellight.ring.emulator.child import SimulatedBoard
+from gellight.ring.emulator.waveform import Light
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
 
@@ -41,6 +42,47 @@ def terminal() -> Iterator[SimulatedBoard]:
     yield board
     board.close()
     assert board.faults == []
+
+
+def test_who_has_the_bytes_of_the_board_knows_its_light_and_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process of the board may stand still after it has sent them: frames taken then are of a later light."""
+    told: list[child.Report] = []
+    known: list[list[child.Report]] = []
+    monkeypatch.setattr(process, "tell", told.append)
+    host = SimpleNamespace(received=bytearray(), open=lambda: None, close=lambda: None)
+    board = SimpleNamespace(now_us=0.0, timeline=[], host=host)
+    stream = SimpleNamespace(connected=True, finished=False, read=lambda: b"")
+
+    def run_until(_: object, duration_us: float) -> None:
+        board.now_us += duration_us
+        board.timeline.append(Light(board.now_us, RED))
+        host.received += b"latched"
+
+    def write(_: bytes) -> None:
+        known.append(list(told))
+        stream.finished = True
+
+    board.run_until, stream.write = run_until, write
+    process.serve(board, stream, time.monotonic())
+    ((light, time_passed),) = known
+    assert light.light_us == time_passed.now_us == board.now_us
+    assert time_passed.at_s <= time.monotonic()
+
+
+def test_the_clock_of_the_board_goes_on_while_its_process_stands_still() -> None:
+    """A real board does not lag; where the emulated one lags too much, its clock is set back, and that is known."""
+    board = SimulatedBoard()
+    since_s, asked_s = board.on_time_since_s, time.monotonic()
+    assert board.clock_us(asked_s + 0.5) - board.clock_us(asked_s) == pytest.approx(0.5e6, abs=1)
+    assert board.virtual_us(asked_s) <= board.clock_us(asked_s) + 10
+    os.kill(board._process.pid, signal.SIGSTOP)
+    time.sleep(0.4)
+    os.kill(board._process.pid, signal.SIGCONT)
+    eventually(lambda: board.on_time_since_s > since_s)
+    now_s = time.monotonic()
+    assert board.virtual_us(now_s) <= board.clock_us(now_s) + 10
+    assert board.clock_us(now_s) < (now_s - asked_s - 0.3) * 1e6 + board.virtual_us(asked_s)
+    board.close()
 
 
 def test_sim_is_a_board_like_any_other() -> None:

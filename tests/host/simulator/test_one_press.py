@@ -77,6 +77,36 @@ def test_a_force_presses_as_deep_as_it_takes(tmp_path: Path, gel: str) -> None:
     assert 0.3 < report.depth_mm < 0.8
 
 
+def test_a_free_object_says_how_it_stands_also_after_an_interruption(tmp_path: Path) -> None:
+    command = ["simulate", "press", "--object", "ball", "--force-n", "0.3", "--free", "--load-at", "0", "0.2"]
+    command += ["--resolution-mm", "1.25", "--json", "--out", str(tmp_path / "p")]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    assert report["force_n"] == pytest.approx(0.3, rel=1e-3)
+    # The mesh is too coarse for the 2.9 degrees that are right: three vertices touch the ball.
+    assert 2 < report["tilt_deg"] < 5
+    assert 70 < report["tilt_towards_deg"] < 110
+    x, y, z = report["centre_mm"]
+    assert z == report["depth_mm"]
+    assert np.abs([x, y]).max() < 0.02
+
+    steps: list[Step] = []
+
+    def interrupt(step: Step) -> None:
+        steps.append(step)
+        if len(steps) == report["newton_steps"] - 1:
+            raise Interrupted
+
+    request = replace(BALL, depth_mm=None, force_n=0.3, free_at_mm=(0.0, 0.2))
+    with pytest.raises(Interrupted):
+        press_once(request, tmp_path / "q", GEOMETRY, interrupt)
+    rest = press_once(request, tmp_path / "q", GEOMETRY, lambda _: None)
+    assert rest.newton_steps is not None
+    assert rest.newton_steps < 0.5 * report["newton_steps"]
+    assert rest.tilt_deg == pytest.approx(report["tilt_deg"], rel=1e-3)
+
+
 def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
     at = np.linspace(-3, 3, 25)
     cone = -np.hypot(at[None, :], at[:, None])
@@ -95,6 +125,11 @@ def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
         (["--object", "ball", "--depth-mm", "1", "--force-n", "1"], "one of the two"),
         (["--object", "ball"], "one of the two"),
         (["--object", "ball", "--force-n", "1000"], "above 0 to"),
+        (["--object", "ball", "--depth-mm", "1", "--free"], "give --force-n"),
+        (["--object", "ball", "--force-n", "1", "--load-at", "1", "0"], "give --free"),
+        (["--object", "ball", "--force-n", "1", "--free", "--gel", "layer"], "give --gel fem"),
+        (["--object", "ball", "--force-n", "1", "--free", "--friction", "0.5"], "without friction"),
+        (["--object", "ball", "--force-n", "1", "--free", "--load-at", "26", "0"], "within 25 mm"),
         (["--object", "ball", "--depth-mm", "1", "--resolution-mm", "0.01"], "mm fits"),
         (["--object", "ball", "--depth-mm", "1", "--resolution-mm", "7"], "2.5 mm"),
     ],

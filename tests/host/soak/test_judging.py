@@ -86,7 +86,7 @@ def test_a_number_is_read_from_a_picture(number: int) -> None:
 
 
 def holdings(*memory_mb: float) -> list[Holdings]:
-    return [Holdings(float(k), mb, files=20, threads=9, children=2) for k, mb in enumerate(memory_mb)]
+    return [Holdings(float(k), mb, files=20, threads=("main", "zenoh"), children=2) for k, mb in enumerate(memory_mb)]
 
 
 def test_a_leak_of_a_picture_a_frame_is_noticed_and_noise_is_not() -> None:
@@ -102,3 +102,5 @@ def test_handles_that_stay_open_are_noticed() -> None:
     rests = holdings(*[200.0] * 5)
     assert handle_growth(rests) == {}
     assert handle_growth([*rests, replace(rests[0], files=21, children=3)]) == {"files": 1, "children": 1}
+    left = replace(rests[0], threads=("main", "zenoh", "capture", "capture"))
+    assert handle_growth([rests[0], replace(left, threads=("main", "capture")), left]) == {"thread capture": 1}

@@ -1,15 +1,11 @@
 """Frames go to other programs, and nothing that those do slows the sensor."""
 
 import asyncio
-import json
 import os
-import re
 import signal
-import socket
 import sys
 import threading
 import time
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,8 +17,7 @@ from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.stream import publisher as publisher_module
-from gellight.stream import subscription
-from gellight.stream.network import key, publishing_session, subscribing_session
+from gellight.stream.network import key, publishing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
 from gellight.stream.sensor import Sensor
@@ -278,58 +273,6 @@ def test_only_this_computer_can_connect_unless_told() -> None:
     session.close()
 
 
-# ---- calls ----
-
-
-def test_a_call_is_answered_with_what_the_daemon_says() -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), subscribe() as frames:
-        assert frames.status()["mode"] == "formula"
-        with pytest.raises(InputError, match="simulated gel only"):
-            frames.press("BALL", 0.5)
-        with pytest.raises(InputError, match="no light ring"):
-            frames.light(None)
-        with pytest.raises(InputError, match="not watched"):
-            frames.zero()
-
-
-def test_a_daemon_that_takes_too_long_is_said_to_be_busy(monkeypatch: pytest.MonkeyPatch) -> None:
-    daemon, _ = bump_daemon()
-    asked, answer = threading.Event(), threading.Event()
-    monkeypatch.setattr(subscription, "CALL_S", 0.2)
-    with daemon, Publisher(daemon), subscribe() as frames:
-        monkeypatch.setattr(daemon, "status", lambda: (asked.set(), answer.wait(30), {})[-1])
-        with pytest.raises(StreamError, match=r"did not answer within 0\.2 s: is its machine busy"):
-            frames.status()
-        assert asked.wait(30)
-        answer.set()
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"{}", b"[" * 5000, b'{"type": "format"}', b"\xff" * 100000, b'{"type": "press"}']
-)
-def test_a_call_that_is_none_is_answered_with_the_reason(content: bytes) -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"):
-        session = subscribing_session(running()[0].endpoint, config=None)
-        (reply,) = session.get(key("finger", "call"), payload=content, timeout=10)
-        assert reply.err is not None
-        assert "no call of GelLight" in reply.err.payload.to_string()
-        session.close()
-
-
-def test_hostile_bytes_on_the_port_do_not_disturb_the_stream() -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), subscribe() as frames:
-        port = int(running()[0].endpoint.rpartition(":")[2])
-        for content in (b"\0" * 70000, b"\xff" * 70000, b"GET / HTTP/1.0\r\n\r\n", bytes(range(256)) * 50):
-            with socket.create_connection(("127.0.0.1", port)) as wire, suppress(OSError):  # it hung up
-                wire.sendall(content)
-        before = frames.next_frame().camera_frame.sequence
-        time.sleep(0.1)
-        assert frames.next_frame().camera_frame.sequence > before
-
-
 # ---- in the same process ----
 
 
@@ -400,28 +343,3 @@ def test_a_map_is_sent_while_somebody_asks_for_it(monkeypatch: pytest.MonkeyPatc
 def test_a_map_that_there_is_not_is_refused(maps: object) -> None:
     with pytest.raises(InputError, match=r"maps=.*give a list of pressure_mpa, confidence"):
         subscribe("finger", maps=maps)
-
-
-def test_the_status_says_what_the_newest_frame_feels() -> None:
-    daemon, made = bump_daemon(measures=HeavyFrames())
-    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
-        frames.next_frame()
-        told = frames.status()["touch"]
-        felt = next(one for one in list(made.given.values()) if one.contact.indentation_mm == told["indentation_mm"])
-        assert told["area_mm2"] == felt.contact.area_mm2
-        largest_mpa = felt.depth_mm.max() / 8
-        assert told["force"] == {
-            "normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"], "largest_pressure_mpa": largest_mpa,
-        }  # fmt: skip
-        said = children.gellight("status", "finger")
-        assert re.search(r"; \d\.\d{3} mm deep, 1\.25 ± 0\.10 N, up to \d\.\d{3} MPa\n$", said.stdout), said.stderr
-        assert json.loads(children.gellight("status", "--json").stdout)["finger"]["touch"]["force"]["normal_n"] == 1.25
-
-
-def test_the_status_of_a_sensor_without_a_constant_has_no_force() -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
-        frames.next_frame()
-        assert frames.status()["touch"]["force"] is None
-        said = children.gellight("status").stdout
-        assert re.search(r"; \d\.\d{3} mm deep\n$", said), said

@@ -100,17 +100,18 @@ class Target:
 
 
 class Sizes(TypedDict, total=False):
-    """Sizes of tools, mm."""
+    """Sizes of tools, mm, and the angle of the prism."""
 
     ball_radius_mm: float
     cylinder_diameter_mm: float
     pin_pitch_mm: float
     pixel_size_mm: float
+    prism_angle_deg: float
 
 
 @dataclass(frozen=True)
 class Tools:
-    """The tools at hand, mm."""
+    """The tools at hand."""
 
     ball_radius_mm: Annotated[
         float | None,
@@ -129,6 +130,14 @@ class Tools:
         float | None,
         typer.Option(
             help="Size of a pixel on the gel, mm, where it is known.", show_default="the cylinder measures it"
+        ),
+    ] = None
+    prism_angle_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="A prism, pressed edge first, verifies beside the ball: angle between each face and the gel at rest; "
+            "45 for a cube.",
+            show_default="no prism",
         ),
     ] = None
     preset: Annotated[
@@ -153,10 +162,11 @@ class Tools:
 
 @dataclass(frozen=True)
 class Presses:
-    """How many ball presses there are, and how well they have to be felt."""
+    """How many presses there are, and how well they have to be felt."""
 
     presses: Annotated[int, typer.Option(help="Ball presses to learn from.")] = 40
     verifications: Annotated[int, typer.Option(help="Fresh ball presses that judge.")] = 6
+    prism_presses: Annotated[int, typer.Option(help="Fresh presses of the prism that judge, where there is one.")] = 3
     largest_depth_error_um: Annotated[
         float, typer.Option(help="A calibration worse than this on fresh presses is not kept, µm.")
     ] = 80.0
@@ -189,6 +199,7 @@ def command(
         out=target.out,
         presses=wanted.presses,
         verifications=wanted.verifications,
+        prism_presses=wanted.prism_presses,
         limits=wanted.limits(),
         training=how.options(),
         overwrite=target.overwrite,

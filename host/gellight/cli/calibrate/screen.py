@@ -84,8 +84,7 @@ def screen(shown: Display, refusal: str, *, keys: bool) -> RenderableType:
     if shown.awaiting:
         lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[shown.awaiting], style="bold green"))
     if press:
-        circle = f"{press.center_x_px:.1f}, {press.center_y_px:.1f}, {press.contact_radius_px:.1f}"
-        lines.append(Text(f"last press: centre and radius {circle} px ({press.state})"))
+        lines.append(Text(f"last press: {press.place}"))
     if coverage and shown.step == "presses":
         rows = (" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in coverage.places)
         lines.append(Text("\n".join(rows), style="green"))

@@ -53,8 +53,7 @@ class Training:
 
     def __post_init__(self) -> None:
         """Refuse a recipe that does not exist."""
-        if self.recipe not in RECIPES:
-            raise InputError(f"recipe {self.recipe!r}: give one of {', '.join(RECIPES)}")
+        check_recipe(self.recipe)
 
     def options(self) -> TrainingOptions:
         """Return them as the training takes them."""
@@ -183,16 +182,19 @@ def crossvalidate(
 def synthetic(
     bundle: NewBundle,
     width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32,
+    recipe: Annotated[str, typer.Option(help="fast: as the bundle that comes with GelLight; thorough; paper")] = "fast",
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0,
     threads: Threads = 1,
     trainer: Trainer = "auto",
     as_json: AsJson = False,
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""
+    check_recipe(recipe)
     with progress_bar("training") as report:
         written = make_synthetic(
             bundle.out,
             width=width,
+            recipe=recipe,
             seed=seed,
             threads=threads,
             trainer=trainer,
@@ -202,6 +204,12 @@ def synthetic(
     test = [f"{name:<28}{value:>10.4g}" for name, value in written.metrics["test"].items()]
     lines = ["measured on simulated presses it was not trained on:", *test]
     _print_written(written, bundle.out, as_json, lines)
+
+
+def check_recipe(name: str) -> None:
+    """Refuse a recipe that there is not; raises InputError."""
+    if name not in RECIPES:
+        raise InputError(f"recipe {name!r}: give one of {', '.join(RECIPES)}")
 
 
 def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, object]:
@@ -223,7 +231,7 @@ def _prisms(path: Path | None, image_shape: tuple[int, int], dots: Dots | None) 
 def _prism_line(found: PrismError) -> str:
     return (
         f"{found.image}: prism of {found.angle_deg:g} deg feels like {found.felt_deg:.2f} deg; normals of its faces "
-        f"{found.normal_deg:.2f} deg off"
+        f"{found.normal_deg:.2f} deg off, shape of the depth {1000 * found.depth_mm:.0f} µm"
     )
 
 

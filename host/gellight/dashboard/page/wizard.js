@@ -128,6 +128,7 @@ function showRequest(state, running) {
   element("cylinder").value = defaults.cylinder_diameter_mm;
   element("pins").value = defaults.pin_pitch_mm ?? "";
   element("pixel").value = defaults.pixel_size_mm ?? "";
+  element("prism").value = defaults.prism_angle_deg ?? "";
   element("presses").value = defaults.presses;
   element("hand").checked = defaults.hand;
 }
@@ -154,6 +155,7 @@ async function request() {
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
     pin_pitch_mm: element("pins").value ? element("pins").valueAsNumber : null,
     pixel_size_mm: element("pixel").value ? element("pixel").valueAsNumber : null,
+    prism_angle_deg: element("prism").value ? element("prism").valueAsNumber : null,
     presses: element("presses").valueAsNumber,
     hand: element("hand").checked,
     anew: element("anew").checked,
@@ -190,10 +192,11 @@ let offered = "";
 function showActions(routine, running, state) {
   const done = routine?.step === "finished" && routine.verdict?.passed !== false;
   const actions = running ? routine.actions.filter((name) => name !== "correct") : done ? ["live", "begin"] : ["begin"];
-  const key = [...actions, state.interrupted, Boolean(routine), routine?.step === "lens"].join();
+  const optional = ["lens", "verify"].includes(routine?.step); // steps with a tool that may be left out
+  const key = [...actions, state.interrupted, Boolean(routine), optional].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
-  const next = routine?.step === "lens" ? "Go on without" : ACTION_NAMES.next;
+  const next = optional ? "Go on without" : ACTION_NAMES.next;
   const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     if (name === "live") return liveLink();

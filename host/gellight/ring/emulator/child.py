@@ -38,6 +38,8 @@ class Report(BaseModel):
     """how far virtual time had come"""
     at_s: float = 0.0
     """at this time of `time.monotonic`"""
+    zero_s: float | None = None
+    """virtual time would have begun then, had emulation never lagged; it moves where the lag grows too large"""
     ready_at: str | None = None
     """the board is ready; path of its terminal, "" where its bytes go through the socket"""
     light_us: float | None = None
@@ -72,6 +74,8 @@ class SimulatedBoard:
         self.path = ""
         self._passed: deque[tuple[float, float]] = deque([(time.monotonic(), 0.0)], KEPT_POINTS)
         """how far virtual time had come (us) at times of `time.monotonic` (s)"""
+        self._zero_s = self.on_time_since_s = time.monotonic()
+        """when virtual time would have begun, had emulation never lagged; since when that holds (`time.monotonic`)"""
         self._started = False
         self._silent = False
         """whether the process says nothing more; its status does not show that while another thread waits for it"""
@@ -156,6 +160,14 @@ class SimulatedBoard:
         rate = (to_us - from_us) / (to_s - from_s) if to_s > from_s else 1e6  # before and after all that is known
         return from_us + (monotonic_s - from_s) * rate
 
+    def clock_us(self, monotonic_s: float) -> float:
+        """Return what the board's clock would read then, had emulation not lagged: never before `virtual_us`.
+
+        A real board's clock reads this. It holds for times after `on_time_since_s`.
+        """
+        with self._lock:
+            return (monotonic_s - self._zero_s) * 1e6
+
     def _wait_for(self, reached: Callable[[], bool]) -> None:
         if not self._lock.wait_for(lambda: reached() or self._silent, STANDSTILL_S):
             raise BoardError(
@@ -188,6 +200,8 @@ class SimulatedBoard:
     def _note(self, report: Report) -> None:
         if report.now_us is not None:
             self._passed.append((report.at_s, report.now_us))
+        if report.zero_s is not None and report.zero_s != self._zero_s:
+            self._zero_s, self.on_time_since_s = report.zero_s, report.at_s
         if report.ready_at is not None:
             self.path, self._started = report.ready_at, True
             self._ready.set()

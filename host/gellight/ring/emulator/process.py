@@ -84,9 +84,8 @@ def tell(report: Report) -> None:
     print(report.model_dump_json(exclude_none=True) + "\n", end="", flush=True)
 
 
-def serve(board: EmulatedBoard, stream: Bytes) -> None:
-    """Run until the stream ends."""
-    epoch_s = time.monotonic() - board.now_us / 1e6
+def serve(board: EmulatedBoard, stream: Bytes, zero_s: float) -> None:
+    """Run until the stream ends; `zero_s` on `time.monotonic` is when virtual time began."""
     told, opened, progress_us = 0, False, 0.0
     while not stream.finished:
         data = stream.read()
@@ -95,23 +94,24 @@ def serve(board: EmulatedBoard, stream: Bytes) -> None:
             (board.host.open if opened else board.host.close)()
         if data:
             board.host.send(data)
-        due_us = (time.monotonic() - epoch_s) * 1e6 - board.now_us
+        due_us = (time.monotonic() - zero_s) * 1e6 - board.now_us
         if due_us > MOST_LAG_US:
-            epoch_s, due_us = epoch_s + (due_us - MOST_LAG_US) / 1e6, MOST_LAG_US
+            zero_s, due_us = zero_s + (due_us - MOST_LAG_US) / 1e6, MOST_LAG_US
         if due_us > 0:
             board.run_until(lambda: board.host.received, min(due_us, SLICE_US))
+        while told < len(board.timeline):
+            light = board.timeline[told]
+            tell(Report(light_us=light.time_us, colours=light.colours.tobytes().hex()))
+            told += 1
+        # Before the bytes: whoever has them may ask for light from then on, and this process may stand still meanwhile.
+        if board.host.received or board.now_us - progress_us >= PROGRESS_US:
+            progress_us = board.now_us
+            tell(Report(now_us=progress_us, at_s=time.monotonic(), zero_s=zero_s))
         if board.host.received:
             stream.write(bytes(board.host.received))
             board.host.received.clear()
         elif due_us < SLICE_US:
             select.select([stream.descriptor] if opened else [], [], [], IDLE_S)
-        while told < len(board.timeline):
-            light = board.timeline[told]
-            tell(Report(light_us=light.time_us, colours=light.colours.tobytes().hex()))
-            told += 1
-        if board.now_us - progress_us >= PROGRESS_US:
-            progress_us = board.now_us
-            tell(Report(now_us=progress_us, at_s=time.monotonic()))
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -131,9 +131,11 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(f"the firmware did not enumerate: {board.faults}")
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)
     path = stream.path if isinstance(stream, PseudoTerminal) else ""
-    tell(Report(now_us=board.now_us, at_s=time.monotonic(), ready_at=path))
+    now_s = time.monotonic()
+    zero_s = now_s - board.now_us / 1e6
+    tell(Report(now_us=board.now_us, at_s=now_s, zero_s=zero_s, ready_at=path))
     try:
-        serve(board, stream)
+        serve(board, stream, zero_s)
     finally:
         tell(Report(faults=board.faults))
 
