@@ -23,14 +23,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 TESTS = Path(__file__).parent
 LONGEST = (
-    "vm", "test_first_hour.py", "host/cli/test_calibrate.py", "host/calibration/test_routine.py",
-    "firmware/test_mutants.py", "host/soak/test_soak.py", "host/cli/test_signals.py",
-    "host/cli/test_several_sensors.py",
-    "host/cli/test_demo.py", "host/sensor/lighting/test_labels.py", "host/watch/test_monitor.py",
-    "host/daemon/test_modes.py", "host/design/test_studies.py", "host/dashboard/test_page.py",
-    "host/sensor/lighting/test_sequenced.py", "host/watch/test_rezero.py",
-    "host/evaluation/test_measured_response.py", "firmware/test_fuzz.py", "firmware/test_image.py",
-    "host/dashboard/test_page_in_use.py", "host/dashboard/test_page_layout.py",
+    "vm", "test_first_hour.py", "firmware/test_mutants.py", "host/cli/test_signals.py", "host/soak/test_soak.py",
+    "host/cli/test_calibrate.py", "host/cli/test_several_sensors.py", "firmware/test_fuzz.py",
+    "host/calibration/test_routine.py", "host/dashboard/test_page_layout.py", "host/dashboard/test_page.py",
+    "host/sensor/lighting/test_sequenced.py", "host/calibration/lights/test_channel_fit.py",
+    "host/dashboard/test_wizard_layout.py", "host/cli/test_demo.py", "host/watch/test_monitor.py",
+    "host/cli/test_without_torch.py", "host/dashboard/test_page_decodes.py", "host/reconstruction/test_native_path.py",
+    "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/design/test_report.py",
+    "host/stream/test_lerobot.py", "sim_reference/test_fem_gel.py", "host/stream/test_subscription.py",
+    "host/dashboard/test_page_measure.py", "host/daemon/test_modes.py", "host/cli/test_service.py",
+    "host/dashboard/test_page_in_use.py",
 )  # fmt: skip
 """files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
 

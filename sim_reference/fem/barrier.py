@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from sim_reference.fem.height_field import HeightField
 
 Array = NDArray[np.float64]
-STILL: Array = np.zeros((3, 3))
-MOST_TURN = 0.25
-"""of a step of the object, as a share of its size: what goes beyond is cut"""
+LEAST_UPRIGHT = 0.1
+"""of dg/dz: under walls of a leaning object that hang over, a lift does not help"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,8 @@ class Barrier:
 
     def gap(self, at: Array) -> Array:
         """Return the gap (S,) in mm of vertices `at` (S, 3)."""
-        return self._gap(self.local(at))
+        points = self.local(at)
+        return points[:, 2] - self.field(points[:, 0], points[:, 1])
 
     def value(self, at: Array) -> float:
         """Return B; infinite where a vertex is inside the object."""
@@ -70,18 +70,17 @@ class Barrier:
     def gradient(self, at: Array) -> Array:
         """Return dB/dx (S, 3): kappa A b' grad g, with grad g = A^-T (-dh/dx, -dh/dy, 1)."""
         near = self._near(at)
-        points = self.local(at[near])
-        first = potential(self._gap(points), self.distance_mm)[1]
+        first = potential(self.gap(at[near]), self.distance_mm)[1]
         result = np.zeros_like(at)
-        result[near] = (self.stiffness * self.area[near] * first)[:, None] * self._gap_gradient(points)
+        result[near] = (self.stiffness * self.area[near] * first)[:, None] * self.gap_gradient(at[near])
         return result
 
     def hessian(self, at: Array, *, project: bool) -> Array:
         """Return d2B/dx2 (S, 3, 3): kappa A (b'' grad g grad g^T + b' hess g), semidefinite if `project`."""
         near = self._near(at)
         points = self.local(at[near])
-        _, first, second = potential(self._gap(points), self.distance_mm)
-        normal = self._gap_gradient(points)
+        _, first, second = potential(self.gap(at[near]), self.distance_mm)
+        normal = self.gap_gradient(at[near])
         blocks = second[:, None, None] * normal[:, :, None] * normal[:, None, :]
         bend = -first[:, None, None] * self.field.heights(points[:, 0], points[:, 1]).curvature
         sideways = np.linalg.inv(self.matrix)[:2]
@@ -90,63 +89,33 @@ class Barrier:
         result[near] = self.stiffness * self.area[near, None, None] * blocks
         return result
 
-    def free_step(self, at: Array, step: Array, depth_change: float = 0.0, matrix_change: Array = STILL) -> float:
-        """Return a share, at most 1, of a step of the gel (S, 3) and the object that lets no gap fall below a tenth.
+    def lift(self, at: Array, step: Array, moved: "Barrier | None" = None) -> Array:
+        """Return how far (S,) mm vertices `at` (S, 3) are lifted along z after `step`, so that none is in the object.
 
-        Each vertex goes on by what its gap and the steepest slope around it allow, again and again: the bound is on
-        the whole way, not only on its end. In the frame of an object that turns, this way is
-
-            X(s) = X(0) + s (I + s N)^-1 X'(0),   N = A^-1 dA,   X'(0) = A^-1 (dx - dc) - N (X(0) - P)
-
-        and with |s N| <= e its speed differs from X'(0) by at most (1 / (1 - e)^2 - 1) |X'(0)|.
+        `moved` has the object where it is after the step, if it moves. Newton's step changes a gap g by c to first
+        order. Within the distance, g becomes g + c, or g^2 / (g - c) where it closes: there the pressure grows like
+        1/g, and does so by what the step expects. Other vertices keep half the distance. Small steps are changed by
+        terms of second order only.
         """
-        inverse = np.linalg.inv(self.matrix)
-        turn = inverse @ matrix_change
-        longest = MOST_TURN / max(float(np.linalg.norm(turn, 2)), MOST_TURN)
-        turn *= longest
-        start = self.local(at)
-        straight = longest * (step - [0.0, 0.0, depth_change]) @ inverse.T - (start - self.pivot) @ turn.T
-        return float(longest * self._free_way(start, straight, turn))
+        moved = moved or self
+        after = at + step
+        gap, reached = self.gap(at), moved.gap(after)
+        # Relative to the object, a vertex comes from where its point of the object has gone.
+        change = (self.gap_gradient(at) * (after - moved.world(self.local(at)))).sum(axis=1)
+        wanted = np.maximum(change, 0) + gap**2 / (gap - np.minimum(change, 0))
+        touching = np.maximum(gap, wanted) < self.distance_mm
+        least = np.minimum(gap, 0.5 * self.distance_mm)
+        widened = np.where(touching, wanted - reached, np.maximum(least - reached, 0))
+        return widened / np.maximum(moved.gap_gradient(after)[:, 2], LEAST_UPRIGHT)
 
-    def _free_way(self, start: Array, straight: Array, turn: Array) -> float:
-        """Return the share of a way in the object's frame: from `start` on, X'(0) (S, 3) and N (3, 3)."""
-        bent = (1 / (1 - np.linalg.norm(turn, 2)) ** 2 - 1) * np.linalg.norm(straight, axis=1)
-        sideways = np.hypot(straight[:, 0], straight[:, 1]) + bent
-        closing = np.maximum(-straight[:, 2], 0) + bent
-        speed = closing + self.field.steepest(start[:, 0], start[:, 1], sideways) * sideways
-        at_first = self._gap(start)
-        moving = np.flatnonzero(0.9 * at_first < speed)
-        gap, gone = at_first[moving], np.zeros(len(moving))
-        way = np.ones(len(start))
-        for _ in range(100):
-            if not len(moving):
-                break
-            gone = np.minimum(gone + 0.9 * gap / speed[moving], 1)
-            gap = self._gap(start[moving] + _gone(straight[moving], turn, gone))
-            go_on = gap > 0.1 * at_first[moving]
-            way[moving[go_on]] = gone[go_on]
-            way[moving[~go_on]] = np.minimum(way[moving[~go_on]], gone[~go_on])
-            going = go_on & (gone < 1)
-            moving, gap, gone = moving[going], gap[going], gone[going]
-        return float(min(way.min(), gone.min(initial=1.0)))
-
-    def _gap(self, points: Array) -> Array:
-        return points[:, 2] - self.field(points[:, 0], points[:, 1])
+    def gap_gradient(self, at: Array) -> Array:
+        """Return grad g (S, 3) at vertices `at`."""
+        points = self.local(at)
+        slope = self.field.heights(points[:, 0], points[:, 1]).slope
+        return np.asarray(np.concatenate([-slope, np.ones((len(at), 1))], axis=1) @ np.linalg.inv(self.matrix))
 
     def _near(self, at: Array) -> NDArray[np.int64]:
         return np.flatnonzero(self.gap(at) < self.distance_mm)
-
-    def _gap_gradient(self, points: Array) -> Array:
-        slope = self.field.heights(points[:, 0], points[:, 1]).slope
-        return np.asarray(np.concatenate([-slope, np.ones((len(points), 1))], axis=1) @ np.linalg.inv(self.matrix))
-
-
-def _gone(straight: Array, turn: Array, share: Array) -> Array:
-    """Return s (I + s N)^-1 X'(0) (S, 3) for a share (S,) of the way."""
-    way = share[:, None] * straight
-    if not turn.any():
-        return way
-    return np.asarray(np.linalg.solve(np.eye(3) + share[:, None, None] * turn, way[:, :, None])[:, :, 0])
 
 
 def potential(gap: Array, distance: float) -> tuple[Array, Array, Array]:

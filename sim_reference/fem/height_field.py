@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 BASIS = np.array([[[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]]) / 6
 """(1, 4, 4) the four cubic B-splines over one interval: coefficients of t^0..t^3"""
-REACH_MM = 0.5
-"""how far a vertex may move sideways while the slopes around it bound the object's"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +48,6 @@ class HeightField:
     def __init__(self, heights_mm: Array, spacing_mm: float) -> None:
         """Take the object's heights (n, n), rows along y."""
         self.samples, self.spacing_mm = heights_mm, spacing_mm
-        steps = [np.abs(np.diff(heights_mm, axis=axis, prepend=0.0)) / spacing_mm for axis in (0, 1)]
-        steps[0][0], steps[1][:, 0] = 0, 0
-        slope = np.hypot(*(scipy.ndimage.maximum_filter(step, size=5) for step in steps))
-        around = 2 * int(np.ceil(REACH_MM / spacing_mm)) + 1
-        self._steepest = float(slope.max())
-        self._steepest_near = scipy.ndimage.maximum_filter(slope, size=around)
 
     def __call__(self, x: Array, y: Array) -> Array:
         """Return the height (S,) at (x, y)."""
@@ -74,11 +66,6 @@ class HeightField:
         mixed = derivative(1, 1)
         curvature = np.stack([derivative(2, 0), mixed, mixed, derivative(0, 2)], axis=1).reshape(-1, 2, 2)
         return Heights(derivative(0, 0), np.stack([derivative(1, 0), derivative(0, 1)], axis=1), curvature)
-
-    def steepest(self, x: Array, y: Array, sideways_mm: Array) -> Array:
-        """Return a slope that the object does not exceed within `sideways_mm` of (x, y)."""
-        (column, _), (row, _) = self._place(x), self._place(y)
-        return np.where(sideways_mm < REACH_MM, self._steepest_near[row, column], self._steepest)
 
     def _place(self, at: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the interval of the grid that a coordinate lies in, and where in it, 0 to 1."""

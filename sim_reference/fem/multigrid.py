@@ -132,13 +132,17 @@ class Solution:
     vector: Array
     iterations: int
     convex: bool
-    """false: the matrix has a direction of negative curvature; the vector is what was found before"""
+    """false: the matrix has a direction of negative curvature, and the vector goes on along it"""
 
 
 def conjugate_gradients(
     matrix: sp.bsr_matrix, wanted: Array, precondition: Callable[[Array], Array], tolerance: float, limit: int = 300
 ) -> Solution:
-    """Solve A x = wanted until the preconditioned residual has fallen by `tolerance`, at most `limit` iterations."""
+    """Solve A x = wanted until the preconditioned residual has fallen by `tolerance`, at most `limit` iterations.
+
+    A direction of negative curvature ends it (Steihaug, SIAM J. Numer. Anal. 20, 1983): it goes as far along that one
+    as with the same curvature upwards.
+    """
     solution, residual = np.zeros_like(wanted), wanted
     direction = ahead = precondition(residual)
     norm = first = float(residual @ ahead)
@@ -148,7 +152,7 @@ def conjugate_gradients(
         change = matrix @ direction
         curvature = float(direction @ change)
         if curvature <= 0:
-            return Solution(solution, iteration, convex=False)
+            return Solution(solution + norm / max(-curvature, 1e-300) * direction, iteration, convex=False)
         step = norm / curvature
         solution, residual = solution + step * direction, residual - step * change
         ahead = precondition(residual)

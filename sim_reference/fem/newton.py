@@ -1,8 +1,10 @@
 """Projected Newton's method for the gel against an object: every iterate is free of penetration and inversion.
 
 The object is held where it is, or loaded with a force: then the moves that the load leaves free are more unknowns, and
-the linear system has a border (`affine_body`). Each step solves it by conjugate gradients, is cut to what neither a gap
-nor a tetrahedron forbids, and then halved until the energy falls.
+the linear system has a border (`affine_body`). Each step solves it by conjugate gradients, is cut to what no
+tetrahedron forbids, and then halved until the energy falls. Vertices that it would move into the object are lifted out
+of it, each for itself (`barrier.Barrier.lift`): if the whole step were cut instead, the first vertex that touches would
+stop all others.
 """
 
 from collections.abc import Callable
@@ -23,7 +25,7 @@ from sim_reference.fem.neo_hookean import NeoHookean
 
 Array = NDArray[np.float64]
 TOLERANCE_MM = 2e-5
-"""Newton's method ends after a full step that moves nothing by more"""
+"""Newton's method ends after a whole step that moves nothing by more"""
 NEAR_MM = 0.03
 """after a full step shorter than this the Hessian is used as it is, not projected: convergence becomes quadratic"""
 
@@ -38,7 +40,7 @@ class Step:
     longest_mm: float
     """how far the step would move the vertex that it moves furthest"""
     share: float
-    """how much of the step was taken, 0 to 1"""
+    """how much of the step was taken, above 1 where it was prolonged"""
     min_gap_mm: float
     min_det_f: float
     linear_iterations: int
@@ -121,23 +123,21 @@ class Solver:
     ) -> State:
         """Return the state of least energy, from one without penetration and inversion.
 
-        It ends after a full step that moves nothing by more than `tolerance_mm`. Raises NotConverged after `limit`
+        It ends after a whole step that moves nothing by more than `tolerance_mm`. Raises NotConverged after `limit`
         steps.
         """
         energy, exact = self._energy(state, contact), False
         for number in range(1, limit + 1):
             change, iterations, exact = self._change(state, contact, exact)
-            slope = self._slope(state, contact, change)
-            share = self._free_share(state, contact, change)
-            longest = self._longest(state, contact, change)
-            state, share, energy = self._descend(state, contact, change, share, energy, slope)
+            slope, longest = self._slope(state, contact, change), self._longest(state, contact, change)
+            state, share, energy = self._descend(state, contact, change, energy, slope)
             step = Step(number, energy, longest, share, self.min_gap(state, contact), self.min_det_f(state),
                         iterations, not exact)  # fmt: skip
             if on_step:
                 on_step(step, state)
-            if share == 1 and longest < tolerance_mm:
+            if share >= 1 and longest < tolerance_mm:
                 return state
-            exact = share == 1 and longest < NEAR_MM
+            exact = share >= 1 and longest < NEAR_MM
         raise NotConverged(
             f"after {limit} steps the gel still moves by {longest:.1e} mm in a step, wanted {tolerance_mm:.1e}: press "
             "less deep, or give a finer resolution"
@@ -194,7 +194,8 @@ class Solver:
             barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
             sides = border(barrier, contact.load, surface, self._spread, project=not exact)
             found, of_object = sides.solve(found, lambda side: conjugate_gradients(matrix, side, precondition, 1e-3))
-        if exact and not found.convex:
+        # Where the gel buckles, a direction of negative curvature is the way down, but not in an object's balance.
+        if exact and not found.convex and not (contact.load is None and float(wanted @ found.vector) > 0):
             return self._change(state, contact, exact=False)
         direction = np.zeros_like(state.at)
         direction[self.mesh.free] = found.vector.reshape(-1, 3)
@@ -221,24 +222,42 @@ class Solver:
         of_object = (barrier.local(touching) - barrier.pivot) @ change.matrix.T + [0.0, 0.0, change.depth_mm]
         return max(float(np.abs(change.direction).max()), float(np.abs(of_object).max(initial=0.0)))
 
-    def _free_share(self, state: State, contact: Contact, change: Change) -> float:
-        surface, barrier = self.mesh.surface, _placed(contact.barrier, state)
-        outside = barrier.free_step(state.at[surface], change.direction[surface], change.depth_mm, change.matrix)
-        return min(outside, upright_share(self.elastic, state.at, change.direction))
-
     def _descend(
-        self, state: State, contact: Contact, change: Change, share: float, energy: float, slope: float
+        self, state: State, contact: Contact, change: Change, energy: float, slope: float
     ) -> tuple[State, float, float]:
-        """Halve the step until the energy falls by a ten-thousandth of what the slope promises."""
+        """Halve a step until the energy falls by a ten-thousandth of what its slope promises; prolong it if it pays."""
         # Sums over a million terms are right to about this much; near the end the energy changes by less.
         rounding = 1e-13 * abs(energy)
+        share = upright_share(self.elastic, state.at, change.direction)
         for _ in range(40):
-            ahead = state.moved(change, share)
+            ahead = self._ahead(state, contact, change, share)
             reached = self._energy(ahead, contact)
             if reached <= energy + 1e-4 * share * slope + rounding:
-                return ahead, share, reached
+                return self._go_further(state, contact, change, (ahead, share, reached), energy + 0.75 * slope)
             share /= 2
         raise NotConverged("no step lowers the energy: give a finer resolution or press less deep")
+
+    def _go_further(
+        self, state: State, contact: Contact, change: Change, best: tuple[State, float, float], low: float
+    ) -> tuple[State, float, float]:
+        """Double a whole step for as long as the energy falls, if with it the energy has already fallen below `low`.
+
+        The projected Hessian is too stiff where the gel is close to buckling; then steps are many times too short.
+        """
+        while best[1] >= 1 and best[2] < low:
+            ahead = self._ahead(state, contact, change, 2 * best[1])
+            reached = self._energy(ahead, contact)
+            if reached >= best[2]:
+                break
+            best = ahead, 2 * best[1], reached
+        return best
+
+    def _ahead(self, state: State, contact: Contact, change: Change, share: float) -> State:
+        """Return the state after a share of a step, with no vertex of the surface in the object."""
+        ahead, surface = state.moved(change, share), self.mesh.surface
+        before, after = _placed(contact.barrier, state), _placed(contact.barrier, ahead)
+        ahead.at[surface, 2] += before.lift(state.at[surface], share * change.direction[surface], after)
+        return ahead
 
 
 def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:

@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from sim_reference.deformation import Deformation, NotConverged, grid
 from sim_reference.fem.affine_body import Load, tilt_rad
-from sim_reference.fem.barrier import Barrier
+from sim_reference.fem.barrier import LEAST_UPRIGHT, Barrier
 from sim_reference.fem.friction import friction_of
 from sim_reference.fem.height_field import HeightField
 from sim_reference.fem.leaning import Lean, check_tilt
@@ -31,10 +31,8 @@ USUAL_GAP = 0.8
 STICK_MM = 0.001
 """friction holds within this"""
 LEAST_INCREMENT_MM = 0.001
-BEGINNING_TOLERANCE_MM = 1e-3
+BEGINNING_TOLERANCE_MM = 1e-2
 """in place of `newton.TOLERANCE_MM`, for what only begins the next stage"""
-LEANING_TOLERANCE_MM = 1e-2
-"""the same under an object that leans as the layer would have it: it is let go next, and leans otherwise"""
 MOST_LIFTS = 50
 """how often the gel is lifted out of an object that leans"""
 MOST_LAGS = 20
@@ -76,7 +74,6 @@ class Pressing:
         """Start with the gel at rest and the object leaning, or go on from `resume`."""
         self._solver, self._field, self._friction, self._on_step = solver, field, friction, on_step
         self._mesh, self._pivot = solver.mesh, start.pivot
-        self._roughly_mm = LEANING_TOLERANCE_MM if start.slopes.any() else BEGINNING_TOLERANCE_MM
         at = self._mesh.vertices
         at_rest = Checkpoint(
             State(at, 0.0, start.matrix), 0.0, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at))
@@ -141,8 +138,21 @@ class Pressing:
     def close_gap(self, depth_mm: float, load: Load | None) -> None:
         """Narrow the barrier; with `load`, let the object go and hold the load instead."""
         going_on = self._now.narrow
-        self._now = replace(self._now, narrow=True)
+        if not going_on:
+            self._narrow()
         self._settle(self.state.depth_mm + self.gap_mm if going_on and load else depth_mm, load)
+
+    def _narrow(self) -> None:
+        """Narrow the barrier and the gaps within it by moving object and gel: every pressure stays what it is."""
+        before, wide = self.state, self.barrier
+        self._now = replace(self._now, narrow=True)
+        share = self.barrier.distance_mm / wide.distance_mm
+        surface = before.at[self._mesh.surface]
+        gap, upright = wide.gap(surface), np.maximum(wide.gap_gradient(surface)[:, 2], LEAST_UPRIGHT)
+        forward = self._now.gap_share * (1 - share) * wide.distance_mm
+        at = before.at.copy()
+        at[self._mesh.surface, 2] += np.where(gap < wide.distance_mm, forward - (1 - share) * gap / upright, 0)
+        self._move(replace(before, at=at, depth_mm=before.depth_mm + forward))
 
     def _settle(self, depth_mm: float, load: Load | None) -> None:
         """Hold the object back by the gap, and find where the gel rests."""
@@ -150,7 +160,7 @@ class Pressing:
         self._move(replace(self.state, at=_cleared(self.state.at, self._mesh, self.barrier)))
         # What is friction or the last stage is built upon this; else it is where the next stage begins.
         exact = self._now.narrow or self._friction
-        self._solve(Contact(self.barrier, load=load), TOLERANCE_MM if exact else self._roughly_mm)
+        self._solve(Contact(self.barrier, load=load), TOLERANCE_MM if exact else BEGINNING_TOLERANCE_MM)
         if self._friction:
             self._rub()
         surface = self.state.at[self._mesh.surface]

@@ -4,11 +4,13 @@
     python -m tests.benchmarks.gel record --resolution-mm 0.6
     python -m tests.benchmarks.gel convergence --depth-mm 0.5
     python -m tests.benchmarks.gel scaling
+    python -m tests.benchmarks.gel scaling --resolutions-mm 0.1 --steps 4
 
 Each press is printed when it is done. Times are processor times of one thread.
 """
 
 import argparse
+import contextlib
 import json
 import multiprocessing
 import resource
@@ -18,6 +20,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import platformdirs
@@ -27,6 +30,8 @@ from gellight.simulator.gel_models import source_digest
 from sim_reference import gel
 from sim_reference.deformation import Deformation, NotConverged, grid
 from sim_reference.fem.gel import FemGel, FemPress, coated, solver_of
+from sim_reference.fem.newton import Step
+from sim_reference.fem.pressing import Checkpoint
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import angular_error
 from sim_reference.objects import OBJECT_NAMES, object_height
@@ -43,6 +48,20 @@ RECORDED = np.ix_(EVERY_FOURTH, EVERY_FOURTH)
 RECORD = CHECKOUT / "tests/data/fem/objects.npz"
 UNIT_MM = 2e-4
 """of the record"""
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What the command line says."""
+
+    depth_mm: float
+    model: FemGel
+    names: list[str]
+    folder: Path
+    """of kept presses"""
+    resolutions_mm: list[float]
+    steps: int
 
 
 @dataclass(frozen=True)
@@ -84,16 +103,23 @@ def normals(depth: Array) -> Array:
     return np.asarray(upright / np.linalg.norm(upright, axis=2, keepdims=True))
 
 
-def kept_path(folder: Path, name: str, depth: float, model: FemGel) -> Path:
-    said = f"{name}-{depth:g}-{model.resolution_mm:g}-{model.dense_radius_mm:g}-{source_digest()[:16]}"
-    return folder / f"{said}.npz"
+def kept_path(name: str, given: Given) -> Path:
+    model = given.model
+    said = f"{name}-{given.depth_mm:g}-{model.resolution_mm:g}-{model.dense_radius_mm:g}-{source_digest()[:16]}"
+    return given.folder / f"{said}.npz"
 
 
-def press_and_keep(name: str, depth: float, model: FemGel, path: Path) -> None:
-    """Press, and write the figures and the coated surface: in a process of its own, for its peak memory."""
+def alone(do: Callable[..., Result], *arguments: object) -> Result:
+    """Return what `do` returns in a process of its own: its peak memory is that of this work."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(do, *arguments).result()
+
+
+def press_and_keep(name: str, given: Given) -> None:
+    """Press, and write the figures and the coated surface."""
     begun = time.monotonic()
-    found = timed(name, depth, model)
-    press, layer = found.press, gel.press(heights(name), SPACING, depth, GEOMETRY)
+    found = timed(name, given.depth_mm, given.model)
+    press, layer = found.press, gel.press(heights(name), SPACING, given.depth_mm, GEOMETRY)
     figures = Figures(
         vertices=found.vertices,
         steps=len(press.steps),
@@ -106,40 +132,40 @@ def press_and_keep(name: str, depth: float, model: FemGel, path: Path) -> None:
         layer_force_n=layer.pressure.sum() * SPACING**2 * press.force_n / press.surface.force,
     )
     surface = coated(press, SPACING, GEOMETRY)
+    path = kept_path(name, given)
     half = path.with_suffix(".half.npz")
     np.savez_compressed(half, depth_mm=np.float32(surface.depth_mm), pressure=np.float32(surface.pressure),
                         figures=json.dumps(asdict(figures)))  # fmt: skip
     half.rename(path)
 
 
-def pressed(name: str, depth: float, model: FemGel, folder: Path) -> tuple[Figures, Deformation]:
-    """Return a press from `folder`, computed if it is not there."""
-    path = kept_path(folder, name, depth, model)
+def pressed(name: str, given: Given) -> tuple[Figures, Deformation]:
+    """Return a press that was kept, computed if it is not there."""
+    path = kept_path(name, given)
     if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as alone:
-            alone.submit(press_and_keep, name, depth, model, path).result()
+        given.folder.mkdir(parents=True, exist_ok=True)
+        alone(press_and_keep, name, given)
     with np.load(path) as kept:
         surface = Deformation(kept["depth_mm"].astype(float), kept["pressure"].astype(float), SPACING)
         return Figures(**json.loads(str(kept["figures"]))), surface
 
 
-def objects(depth: float, model: FemGel, folder: Path) -> None:
+def objects(given: Given) -> None:
     """Print the layer against finite elements: heights in um, normals in degrees, in the region and in contact.
 
-    Presses are kept in `folder`: what was interrupted goes on with the object that was under way.
+    Presses are kept: what was interrupted goes on with the object that was under way.
     """
     print(
         "object    vertices steps  cpu s wall s   GB gap um det F  force N layer/fem"
         "  height region contact  normal region contact"
     )
-    for name in OBJECT_NAMES:
+    for name in given.names:
         try:
-            found, fem = pressed(name, depth, model, folder)
+            found, fem = pressed(name, given)
         except NotConverged as error:
             print(f"{name:9} {error}", flush=True)
             continue
-        layer = gel.press(heights(name), SPACING, depth, GEOMETRY)
+        layer = gel.press(heights(name), SPACING, given.depth_mm, GEOMETRY)
         contact = INSIDE & layer.contact
         height = np.abs(layer.depth_mm - fem.depth_mm) * 1e3
         angle = np.degrees(angular_error(normals(layer.depth_mm), normals(fem.depth_mm)))
@@ -150,21 +176,21 @@ def objects(depth: float, model: FemGel, folder: Path) -> None:
               f"{angle[INSIDE].mean():14.2f} {angle[contact].mean():7.2f}", flush=True)  # fmt: skip
 
 
-def record(depth: float, model: FemGel, folder: Path) -> None:
+def record(given: Given) -> None:
     """Write the surfaces of the objects that `objects` has kept, every fourth point, where the tests read them."""
-    names = [name for name in OBJECT_NAMES if kept_path(folder, name, depth, model).exists()]
-    surfaces = {name: pressed(name, depth, model, folder)[1].depth_mm[RECORDED] for name in names}
+    names = [name for name in given.names if kept_path(name, given).exists()]
+    surfaces = {name: pressed(name, given)[1].depth_mm[RECORDED] for name in names}
     units = {name: np.rint(surface / UNIT_MM).astype(np.int16) for name, surface in surfaces.items()}
     np.savez_compressed(RECORD, allow_pickle=False, **units)
     print(f"{RECORD}: {', '.join(names)}")
 
 
-def convergence(depth: float, model: FemGel, _: Path) -> None:
+def convergence(given: Given) -> None:
     """Print the ball at three resolutions, each half of the one before: changes, order and extrapolated error."""
     middle = np.hypot(AT[None, :], AT[:, None]) < 4
     presses = []
     for resolution in (0.6, 0.3, 0.15):
-        found = timed("BALL", depth, replace(model, resolution_mm=resolution))
+        found = timed("BALL", given.depth_mm, replace(given.model, resolution_mm=resolution))
         presses.append(found.press)
         print(f"{resolution:5} mm: {found.vertices} vertices, {len(found.press.steps)} steps, {found.cpu_s:.0f} s, "
               f"{found.press.force_n:.4f} N", flush=True)  # fmt: skip
@@ -175,31 +201,84 @@ def convergence(depth: float, model: FemGel, _: Path) -> None:
           f"error left at 0.15 mm {changes[1] / (2**order - 1):.2f} um")  # fmt: skip
 
 
-def scaling(depth: float, model: FemGel, _: Path) -> None:
-    """Print a Newton step's time by the number of vertices, and the exponent between them."""
-    before: tuple[int, float] | None = None
-    for resolution in (0.6, 0.4, 0.3, 0.2):
-        found = timed("BALL", depth, replace(model, resolution_mm=resolution))
-        step_s = found.cpu_s / len(found.press.steps)
-        exponent = np.log(step_s / before[1]) / np.log(found.vertices / before[0]) if before else float("nan")
-        print(f"{found.vertices:7d} vertices: {step_s:.2f} s a step, {len(found.press.steps)} steps, N^{exponent:.2f}",
+class EnoughStepsError(Exception):
+    """As many steps have been taken as were asked for."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Of the first steps of a press on one mesh. The first prepares the mesh, and is not in the time of a step."""
+
+    vertices: int
+    steps: int
+    step_cpu_s: float
+    step_wall_s: float
+    whole_wall_s: float
+    """with mesh and preparation"""
+    peak_gb: float
+
+
+def scale(resolution_mm: float, given: Given) -> Scale:
+    """Press the ball until it is done, or has taken the steps that were given: in a process of its own."""
+    model, begun = replace(given.model, resolution_mm=resolution_mm), time.monotonic()
+    times: list[tuple[float, float]] = []
+
+    def on_step(step: Step, _: Checkpoint) -> None:
+        times.append((time.process_time(), time.monotonic()))
+        print(f"    step {step.number} at {times[-1][1] - begun:.0f} s, energy {step.energy:.6f}", flush=True)
+        if len(times) == given.steps:
+            raise EnoughStepsError
+
+    with contextlib.suppress(EnoughStepsError):
+        model.press(heights("BALL"), SPACING, given.depth_mm, GEOMETRY, on_step=on_step)
+    cpu_s, wall_s = (np.diff([at[clock] for at in times]).mean() for clock in (0, 1))
+    return Scale(
+        vertices=len(solver_of(model, GEOMETRY).mesh.free),
+        steps=len(times),
+        step_cpu_s=float(cpu_s),
+        step_wall_s=float(wall_s),
+        whole_wall_s=time.monotonic() - begun,
+        peak_gb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+    )
+
+
+def scaling(given: Given) -> None:
+    """Print a Newton step's time and memory by the number of vertices, and the exponent between them."""
+    before: Scale | None = None
+    for resolution in given.resolutions_mm:
+        found = alone(scale, resolution, given)
+        exponent = np.nan
+        if before:
+            exponent = np.log(found.step_cpu_s / before.step_cpu_s) / np.log(found.vertices / before.vertices)
+        print(f"{found.vertices:7d} vertices: {found.step_cpu_s:.2f} s a step (wall {found.step_wall_s:.2f} s), "
+              f"{found.steps} steps in {found.whole_wall_s:.0f} s, {found.peak_gb:.1f} GB, N^{exponent:.2f}",
               flush=True)  # fmt: skip
-        before = found.vertices, step_s
+        before = found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["objects", "record", "convergence", "scaling"])
     parser.add_argument("--depth-mm", type=float, default=0.9)
-    parser.add_argument("--resolution-mm", type=float, default=0.3)
+    parser.add_argument("--resolution-mm", type=float, default=0.3, help="of objects and record")
+    parser.add_argument("--resolutions-mm", type=float, nargs="+", default=[0.6, 0.3, 0.2, 0.15], help="of scaling")
+    parser.add_argument("--steps", type=int, default=0, help="scaling: stop each press after so many; default: its end")
     parser.add_argument("--dense-radius-mm", type=float, default=17.5, help="smaller: fewer vertices, for the ball")
+    parser.add_argument("--objects", nargs="+", default=list(OBJECT_NAMES), choices=OBJECT_NAMES, metavar="NAME")
     parser.add_argument("--keep", type=Path, default=platformdirs.user_cache_path("gellight") / "benchmarks")
-    given = parser.parse_args()
-    model = FemGel(resolution_mm=given.resolution_mm, dense_radius_mm=given.dense_radius_mm)
-    run: dict[str, Callable[[float, FemGel, Path], None]] = {
+    args = parser.parse_args()
+    given = Given(
+        depth_mm=args.depth_mm,
+        model=FemGel(resolution_mm=args.resolution_mm, dense_radius_mm=args.dense_radius_mm),
+        names=args.objects,
+        folder=args.keep,
+        resolutions_mm=args.resolutions_mm,
+        steps=args.steps,
+    )
+    run: dict[str, Callable[[Given], None]] = {
         "objects": objects, "record": record, "convergence": convergence, "scaling": scaling
     }  # fmt: skip
-    run[given.what](given.depth_mm, model, given.keep)
+    run[args.what](given)
 
 
 if __name__ == "__main__":

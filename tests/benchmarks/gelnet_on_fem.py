@@ -3,7 +3,8 @@
     table   presses as many balls into the layer as into the gel of finite elements, and writes what a network learns
             from; `table-layer` and `table-fem` make one of them
     train   trains networks on the layer, on finite elements and on both, two seeds each, as the shipped one is
-    judge   prints the errors of each, and of the shipped network, on presses into the layer and into finite elements
+    judge   prints the errors of the shipped network and of every NAME-SEED.onnx in the folder, these and what else was
+            put there, on presses into the layer and into finite elements
 
 The judging presses of either gel are balls at four depths and the benchmark objects; those in finite elements are the
 recorded ones of tests/data/fem. Errors are means over presses and seeds, with the standard deviation over the seeds.
@@ -12,6 +13,7 @@ A ball in finite elements (0.6 mm between vertices) takes some 4 s of processor 
 
 import sys
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -69,11 +71,10 @@ def make_tables(folder: Path) -> None:
 def train_all(folder: Path) -> None:
     """Write the networks; those that are there stay."""
     tables = {kind: load_table(folder / f"{kind}.npz") for kind in MODELS}
-    for name, kinds in LEARNT_ON.items():
-        for seed in SEEDS:
-            path = folder / f"{name}-{seed}.onnx"
-            if not path.exists():
-                path.write_bytes(trained(joined([tables[kind] for kind in kinds]), DEFAULT_WIDTH, seed))
+    for seed, (name, kinds) in product(SEEDS, LEARNT_ON.items()):
+        path = folder / f"{name}-{seed}.onnx"
+        if not path.exists():
+            path.write_bytes(trained(joined([tables[kind] for kind in kinds]), DEFAULT_WIDTH, seed))
 
 
 def joined(tables: list[Table]) -> Table:
@@ -85,11 +86,11 @@ def joined(tables: list[Table]) -> Table:
 
 
 def judge(folder: Path) -> None:
-    """Print a row a network."""
+    """Print a row a name."""
     shipped = load_bundle("synthetic")
-    judged = {"shipped": [shipped]} | {
-        name: [with_network(shipped, folder / f"{name}-{seed}.onnx") for seed in SEEDS] for name in LEARNT_ON
-    }
+    judged = {"shipped": [shipped]}
+    for path in sorted(folder.glob("*-*.onnx")):
+        judged.setdefault(path.stem.rpartition("-")[0], []).append(with_network(shipped, path))
     taken = judging_pictures()
     print("| learnt on | " + " | ".join(f"{name}: deg, um in contact" for name in taken) + " |")
     for name, bundles in judged.items():

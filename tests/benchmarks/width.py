@@ -22,7 +22,7 @@ import numpy as np
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.evaluation.frame_bench import scenes
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.errors import mean_errors, surface_errors
+from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.gel_models import KeptPresses
 from gellight.simulator.scene import Press, Scene
@@ -105,7 +105,7 @@ def with_network(bundle: Bundle, path: Path) -> Bundle:
     return replace(bundle, files={**bundle.files, bundle.manifest.network: path.read_bytes()})
 
 
-Picture = tuple[CameraFrame, object]
+Picture = tuple[CameraFrame, TrueSurface]
 
 
 def pictures(scene: Scene, presses: list[Press]) -> list[Picture]:
@@ -122,7 +122,7 @@ def errors_of(bundles: list[Bundle], frames: list[Picture]) -> str:
     found = []
     for bundle in bundles:
         reconstructor = Reconstructor(bundle)
-        errors = mean_errors([surface_errors(reconstructor.reconstruct(frame), true) for frame, true in frames])  # type: ignore[arg-type]
+        errors = mean_errors([surface_errors(reconstructor.reconstruct(frame), true) for frame, true in frames])
         found.append((errors.contact_normal_deg, errors.contact_depth_mm * 1e3))
     return spread(np.array(found))
 

@@ -114,20 +114,21 @@ def test_a_rotation_costs_no_energy_and_gives_a_level_plane_its_slopes() -> None
     assert tilt_rad(matrix) == pytest.approx(np.arctan(np.hypot(0.1, 0.06)))
 
 
-def test_a_step_is_cut_before_a_turning_object_touches_any_vertex_on_its_way() -> None:
-    cut = 0
+def test_a_step_of_an_object_that_turns_is_followed_by_a_lift_out_of_it() -> None:
     for _ in range(20):
         at = above_the_object()
-        step, dz, turn = RANDOM.normal(0, 0.2, at.shape), RANDOM.normal(0, 0.2), RANDOM.normal(0, 0.2, (3, 3))
-        share = LEANING.free_step(at, step, dz, turn)
-        assert 0 < share <= 1
-        cut += share < 1
-        q = np.concatenate([[0, 0, dz], turn.ravel()])
-        on_the_way = [moved(LEANING, s * q).gap(at + s * step).min() for s in np.linspace(0, share, 200)]
-        assert min(on_the_way) > 0
-    assert cut > 15
-    # Up and away, with a turn that opens every gap or is small beside the way.
-    assert LEANING.free_step(above_the_object(), np.tile([0.0, 0.0, 5.0], (50, 1)), 0.0, 0.01 * np.eye(3)) == 1
+        step, q = RANDOM.normal(0, 0.2, at.shape), RANDOM.normal(0, 0.1, 12)
+        after, lifted = moved(LEANING, q), at + step
+        assert after.gap(lifted).min() < 0
+        lifted[:, 2] += LEANING.lift(at, step, after)
+        # The object's height field is curved, and a lift along z goes a little along it.
+        assert after.gap(lifted).min() > -0.01
+
+
+def test_a_lift_out_of_an_object_that_turns_changes_small_steps_by_terms_of_second_order() -> None:
+    at, step, q = above_the_object(), RANDOM.normal(0, 1e-4, (50, 3)), RANDOM.normal(0, 1e-4, 12)
+    whole, tenth = (np.abs(LEANING.lift(at, s * step, moved(LEANING, s * q))).max() for s in (1.0, 0.1))
+    assert 0 < tenth < whole / 90
 
 
 @cache

@@ -12,8 +12,8 @@ from tests.vm.machine.qemu import Call, Guest
 PIXEL_MM = 0.0588 * 640 / 320
 MIDDLE_PX = np.array([159.5, 119.5])
 CYLINDER = [(0.0, 0.0), (3.0, -2.0)]
-BALL = [(0.0, 0.0), (5.0, 3.0), (-6.0, 2.0)]
-"""places, mm from the middle of the view"""
+BALL = [(5.0, 3.0)]
+"""places, mm from the middle of the view; one of the ball: to fit its circle takes minutes on the emulated processor"""
 DEPTH_MM = 1.2
 PRESSES = len(BALL)
 
@@ -47,8 +47,8 @@ def test_the_routine_measures_a_sensor_behind_usb(guest: Guest, bench: Bench) ->
     assert found["figures"]["reference"]["noise_grey"] > found["figures"]["reference"]["pixel_noise_grey"]
     assert [led["led"] for led in found["figures"]["prepare"]["lights"]["leds"]] == list(range(12))
     assert len(found["circles"]) == PRESSES
-    for circle in found["circles"]:
+    for circle, place in zip(found["circles"], BALL, strict=True):
         centre = np.array([circle["center_x_px"], circle["center_y_px"]])
-        assert np.abs(MIDDLE_PX + np.array(BALL) / PIXEL_MM - centre).max(axis=1).min() < 0.5, "at one of the places"
+        assert np.abs(MIDDLE_PX + np.array(place) / PIXEL_MM - centre).max() < 0.5
     board = bench.sensors["fine"].board
     assert not board.light_at(board.virtual_us(time.monotonic())).any(), "the LEDs are dark when the routine has ended"

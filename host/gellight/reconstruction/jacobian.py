@@ -5,7 +5,7 @@ The chain rule backwards, layer by layer, as further nodes of the same ONNX grap
     y = W x + b       dL/dx = dL/dy W
     y = tanh(x)       dL/dx = dL/dy (1 - y^2)
     y = tan(x)        dL/dx = dL/dy (1 + y^2)
-    y = c x           dL/dx = dL/dy c
+    y = c x           dL/dx = dL/dy c, which is multiplied into the weights of the layer before
 
 for L = d(depth)/dx and L = d(depth)/dy. Any number of layers of any width, as long as they follow one after another.
 """
@@ -93,6 +93,7 @@ class _Backwards:
         """Begin with 1, the derivative of the slope in itself."""
         self._model, self._constants, self._prefix = model, constants, prefix
         self._made = 0
+        self._factor = np.float32(1)
         self._value = self._one = self._constant(np.ones((1, 1), np.float32))
 
     def run(self, chain: list[NodeProto], column: int) -> str:
@@ -104,7 +105,7 @@ class _Backwards:
             elif node.op_type in ("Tanh", "Tan"):
                 self._through_function(node)
             elif node.op_type == "Mul":
-                self._multiply(self._scalar(node))
+                self._factor *= self._scalar(node)
             else:
                 raise NotAChainError(f"{node.op_type} {node.output[0]!r}")
         if chain[-1].op_type != "Gemm":
@@ -117,36 +118,32 @@ class _Backwards:
         if given.get("transA", 0) or weights is None or {given.get("alpha", 1), given.get("beta", 1)} != {1}:
             raise NotAChainError(f"Gemm {node.output[0]!r} is not W x + b")
         weights = weights if given.get("transB", 0) else weights.T  # (out, in)
-        if self._column is not None:
-            weights, self._column = weights[self._column : self._column + 1], None
+        if self._column is not None:  # before the last layer the columns are the two slopes
+            weights = weights[self._column : self._column + 1]
+            if self._value != self._one:
+                self._add("Gather", self._value, self._constant(np.array([self._column], np.int64)), axis=1)
+            self._column = None
+        # A node that multiplies a column by one number takes as long as a whole layer's product.
+        weights, self._factor = weights * self._factor, np.float32(1)
         self._add("MatMul", self._value, self._constant(weights[:, :_COLOURS] if last else weights))
 
     def _through_function(self, node: NodeProto) -> None:
-        answer = self._only_column(str(node.output[0]))
+        answer = str(node.output[0])
         square = self._node("Mul", answer, answer)
         slope = self._node("Sub" if node.op_type == "Tanh" else "Add", self._one, square)
-        if self._value == self._one:  # to multiply a column by one number takes as long as a whole layer's product
+        if self._value == self._one:
             self._value = slope
         else:
-            self._multiply(slope)
+            self._add("Mul", self._value, slope)
 
-    def _only_column(self, value: str) -> str:
-        """Before the last layer there is one column a slope; of hidden layers all columns count."""
-        if self._column is None:
-            return value
-        return self._node("Gather", value, self._constant(np.array([self._column], np.int64)), axis=1)
-
-    def _scalar(self, node: NodeProto) -> str:
-        name = next((str(name) for name in node.input if name in self._constants), "")
-        if not name or self._constants[name].size != 1:
+    def _scalar(self, node: NodeProto) -> np.float32:
+        found = [self._constants[name] for name in node.input if name in self._constants]
+        if not found or found[0].size != 1:
             raise NotAChainError(f"Mul {node.output[0]!r} is not by one number")
-        return name
+        return np.float32(found[0].item())
 
-    def _multiply(self, factor: str) -> None:
-        self._add("Mul", self._value, factor)
-
-    def _add(self, operation: str, *inputs: str) -> None:
-        self._value = self._node(operation, *inputs)
+    def _add(self, operation: str, *inputs: str, **attributes: Any) -> None:
+        self._value = self._node(operation, *inputs, **attributes)
 
     def _node(self, operation: str, *inputs: str, **attributes: Any) -> str:
         self._model.graph.node.append(make_node(operation, inputs, [name := self._name()], **attributes))

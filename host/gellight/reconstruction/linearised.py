@@ -9,9 +9,13 @@ This is exact for a network g that is quadratic in the mean colour and linear ar
 noise, white as it came, so what follows (smoothing, and the measure of the noise in it) works as without cells. A
 mean of the cell alone would not do: neighbours would share noise, and the smoothing would take it for the surface.
 
-A pixel that differs from the mean around it by more than a limit goes through the network itself.
+Two errors remain, and neighbouring cells i and j tell how large they may be. With H the derivative of J, the first is
+(d - m) H (d - m) / 2; the bend |J_j - J_i| / |m_j - m_i| is how strong H is along one direction. The second is there
+where g is not even quadratic: then g_j - g_i differs from (J_i + J_j) (m_j - m_i) / 2, and by how much is the misfit.
+A slope that is wrong by e turns the normal by at most e / sqrt(1 + slope^2). A pixel for which that is too much
+(`LIMIT_BEND`, `LIMIT_MISFIT`) goes through the network itself.
 
-The network is not asked at every cell either. Where a cell differs by no more than that from the blocks of 2 x 2
+The network is not asked at every cell either. Where a cell differs by at most 8 grey levels from the blocks of 2 x 2
 cells around, its own answer is blended from theirs by the same formula, with m_i of the cell in the place of d. Where
 nothing touches, blocks have J m with the Jacobian at no difference. A ball takes a fifth of the questions, and the
 error stays: against all pixels one by one normals differ by 0.003 degrees in the mean (0.04 at most), the depth by
@@ -33,9 +37,15 @@ Bools = NDArray[np.bool_]
 
 BLOCK_CELLS = 2048
 LIMIT_GREY = 8.0
-"""A pixel that differs by more in any channel goes through the network itself ..."""
+"""A cell that differs by more in any channel from the blocks around it is asked about by itself."""
+LIMIT_BEND = 0.04
+"""of the bend near a cell times the square of |d - m|, the largest of the channels, over sqrt(1 + slope^2)"""
+LIMIT_MISFIT = 0.4
+"""of the misfit between a cell and those beside it, over sqrt(1 + slope^2); pixels are wrong by a tenth of it or so"""
 LIMIT_NOISE = 4.0
-"""... but noise alone, as a multiple of its standard deviation, sends none there."""
+"""Noise alone, |d - m| up to this multiple of its standard deviation, sends no pixel there by the bend."""
+NEAREST_GREY = 4.0
+"""Means that are nearer to each other do not tell how the answer bends."""
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 _ALL_CHANNELS = np.ones((1, 3), np.float32)
 
@@ -46,7 +56,7 @@ class CellNetwork:
     def __init__(self, network: GradientNetwork, jacobian: JacobianSession) -> None:
         """Take the network of the pixels and the session that differentiates it."""
         self.network, self.jacobian = network, jacobian
-        self.limit_grey = max(LIMIT_GREY, LIMIT_NOISE * network.at_rest.pixel_grey)
+        self.noise_grey = LIMIT_NOISE * network.at_rest.pixel_grey
         self.shape = height, width = tuple(-(-n // CELL_PX) for n in network.image_shape)
         rows, columns = np.indices((height, width), dtype=np.float32).reshape(2, -1)
         middle = np.stack([columns, rows], axis=1) * CELL_PX + (CELL_PX - 1) / 2
@@ -69,9 +79,9 @@ class CellNetwork:
         box, window = _box(near, difference.shape[:2])
         planes = self._planes(cell_means(difference, CELL_PX), near)[box]
         mask = _spread(cells[box], difference[window].shape[:2])
-        found, single = _blend(planes, difference[window], self.limit_grey)
+        found, away = _blend(planes, difference[window])
         np.copyto(slopes[window], found, where=mask[..., None])
-        rows, columns = np.nonzero(single & mask)
+        rows, columns = np.nonzero(mask & _wrong(found, away, doubts(planes, near[box]), self.noise_grey))
         self._single(slopes, difference, (rows + window[0].start) * difference.shape[1] + columns + window[1].start)
         return slopes
 
@@ -120,16 +130,51 @@ class CellNetwork:
         slopes.reshape(-1, 2)[chosen] = answer - np.take(network.zero, chosen, axis=0)
 
 
-def _blend(planes: Floats, difference: Floats, limit: float) -> tuple[Floats, Bools]:
-    """(h, w, 11) planes of cells and the (H, W, 3) difference to (H, W, 2) slopes, and where those do not hold."""
+def _blend(planes: Floats, difference: Floats) -> tuple[Floats, Floats]:
+    """(h, w, 11) planes of cells and the (H, W, 3) difference to (H, W, 2) slopes, and |d - m| (H, W)."""
     mean = _between(planes[..., 2:5], difference.shape)
-    from_mean = cv2.subtract(difference, mean)
     argument = cv2.addWeighted(difference, 1, mean, -0.5, 0)
     slopes = _between(planes[..., :2], difference.shape)
     for axis in (0, 1):
         jacobian = _between(planes[..., 5 + 3 * axis : 8 + 3 * axis], difference.shape)
         slopes[..., axis] += cv2.transform(cv2.multiply(jacobian, argument, jacobian), _ALL_CHANNELS)
-    return slopes, cv2.inRange(from_mean, (-limit,) * 3, (limit,) * 3) == 0
+    return slopes, cv2.absdiff(difference, mean).max(axis=2)
+
+
+def _wrong(slopes: Floats, away: Floats, doubt: Floats, noise_grey: float) -> Bools:
+    """Mark the pixels whose (H, W, 2) slopes may be too wrong; away: |d - m| (H, W); doubt: of the cells, (h, w, 2)."""
+    allowed = 1 + (slopes**2).sum(axis=2)
+    bend, misfit = np.moveaxis(_spread(doubt, away.shape), 2, 0)
+    return np.asarray((away > noise_grey) & (away**4 * bend > allowed) | (misfit > allowed))
+
+
+def doubts(planes: Floats, near: Bools) -> Floats:
+    """(h, w, 2) squares of bend and misfit over their limits, from pairs of neighbours that are both near.
+
+    The misfit is the largest with one of the four cells beside. The bend is the largest that any of the 3 x 3 cells
+    around has with one beside it: on a crest neighbours have the same colour, so cells further away must tell it.
+    """
+    bend, misfit = np.zeros((2, *near.shape), np.float32)
+    for here, there in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        pair = _between_two(planes[here], planes[there]) * (near[here] & near[there])
+        for most, value in zip((bend, misfit), pair, strict=True):
+            for cell in (here, there):
+                np.maximum(most[cell], value, out=most[cell])
+    return np.stack([cv2.dilate(bend, _NEIGHBOURS), misfit], axis=2)
+
+
+def _between_two(i: Floats, j: Floats) -> Floats:
+    """(2, ...) the squares of bend and misfit over their limits, from the planes (..., 11) of neighbours.
+
+    A cell has q = g - J m / 2, so the misfit is q_j - q_i + (J_j m_i - J_i m_j) / 2.
+    """
+    (q_i, m_i), (q_j, m_j) = (np.split(cells[..., :5], [2], axis=-1) for cells in (i, j))
+    jacobian_i, jacobian_j = (cells[..., 5:].reshape(*q_i.shape, 3) for cells in (i, j))
+    moved = np.maximum(((m_j - m_i) ** 2).sum(axis=-1), NEAREST_GREY**2)
+    bend = ((jacobian_j - jacobian_i) ** 2).sum(axis=(-2, -1)) / moved
+    crossed = (jacobian_j * m_i[..., None, :] - jacobian_i * m_j[..., None, :]).sum(axis=-1)
+    misfit = ((q_j - q_i + crossed / 2) ** 2).sum(axis=-1)
+    return np.stack([bend / LIMIT_BEND**2, misfit / LIMIT_MISFIT**2])
 
 
 def _far_from_blocks(means: Floats, blocks: Floats) -> Bools:

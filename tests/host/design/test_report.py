@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.design import all_studies, comparison, comparison_coarse, report, studies
+from gellight.design import all_studies, comparison, comparison_coarse, output, report, studies
 from gellight.design.sweep import (
     SweepOptions,
     run_study,
@@ -63,6 +63,12 @@ def test_objects_that_are_level_are_among_the_first_alike() -> None:
     verdicts = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(level)}
     assert verdicts["SCROWN and SINWAVE have a large blue region"]
     assert not verdicts["a simple form with a sharp step, TSTEP, has a large error"]
+
+
+def test_the_best_angle_is_said_to_be_tuned_where_it_is_given() -> None:
+    errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
+    text = output.coarse_text(CoarseResult(BENCHMARK_NAMES, LightGroups(), errors))
+    assert re.search(r"best angle with 12 lights: \d+ degrees \(tuned: the measures of the objects", text)
 
 
 def test_without_noise_the_mean_of_the_best_angles_is_the_papers(options: SweepOptions) -> None:

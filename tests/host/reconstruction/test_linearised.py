@@ -10,8 +10,10 @@ from onnx import TensorProto, helper, numpy_helper
 
 from gellight.bundle.bundle import load_bundle
 from gellight.evaluation.analytic_surfaces import gaussian
-from gellight.frames.frames import TactileFrame
+from gellight.evaluation.frame_bench import scenes
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.opening import open_camera
+from gellight.reconstruction import linearised
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.jacobian import NotAChainError, read_model, with_jacobian
 from gellight.reconstruction.network_session import NetworkSession
@@ -168,3 +170,64 @@ def test_between_steep_waves_no_cell_is_taken_for_gentle() -> None:
     found = {form: Reconstructor(bundle, form=form).reconstruct(frame).normal_map for form in Form}
     errors = {form: angle_deg(normal_map[where], right[where]).mean() for form, normal_map in found.items()}
     assert max(errors.values()) < 1.02 * errors[Form.PIXELS]
+
+
+def planes_of(slope: np.ndarray, jacobian: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """(h, w, 11) planes of cells with slopes (h, w, 2), Jacobians (h, w, 2, 3) and means (h, w, 3)."""
+    q = slope - (jacobian * mean[..., None, :]).sum(axis=-1) / 2
+    return np.concatenate([q, mean, jacobian.reshape(*mean.shape[:2], 6)], axis=2).astype(np.float32)
+
+
+def polynomial_planes(quadratic: float, cubic: float, step: float, shape: tuple[int, int] = (6, 7)) -> np.ndarray:
+    """Cells whose mean grows by `step` grey levels of red a column; slope x is quadratic r^2 + cubic r^3."""
+    mean = np.zeros((*shape, 3))
+    mean[..., 0] = red = step * np.arange(shape[1]) - 10.0
+    slope, jacobian = np.zeros((*shape, 2)), np.zeros((*shape, 2, 3))
+    slope[..., 0] = quadratic * red**2 + cubic * red**3
+    jacobian[..., 0, 0] = 2 * quadratic * red + 3 * cubic * red**2
+    return planes_of(slope, jacobian, mean)
+
+
+@pytest.mark.parametrize("step", [4.0, 9.0])
+def test_the_bend_of_a_quadratic_is_its_second_derivative_and_nothing_is_a_misfit(step: float) -> None:
+    bend, misfit = np.moveaxis(linearised.doubts(polynomial_planes(0.003, 0, step), np.ones((6, 7), bool)), 2, 0)
+    np.testing.assert_allclose(np.sqrt(bend) * linearised.LIMIT_BEND, 2 * 0.003, rtol=1e-4)
+    np.testing.assert_allclose(misfit, 0, atol=1e-8)
+
+
+def test_the_misfit_of_a_cubic_is_half_of_the_cube_of_the_step() -> None:
+    """r_j^3 - r_i^3 - 3 (r_i^2 + r_j^2) (r_j - r_i) / 2 = -(r_j - r_i)^3 / 2."""
+    misfit = linearised.doubts(polynomial_planes(0, 1e-4, 9.0), np.ones((6, 7), bool))[..., 1]
+    np.testing.assert_allclose(np.sqrt(misfit) * linearised.LIMIT_MISFIT, 1e-4 * 9.0**3 / 2, rtol=1e-3)
+
+
+def test_cells_that_are_not_near_tell_nothing() -> None:
+    planes, near = polynomial_planes(0.003, 1e-4, 9.0), np.ones((6, 7), bool)
+    near[:, 4:] = False
+    planes[:, 4:] = 1e6
+    right = linearised.doubts(polynomial_planes(0.003, 1e-4, 9.0)[:, :4], np.ones((6, 4), bool))
+    np.testing.assert_array_equal(linearised.doubts(planes, near)[:, :4], right)
+
+
+@pytest.fixture(scope="module")
+def steep() -> dict[Form, tuple[TactileFrame, int]]:
+    """Steep waves, in colours that the network has not learned from, and how many pixels it was asked about."""
+    bundle = load_bundle("synthetic")
+    frame = CameraFrame(image=scenes(bundle)["all touched, steep"], time_s=0.0, sequence=0)
+    found = {}
+    for form in Form:
+        reconstructor = Reconstructor(bundle, form=form)
+        found[form] = reconstructor.reconstruct(frame), reconstructor.network_rows.pixels
+    return found
+
+
+@pytest.mark.parametrize("form", [form for form in Form if form is not Form.PIXELS])
+def test_cells_are_not_trusted_where_their_answers_do_not_fit_their_jacobians(
+    steep: dict[Form, tuple[TactileFrame, int]], form: Form
+) -> None:
+    """Where only the colour decided which pixels are asked about, normals turned by 15 degrees here."""
+    found, pixels = steep[form][0], steep[Form.PIXELS][0]
+    angle = angle_deg(found.normal_map.reshape(-1, 3), pixels.normal_map.reshape(-1, 3))
+    assert angle.max() < 10
+    assert angle.mean() < 0.41
+    assert steep[form][1] < 0.06 * angle.size

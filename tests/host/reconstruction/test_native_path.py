@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.evaluation.analytic_surfaces import gaussian
+from gellight.evaluation.frame_bench import scenes
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction import pipeline
+from gellight.reconstruction import linearised, pipeline
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import angle_deg
 from gellight.reconstruction.native import build, judge, library
@@ -49,6 +50,38 @@ def test_every_library_computes_what_numpy_computes(name: str, seed: int) -> Non
     native, cells = both(SYNTHETIC)
     frame = frame_of(judge.made_up_image(SYNTHETIC, seed))
     agree(native.reconstruct(frame), cells.reconstruct(frame))
+
+
+@needs_a_library
+def test_the_same_pixels_are_asked_about_where_the_gel_is_steep(name: str) -> None:
+    native, cells = both(SYNTHETIC)
+    frame = frame_of(scenes(SYNTHETIC)["all touched, steep"])
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    assert native.network_rows.pixels > 10_000
+
+
+@needs_a_library
+@given(
+    shape=st.tuples(st.integers(8, 40), st.integers(8, 40)),
+    grey=st.floats(0.1, 100),
+    share=st.floats(0, 1),
+    seed=st.integers(0, 999),
+)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_cells_are_doubted_as_in_numpy(name: str, shape: tuple[int, int], grey: float, share: float, seed: int) -> None:
+    """On any planes, and whatever an earlier frame left in cells that are not near."""
+    rng = np.random.default_rng(seed)
+    near = rng.random(shape) < share
+    planes = rng.normal(0, [1, 1, *[grey] * 3, *[0.1] * 6], (*shape, 11)).astype(np.float32)
+    planes[~near] = np.nan
+    right = linearised.doubts(np.where(near[..., None], planes, 0), near)
+    found, work = np.full((2, *shape), np.nan, np.float32), np.zeros(2 * shape[1] + near.size, np.float32)
+    limits = np.array([linearised.NEAREST_GREY, linearised.LIMIT_BEND, linearised.LIMIT_MISFIT], np.float32)
+    loaded = library.Library(build.library_file(name))
+    given_planes = np.ascontiguousarray(np.moveaxis(planes, 2, 0))
+    size = (shape[1] * CELL_PX, shape[0] * CELL_PX)
+    loaded.call("cell_doubts", given_planes, near.view(np.uint8), limits, found, work, *size)
+    np.testing.assert_allclose(np.moveaxis(found, 0, 2), right, rtol=1e-3, atol=1e-5 * (1 + grey**2))
 
 
 @needs_a_library
@@ -249,7 +282,8 @@ from pathlib import Path
 import numpy as np
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction import pipeline
+from gellight.evaluation.frame_bench import scenes
+from gellight.reconstruction import linearised, pipeline
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.native import judge, library
 sys.path.insert(0, {root!r})

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.evaluation.frame_bench import halved
+from gellight.evaluation.frame_bench import halved, scenes
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import build, judge, library
@@ -35,7 +35,12 @@ def compare(bundle: Bundle, seed: int = 0, **options: object) -> None:
 
 
 def test_the_shipped_network_gives_the_same_there(aarch64: OtherProcessor) -> None:
-    compare(halved(load_bundle("synthetic")))
+    """On a frame with gel at rest, and on a steep one, of which some pixels go through the network one by one."""
+    bundle = halved(load_bundle("synthetic"))
+    compare(bundle)
+    native, cells = both(bundle)
+    frame = CameraFrame(image=scenes(bundle)["all touched, steep"], time_s=0.0, sequence=0)
+    agree(native.reconstruct(frame), cells.reconstruct(frame))
     assert aarch64.called == set(library.SIGNATURES)
 
 

@@ -151,30 +151,91 @@ static void gentle_row(const float *coarse, int y, float *const out[2], float *w
     }
 }
 
-/* slope = q + J (d - m / 2) for `count` pixels; pixels: 11 rows, `stride` apart. single: where |d - m| > limit. */
-static void blend_run(const float *restrict d, const float *restrict pixels, ptrdiff_t stride, float limit,
-                      float *restrict gx, float *restrict gy, uint8_t *restrict single, int count) {
+/* Squares of bend and misfit over their limits (`doubts` in linearised.py) of `count` cells and those `step` further on: raise
+ * what both cells have so far to it, where both are near. limits: nearest means, bend, misfit. pairs: work memory, 2 count. */
+static void compare_cells(const float *planes, const uint8_t *near, ptrdiff_t step, ptrdiff_t size, const float *limits,
+                          float *restrict pairs, float *bend, float *misfit, int count) {
+    const float nearest = limits[0] * limits[0], bends = 1 / (limits[1] * limits[1]), misfits = 1 / (limits[2] * limits[2]);
+    for (int j = 0; j < count; j++) {
+        const float *a = planes + j, *b = planes + j + step;
+        float moved = 0, turned = 0, misfitted = 0;
+        for (int c = 0; c < 3; c++) moved += squared(b[(2 + c) * size] - a[(2 + c) * size]);
+        for (int o = 0; o < 2; o++) {
+            float crossed = 0;
+            for (int c = 0; c < 3; c++) {
+                const ptrdiff_t m = (2 + c) * size, k = (5 + 3 * o + c) * size;
+                turned += squared(b[k] - a[k]);
+                crossed += b[k] * a[m] - a[k] * b[m];
+            }
+            misfitted += squared(b[o * size] - a[o * size] + 0.5f * crossed);
+        }
+        const int both = near[j] & near[j + step];
+        pairs[j] = both ? turned / larger(moved, nearest) * bends : 0;
+        pairs[count + j] = both ? misfitted * misfits : 0;
+    }
+    for (int j = 0; j < count; j++) bend[j] = larger(bend[j], pairs[j]);
+    for (int j = 0; j < count; j++) bend[j + step] = larger(bend[j + step], pairs[j]);
+    for (int j = 0; j < count; j++) misfit[j] = larger(misfit[j], pairs[count + j]);
+    for (int j = 0; j < count; j++) misfit[j + step] = larger(misfit[j + step], pairs[count + j]);
+}
+
+/* How far the planes can be trusted: two planes of cells, bend and misfit as compare_cells has them, the bend then the most of
+ * the 3 x 3 cells around. work: 2 w, and a plane of cells. */
+EXPORT void cell_doubts(const float *planes, const uint8_t *near, const float *limits, float *doubts, float *work, int width,
+                        int height) {
+    const int w = cells_of(width), h = cells_of(height);
+    const ptrdiff_t size = (ptrdiff_t)w * h;
+    float *bend = doubts, *misfit = doubts + size, *beside = work + 2 * w;
+    for (ptrdiff_t at = 0; at < 2 * size; at++) doubts[at] = 0;
+    for (int i = 0; i < h; i++) {
+        const ptrdiff_t at = (ptrdiff_t)i * w;
+        compare_cells(planes + at, near + at, 1, size, limits, work, bend + at, misfit + at, w - 1);
+        if (i < h - 1) compare_cells(planes + at, near + at, w, size, limits, work, bend + at, misfit + at, w);
+    }
+    for (int i = 0; i < h; i++) {
+        const float *row = bend + (ptrdiff_t)i * w;
+        float *out = beside + (ptrdiff_t)i * w;
+        for (int j = 1; j < w - 1; j++) out[j] = larger(row[j], larger(row[j - 1], row[j + 1]));
+        out[0] = larger(row[0], row[1]);
+        out[w - 1] = larger(row[w - 2], row[w - 1]);
+    }
+    for (int i = 0; i < h; i++) {
+        const float *row = beside + (ptrdiff_t)i * w, *above = beside + (ptrdiff_t)clamped(i - 1, h) * w,
+                    *below = beside + (ptrdiff_t)clamped(i + 1, h) * w;
+        float *out = bend + (ptrdiff_t)i * w;
+        for (int j = 0; j < w; j++) out[j] = larger(row[j], larger(above[j], below[j]));
+    }
+}
+
+/* slope = q + J (d - m / 2) for `count` pixels; pixels: 11 rows, `stride` apart, then rows of bend and misfit. single: where
+ * that may be too wrong (`_wrong` in linearised.py), by the bend only where |d - m| > noise. */
+static void blend_run(const float *restrict d, const float *restrict pixels, ptrdiff_t stride, float noise, float *restrict gx,
+                      float *restrict gy, uint8_t *restrict single, int count) {
     const float *restrict qx = pixels, *restrict qy = pixels + stride, *restrict m0 = pixels + 2 * stride,
                 *restrict m1 = pixels + 3 * stride, *restrict m2 = pixels + 4 * stride,
                 *restrict x0 = pixels + 5 * stride, *restrict x1 = pixels + 6 * stride,
                 *restrict x2 = pixels + 7 * stride, *restrict y0 = pixels + 8 * stride,
-                *restrict y1 = pixels + 9 * stride, *restrict y2 = pixels + 10 * stride;
+                *restrict y1 = pixels + 9 * stride, *restrict y2 = pixels + 10 * stride,
+                *restrict bend = pixels + 11 * stride, *restrict misfit = pixels + 12 * stride;
     for (int x = 0; x < count; x++) {
         const float a0 = d[3 * x] - 0.5f * m0[x], a1 = d[3 * x + 1] - 0.5f * m1[x], a2 = d[3 * x + 2] - 0.5f * m2[x];
-        gx[x] = qx[x] + x0[x] * a0 + x1[x] * a1 + x2[x] * a2;
-        gy[x] = qy[x] + y0[x] * a0 + y1[x] * a1 + y2[x] * a2;
+        const float slope_x = qx[x] + x0[x] * a0 + x1[x] * a1 + x2[x] * a2;
+        const float slope_y = qy[x] + y0[x] * a0 + y1[x] * a1 + y2[x] * a2;
         const float away = larger(larger(__builtin_fabsf(a0 - 0.5f * m0[x]), __builtin_fabsf(a1 - 0.5f * m1[x])),
                                   __builtin_fabsf(a2 - 0.5f * m2[x]));
-        single[x] = away > limit;
+        const float allowed = 1 + squared(slope_x) + squared(slope_y);
+        gx[x] = slope_x;
+        gy[x] = slope_y;
+        single[x] = ((away > noise) & (squared(squared(away)) * bend[x] > allowed)) | (misfit[x] > allowed);
     }
 }
 
 /* Slopes of all pixels, two planes: outside the touched cells from coarse means, inside blended between cells.
  *
- * Returns how many pixels differ from the mean around them by more than `limit`; index: which. The caller asks the network
- * for those. coarse: not read where all cells are touched. work: 14 (width + 16); flags: width + 4 bytes. */
-EXPORT int blend(const float *difference, const uint8_t *touched, int touched_count, const float *planes,
-                 const float *coarse, float limit, float *slopes, int32_t *index, float *work, uint8_t *flags, int width,
+ * Returns for how many pixels that may be too wrong (blend_run); index: which. The caller asks the network for those. doubts:
+ * of cell_doubts. coarse: not read where all cells are touched. work: 14 (width + 16); flags: width + 4 bytes. */
+EXPORT int blend(const float *difference, const uint8_t *touched, int touched_count, const float *planes, const float *doubts,
+                 const float *coarse, float noise, float *slopes, int32_t *index, float *work, uint8_t *flags, int width,
                  int height) {
     const int w = cells_of(width), h = cells_of(height);
     const ptrdiff_t size = (ptrdiff_t)w * h, plane = (ptrdiff_t)width * height, stride = width + 16;
@@ -191,9 +252,11 @@ EXPORT int blend(const float *difference, const uint8_t *touched, int touched_co
                 between_rows(planes + k * size, CELL, y, h, w, first, last, cells);
                 between_columns(cells, last - first, work + k * stride);
             }
+            for (int k = 0; k < 2; k++)
+                spread_row(doubts + k * size + (ptrdiff_t)(y / CELL) * w + first, last - first, work + (11 + k) * stride);
             const int x0 = CELL * first, count = (CELL * last < width ? CELL * last : width) - x0;
             const float *d = difference + 3 * ((ptrdiff_t)y * width + x0);
-            blend_run(d, work, stride, limit, out[0] + x0, out[1] + x0, flags, count);
+            blend_run(d, work, stride, noise, out[0] + x0, out[1] + x0, flags, count);
             for (int x = 0; x < count; x++)
                 if (flags[x]) index[found++] = y * width + x0 + x;
         }

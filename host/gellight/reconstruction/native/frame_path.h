@@ -20,6 +20,7 @@ INLINE int smaller_int(int a, int b) { return a < b ? a : b; }
 INLINE int larger_int(int a, int b) { return a > b ? a : b; }
 INLINE float smaller(float a, float b) { return a < b ? a : b; }
 INLINE float larger(float a, float b) { return a > b ? a : b; }
+INLINE float squared(float a) { return a * a; }
 
 /* Row y of pixels of a plane (h, w) of cells of `side` pixels, columns first to last - 1, linear between the middles of
  * two rows of cells; beyond the outermost middles the value continues. One more cell lies at both ends of `out`. */
@@ -43,7 +44,13 @@ INLINE void between_columns(const float *restrict cells, int count, float *restr
     }
 }
 
-/* The same for cells of 2 x 2. */
+/* The pixels of `count` cells in a row, each with the value of its cell. */
+INLINE void spread_row(const float *restrict cells, int count, float *restrict out) {
+    for (int j = 0; j < count; j++)
+        for (int p = 0; p < CELL; p++) out[CELL * j + p] = cells[j];
+}
+
+/* The same as between_columns for cells of 2 x 2. */
 INLINE void between_pairs(const float *restrict cells, int count, float *restrict out) {
     for (int j = 0; j < count; j++) {
         const float here = cells[j + 1];

@@ -19,7 +19,14 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import drift_of
-from gellight.reconstruction.linearised import BLOCK_CELLS, LIMIT_GREY, CellNetwork
+from gellight.reconstruction.linearised import (
+    BLOCK_CELLS,
+    LIMIT_BEND,
+    LIMIT_GREY,
+    LIMIT_MISFIT,
+    NEAREST_GREY,
+    CellNetwork,
+)  # fmt: skip
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.work import WorkMemory
 from gellight.reconstruction.pixel_grid import spread_blocks
@@ -60,10 +67,13 @@ class NativePath:
         self._windows = Windows.of(smoothing_px) if smoothing_px >= 2 else None
         self._m = WorkMemory(bundle.image_shape, self._windows)
         self._m.coarse_rows[:, 3:] = network.coarse_position
-        if cells is not None:
+        if cells is None:
+            self._m.doubts[:] = np.inf
+        else:
             self._m.cell_rows[:, 3:] = cells.middle
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(network.limits_grey, np.float32)
+        self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
         self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
@@ -119,17 +129,16 @@ class NativePath:
         return clear() or significant()
 
     def _slopes(self, difference: Floats, touched: int) -> None:
-        m, limit = self._m, -1.0
+        m, noise_grey = self._m, 0.0
         self._run("mean_rows", m.means, m.cell_rows, m.coarse_rows)
         coarse = near = 0
         if touched < m.touched.size:
             coarse = self._coarse(self._cells)
         if self._cells is not None:
             near = self._at_cells(self._cells)
-            limit = self._cells.limit_grey
-        single = self._run(
-            "blend", difference, m.touched, touched, m.planes, m.coarse, limit, m.slopes, m.index, m.work, m.bytes
-        )
+            noise_grey = self._cells.noise_grey
+        given = (difference, m.touched, touched, m.planes, m.doubts, m.coarse, noise_grey)
+        single = self._run("blend", *given, m.slopes, m.index, m.work, m.bytes)
         self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
         for start in range(0, single, _BLOCK_PIXELS):
             count = min(_BLOCK_PIXELS, single - start)
@@ -156,7 +165,9 @@ class NativePath:
         if self._run("split_cells", m.cell_rows, m.coarse_rows, m.near, LIMIT_GREY, m.steep, m.gentle, m.around):
             asked = self._asked(cells, m.coarse_rows, m.around, self._network.coarse_zero, m.coarse_planes)
             self._run("cells_from_blocks", m.coarse_planes, m.cell_rows, m.gentle, m.planes, m.work)
-        return asked + self._asked(cells, m.cell_rows, m.steep, cells.zero, m.planes)
+        asked += self._asked(cells, m.cell_rows, m.steep, cells.zero, m.planes)
+        self._run("cell_doubts", m.planes, m.near, self._doubt_limits, m.doubts, m.work_plane)
+        return asked
 
     def _asked(self, cells: CellNetwork, rows: Floats, chosen: NDArray[np.uint8], zero: Floats, planes: Floats) -> int:
         """The network and its Jacobian at the chosen rows, into planes; returns how many rows."""

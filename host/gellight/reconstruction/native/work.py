@@ -28,6 +28,7 @@ class WorkMemory:
         self.index = np.zeros(height * width, np.int32)
         self.rows = _floats(max(h * w, 4096), 5)
         self.planes, self.coarse_planes = _floats(11, h, w), _floats(11, coarse_h, coarse_w)
+        self.doubts = _floats(2, h, w)
         self.slopes, self.measured = _floats(2, height, width), _floats(2, height, width)
         self.noise, self.energy = _floats(2, h, w), _floats(h, w)
         self.factors, self.column = elimination(image_shape), np.zeros(height)
