@@ -3,10 +3,13 @@
 The pictures lie in ../shared/data beside the checkout; docs/your-images.md has the figures.
 """
 
+import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from gellight.base.errors import InputError
@@ -17,9 +20,11 @@ from gellight.frames.dots import find_dots
 from gellight.frames.image_files import read_grey, read_image
 from gellight.frames.view import View
 from gellight.reconstruction.photometric.channel_network import ChannelNetwork
+from gellight.report.pictures import write_png
 from gellight.training.labelling import find_circle
 from gellight.training.labelling.circle import PressCircle, find_circles
 from gellight.training.labelling.plate import plate_grid, untouched_between
+from gellight.training.labelling.refinement import refine
 from gellight.training.presses import Ball, Press
 from gellight.training.training import TrainingOptions, train
 from tests.helpers.places import REAL_IMAGES
@@ -66,6 +71,42 @@ def plate() -> None:
     print(f"  from the maker's centres, px: {apart.round(1).tolist()}")
 
 
+def plate_centres() -> None:
+    """How far the centres lie from a smooth grid, as found and refined by the light: half of the resolution."""
+    path, ball = REAL_IMAGES / "ball_plate/scan001.png", Ball(radius_mm=1.5875, pixel_size_mm=0.05906)
+    full = read_image(path)
+    image = cv2.resize(full, (full.shape[1] // 2, full.shape[0] // 2), interpolation=cv2.INTER_AREA)
+    untouched = untouched_between(image, ball)
+    found = [one for one in find_circles(image, untouched, ball=ball) if isinstance(one, PressCircle)]
+    pitch_px = 6.35 / ball.pixel_size_mm
+    on_grid = [one for one, inside in zip(found, plate_grid(found, pitch_px).on_grid, strict=True) if inside]
+    with tempfile.TemporaryDirectory() as folder:
+        write_png(Path(folder) / "plate.png", image)
+        presses = [
+            Press(image=Path(folder) / "plate.png", center_x_px=one.center_x_px, center_y_px=one.center_y_px,
+                  contact_radius_px=one.contact_radius_px, found=True)
+            for one in on_grid
+        ]  # fmt: skip
+        refined = refine(presses, untouched, ball).presses
+    for words, some in (("as found", presses), ("refined", refined)):
+        print(f"  {words}: {off_smooth_grid(some, pitch_px):.2f} px off a smooth grid, rms")
+
+
+def off_smooth_grid(presses: Sequence[Press], pitch_px: float) -> float:
+    """Return the rms distance, px, of the centres of a plate from a grid that a lens may bend: a cubic of its rows."""
+    centres = np.array([(press.center_x_px, press.center_y_px) for press in presses])
+    middle = centres[np.argmin(np.hypot(*(centres - centres.mean(axis=0)).T))]
+    axes = pitch_px * np.eye(2)
+    for _ in range(5):
+        places = np.rint((centres - middle) @ np.linalg.inv(axes))
+        straight, *_ = np.linalg.lstsq(np.column_stack([places, np.ones(len(places))]), centres, rcond=None)
+        axes, middle = straight[:2], straight[2]
+    across, down = (places - places.mean(axis=0)).T / 3
+    bent = np.stack([across**a * down**b for a in range(4) for b in range(4 - a)], axis=1)
+    left = centres - bent @ np.linalg.lstsq(bent, centres, rcond=None)[0]
+    return float(np.sqrt((left**2).sum() / (len(presses) - bent.shape[1])))
+
+
 def dots() -> None:
     """Twelve presses of a dotted gel, with and without its dots."""
     folder = REAL_IMAGES / "dots"
@@ -89,4 +130,5 @@ def dots() -> None:
 if __name__ == "__main__":
     six_lights()
     plate()
+    plate_centres()
     dots()

@@ -41,6 +41,8 @@ def row_weights(lights: list[Light], start_us: float, rows: int, phases_us: Arra
     `lights` is what was latched from one pulse period before `start_us`, the start of the first row, to the end of the
     last; `phases_us` (12,) is when each LED's oscillator began a cycle.
     """
+    if len(lights) == 1 and shutter.exposure_us % shutter.pulse_period_us == 0:
+        return np.repeat(lights[0].colours[None] / 255.0, rows, axis=0)
     begins = start_us + shutter.readout_us * np.arange(rows) / max(rows - 1, 1)
     times = np.concatenate([begins, begins + shutter.exposure_us])
     on_us = on_time(lights, times, start_us, phases_us, shutter)

@@ -28,6 +28,7 @@ from gellight.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
 from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.soak.kernel import CameraDevice, SimulatedKernel
 from gellight.soak.marks import BLOCK_PX, marked
+from gellight.soak.resources import WORKSHOP
 from gellight.soak.usb_tree import UsbTree
 
 logger = logging.getLogger(__name__)
@@ -147,7 +148,7 @@ class SoakSensor:
         self.port = ""
         self.board: SimulatedBoard | None = None
         self.camera: SoakCamera | None = None
-        self._workshop = ThreadPoolExecutor(2, thread_name_prefix="workshop")
+        self._workshop = ThreadPoolExecutor(2, thread_name_prefix=WORKSHOP)
         self._spare: Future[SimulatedBoard] = self._workshop.submit(SimulatedBoard, pty=True)
         self._retiring: list[Future[None]] = []
         self._boards = threading.Lock()

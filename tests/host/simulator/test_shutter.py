@@ -15,9 +15,10 @@ def colours(value: int) -> np.ndarray:
     return np.full((12, 3), value, np.uint8)
 
 
+@pytest.mark.parametrize("latched_us", [(0.0,), (0.0, 1e6 + 10_000.0)], ids=["once", "again"])
 @pytest.mark.parametrize("value", [0, 1, 77, 255])
-def test_steady_light_over_whole_pulses_is_its_duty_in_every_row(value: int) -> None:
-    weights = row_weights([Light(0.0, colours(value))], 1e6, ROWS, PHASES, SHUTTER)
+def test_steady_light_over_whole_pulses_is_its_duty_in_every_row(value: int, latched_us: tuple[float, ...]) -> None:
+    weights = row_weights([Light(time_us, colours(value)) for time_us in latched_us], 1e6, ROWS, PHASES, SHUTTER)
     assert weights.shape == (ROWS, 12, 3)
     assert weights == pytest.approx(value / 255, abs=1e-9)
 
