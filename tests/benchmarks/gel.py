@@ -177,11 +177,15 @@ def objects(given: Given) -> None:
 
 
 def record(given: Given) -> None:
-    """Write the surfaces of the objects that `objects` has kept, every fourth point, where the tests read them."""
+    """Write the surfaces of the objects that `objects` has kept, every fourth point, where the tests read them.
+
+    What was recorded of other objects stays.
+    """
     names = [name for name in given.names if kept_path(name, given).exists()]
     surfaces = {name: pressed(name, given)[1].depth_mm[RECORDED] for name in names}
     units = {name: np.rint(surface / UNIT_MM).astype(np.int16) for name, surface in surfaces.items()}
-    np.savez_compressed(RECORD, allow_pickle=False, **units)
+    with np.load(RECORD) as before:
+        np.savez_compressed(RECORD, allow_pickle=False, **(dict(before) | units))
     print(f"{RECORD}: {', '.join(names)}")
 
 

@@ -29,6 +29,7 @@ MEAN_UM = {
     "WAVE": 122.1,
     "SINWAVE": 119.0,
     "BSWAVE": 61.1,
+    "PCONVEX": 66.0,
     "CCONVEX": 42.1,
     "QUCAVE": 41.6,
 }
