@@ -18,7 +18,7 @@ from gellight.ring.emulator.busy_bus import B1, B2, DATA_PLUS
 from gellight.ring.emulator.chip import VTOR
 from gellight.ring.emulator.usb_host import ADDRESS
 from gellight.ring.emulator.waveform import Strip
-from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
+from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
@@ -162,6 +162,19 @@ def _short_packets(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         late = bytes(board.host.received).split(b"\0")[1:]
         if sum(len(answer) + 1 for answer in late if answer) % 64:
             yield "what piles up is no whole number of packets of 64 bytes: choose other answers"
+
+
+def _long_rest(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """What the board says after a second in which nobody said anything has to wait for its place in a USB frame."""
+    for place_us in range(0, 1000, 100):
+        ring.set_leds(PATTERN)
+        board.run(1000 - (board.now_us - place_us) % 1000)
+        ring.clock()
+        board.run(1_030_000)
+        if not board.host.opened:
+            yield "a controller that works is reset as one that hangs"
+        if ring.status().dark != Dark.HOST_SILENT:
+            yield "lit without a host"
 
 
 def _heat(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -344,8 +357,8 @@ def _hub(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 CHECKS: dict[str, Callable[[BenchBoard, LightRing], Iterator[str]]] = {
     check.__name__.strip("_"): check
     for check in (
-        _colours, _hub, _short_packets, _sequence, _trigger, _configuration, _flood, _suspend, _close, _watchdog,
-        _fault, _start_fault, _reflash, _heat, _bus, _wiring,
+        _colours, _hub, _short_packets, _long_rest, _sequence, _trigger, _configuration, _flood, _suspend, _close,
+        _watchdog, _fault, _start_fault, _reflash, _heat, _bus, _wiring,
     )
 }  # fmt: skip
 

@@ -49,7 +49,7 @@ static struct byte_ring incoming, outgoing;
 static bool configured;
 static bool in_data1, out_data1, in_busy, out_armed;
 static bool in_waiting;         /* for the next frame, before its packet is armed */
-static uint32_t progress_us;    /* low half of the time when something was armed or came last */
+static uint32_t progress_us;    /* low half of the time when something was queued, armed or came last */
 static bool terminal_ready; /* DTR, as the host said last */
 static volatile bool open;  /* and the bus is awake */
 static volatile uint8_t events; /* bits of enum usb_event */
@@ -149,6 +149,7 @@ static void send_packet(void)
     in_busy = in_waiting = configured && ring_count(&outgoing);
     if (!in_busy)
         return;
+    progress_us = now_us(); /* nothing has hung while there was nothing to send */
     if (frame_allows())
         arm_packet();
     else

@@ -80,6 +80,7 @@ IMAGE = (
              "(uint8_t)note : RESET_REASON_WATCHDOG;", "reflash"),
     Mutation("IN armed near the end of a frame", f"{BOARD}/usb.c", "#define FRAME_ENDS_US 760u", "#define FRAME_ENDS_US 1000u"),
     Mutation("hung controller left alone", f"{BOARD}/usb.c", "if (!hung) {", "if (!hung || 1) {", "bus"),
+    Mutation("a rest taken for a hang", f"{BOARD}/usb.c", "    progress_us = now_us(); /* nothing", "    /* nothing", "long_rest"),
     Mutation("packets that end no transfer", f"{BOARD}/usb.c", "#define IN_PACKET 48u", "#define IN_PACKET 64u", "short_packets"),
     Mutation("resume ignored", f"{BOARD}/usb.c", "static void resume(void)\n{\n    if (terminal_ready)", "static void resume(void)\n{\n    if (0)", "bus"),
     Mutation("halt of IN cleared, its toggle kept", f"{BOARD}/usb.c", "    in_data1 = in_busy && !in_waiting;\n    if (in_data1)", "    if (0)", "bus"),
