@@ -143,9 +143,9 @@ def _blend(planes: Floats, difference: Floats) -> tuple[Floats, Floats]:
 
 def _wrong(slopes: Floats, away: Floats, doubt: Floats, noise_grey: float) -> Bools:
     """Mark the pixels whose (H, W, 2) slopes may be too wrong; away: |d - m| (H, W); doubt: of the cells, (h, w, 2)."""
-    allowed = 1 + (slopes**2).sum(axis=2)
-    bend, misfit = np.moveaxis(_spread(doubt, away.shape), 2, 0)
-    return np.asarray((away > noise_grey) & (away**4 * bend > allowed) | (misfit > allowed))
+    allowed, square = 1 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2, away**2
+    bend, misfit = (_spread(doubt[..., kind], away.shape) for kind in (0, 1))
+    return np.asarray((away > noise_grey) & (square**2 * bend > allowed) | (misfit > allowed))
 
 
 def doubts(planes: Floats, near: Bools) -> Floats:
@@ -155,8 +155,9 @@ def doubts(planes: Floats, near: Bools) -> Floats:
     around has with one beside it: on a crest neighbours have the same colour, so cells further away must tell it.
     """
     bend, misfit = np.zeros((2, *near.shape), np.float32)
-    for here, there in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        pair = _between_two(planes[here], planes[there]) * (near[here] & near[there])
+    cells = np.ascontiguousarray(np.moveaxis(planes, 2, 0))
+    for here, there in ((np.s_[..., :-1], np.s_[..., 1:]), (np.s_[..., :-1, :], np.s_[..., 1:, :])):
+        pair = _between_two(cells[here], cells[there]) * (near[here] & near[there])
         for most, value in zip((bend, misfit), pair, strict=True):
             for cell in (here, there):
                 np.maximum(most[cell], value, out=most[cell])
@@ -164,17 +165,20 @@ def doubts(planes: Floats, near: Bools) -> Floats:
 
 
 def _between_two(i: Floats, j: Floats) -> Floats:
-    """(2, ...) the squares of bend and misfit over their limits, from the planes (..., 11) of neighbours.
+    """(2, ...) the squares of bend and misfit over their limits, from the planes (11, ...) of neighbours.
 
     A cell has q = g - J m / 2, so the misfit is q_j - q_i + (J_j m_i - J_i m_j) / 2.
     """
-    (q_i, m_i), (q_j, m_j) = (np.split(cells[..., :5], [2], axis=-1) for cells in (i, j))
-    jacobian_i, jacobian_j = (cells[..., 5:].reshape(*q_i.shape, 3) for cells in (i, j))
-    moved = np.maximum(((m_j - m_i) ** 2).sum(axis=-1), NEAREST_GREY**2)
-    bend = ((jacobian_j - jacobian_i) ** 2).sum(axis=(-2, -1)) / moved
-    crossed = (jacobian_j * m_i[..., None, :] - jacobian_i * m_j[..., None, :]).sum(axis=-1)
-    misfit = ((q_j - q_i + crossed / 2) ** 2).sum(axis=-1)
+    (q_i, m_i, jacobian_i), (q_j, m_j, jacobian_j) = (np.split(cells, [2, 5]) for cells in (i, j))
+    moved = np.maximum(_square(m_j - m_i), NEAREST_GREY**2)
+    bend = _square(jacobian_j - jacobian_i) / moved
+    crossed = [(jacobian_j[of] * m_i - jacobian_i[of] * m_j).sum(axis=0) for of in (np.s_[:3], np.s_[3:])]
+    misfit = _square(q_j - q_i + np.stack(crossed) / 2)
     return np.stack([bend / LIMIT_BEND**2, misfit / LIMIT_MISFIT**2])
+
+
+def _square(vectors: Floats) -> Floats:
+    return np.asarray(np.einsum("k...,k...->...", vectors, vectors))
 
 
 def _far_from_blocks(means: Floats, blocks: Floats) -> Bools:
