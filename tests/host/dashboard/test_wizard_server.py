@@ -1,0 +1,72 @@
+"""What the server of the calibration wizard takes and refuses."""
+
+import json
+import urllib.error
+import urllib.request
+from typing import Any
+
+import pytest
+
+from gellight.dashboard.server import DashboardServer
+from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.scripted_calibration import Scripted
+
+
+def post(server: DashboardServer, body: object, **headers: str) -> tuple[int, dict[str, Any]]:
+    content = body if isinstance(body, bytes) else json.dumps(body).encode()
+    request = urllib.request.Request(
+        server.url + "calibration", content, {"Content-Type": "application/json", **headers}
+    )
+    try:
+        with urllib.request.urlopen(request) as answer:
+            return answer.status, json.load(answer)
+    except urllib.error.HTTPError as error:
+        text = error.read().decode()
+        return error.code, json.loads(text) if text.startswith("{") else {"message": text}
+
+
+def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibration: Scripted) -> None:
+    for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
+                 {"type": "begin", "request": {"ball_radius_mm": -4}}, {"type": "begin", "request": {"presses": 3}},
+                 {"type": "begin", "request": {"prism_angle_deg": 80}},
+                 {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
+        status, answer = post(server, body)
+        assert status == 400
+        assert answer["message"]
+    assert calibration.asked == []
+
+
+def test_what_the_calibration_refuses_is_said_in_its_words(server: DashboardServer, calibration: Scripted) -> None:
+    calibration.refusal = "next is not possible now: choose nothing, but wait"
+    assert post(server, {"type": "act", "action": "next"}) == (409, {"message": calibration.refusal})
+
+
+def test_another_site_can_send_nothing(server: DashboardServer, calibration: Scripted) -> None:
+    assert post(server, {"type": "zero"}, Origin="http://evil.example")[0] == 403
+    assert post(server, {"type": "zero"}, **{"Content-Type": "text/plain"})[0] == 415
+    assert calibration.asked == []
+    assert post(server, {"type": "zero"}) == (200, {})
+    assert calibration.asked == [("zero",)]
+
+
+def test_without_a_calibration_service_everything_says_so(source: FormulaSource) -> None:
+    with DashboardServer(source, port=0) as server:
+        assert "no calibration" in post(server, {"type": "zero"})[1]["message"]
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.url + "calibration")
+
+
+def test_a_report_is_shown_without_scripts_and_a_missing_one_told(server: DashboardServer) -> None:
+    with urllib.request.urlopen(server.url + "calibration/report/" + "a" * 16) as answer:
+        assert b"Calibration of A17" in answer.read()
+        assert answer.headers["Content-Security-Policy"].startswith("default-src 'none'; style-src 'unsafe-inline'")
+    for wrong in ("b" * 16, "..%2F..%2Fx"):
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.url + "calibration/report/" + wrong)
+
+
+def test_a_picture_that_is_not_there_is_told(server: DashboardServer) -> None:
+    with urllib.request.urlopen(server.url + "calibration/picture/live") as answer:
+        assert answer.read()[:2] == b"\xff\xd8"
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(server.url + "calibration/picture/press")
