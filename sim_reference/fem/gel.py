@@ -28,7 +28,7 @@ ABOVE_MM = 1.5
 """of a gel that bulges out: an object further behind the untouched surface than this is not there"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FemPress:
     """A press as finite elements found it."""
 

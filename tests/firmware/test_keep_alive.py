@@ -27,8 +27,9 @@ def hold_up(board: BenchBoard, ring: LightRing) -> None:
 
 
 def trigger(board: BenchBoard, ring: LightRing) -> None:
-    """Drive an edge to the trigger pin."""
+    """Drive an edge to the trigger pin, once the board has had the time to wait for it."""
     with ring._lock:
+        board.run(2_000)
         for high in (True, False):
             board.set_trigger(high)
             board.run(100)
