@@ -43,17 +43,6 @@ def test_the_untouched_gel_is_still_but_for_noise() -> None:
     assert not frames[0].truth.depth_mm.any()
 
 
-def test_frames_keep_the_camera_s_clock_however_late_they_are_fetched() -> None:
-    with open_camera("sim://?programme=0&fps=50") as camera:
-        begun_s = []
-        for pause_s in (0.0, 0.013, 0.0, 0.033, 0.0):
-            begun_s.append(camera.read().time_s)
-            time.sleep(pause_s)
-    periods = np.diff(begun_s) * 50
-    assert periods == pytest.approx(np.round(periods), abs=1e-4)
-    assert periods.min() > 0.5
-
-
 def test_a_press_is_in_the_very_next_frame_and_gone_after_release() -> None:
     with open_quiet() as camera:
         camera.stage.press("BALL", 0.7, 4.0, -2.0)
