@@ -138,7 +138,8 @@ def _blend(planes: Floats, difference: Floats) -> tuple[Floats, Floats]:
     for axis in (0, 1):
         jacobian = _between(planes[..., 5 + 3 * axis : 8 + 3 * axis], difference.shape)
         slopes[..., axis] += cv2.transform(cv2.multiply(jacobian, argument, jacobian), _ALL_CHANNELS)
-    return slopes, cv2.absdiff(difference, mean).max(axis=2)
+    red, green, blue = cv2.split(cv2.absdiff(difference, mean))
+    return slopes, np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
 
 
 def _wrong(slopes: Floats, away: Floats, doubt: Floats, noise_grey: float) -> Bools:
@@ -177,7 +178,7 @@ def _between_two(i: Floats, j: Floats) -> Floats:
     return np.stack([bend / LIMIT_BEND**2, misfit / LIMIT_MISFIT**2])
 
 
-def _square(vectors: Floats) -> Floats:
+def _square(vectors: NDArray[Any]) -> Floats:
     return np.asarray(np.einsum("k...,k...->...", vectors, vectors))
 
 
