@@ -46,7 +46,7 @@ Trainer = Annotated[TrainerName, typer.Option(help="auto: torch where it is inst
 class Training:
     """How a network is trained."""
 
-    recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), paper (an hour)")] = "thorough"
+    recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), paper (the longest)")] = "thorough"
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
     threads: Threads = 1
     trainer: Trainer = "auto"
