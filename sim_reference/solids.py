@@ -30,23 +30,51 @@ def read_stl(content: bytes) -> Array:
             f"it is {across:g} across, and an STL has no unit: scale it to mm, {SMALLEST_MM:g} to {LARGEST_MM:g} "
             "across (metres times 1000, inches times 25.4)"
         )
+    if not np.ptp(triangles[..., 2]) > 0:
+        raise ValueError(f"it is flat: all of it is at z = {triangles[0, 0, 2]:g}; give a body with a height")
     return triangles
 
 
 def _triangles(content: bytes) -> Array:
-    count = int.from_bytes(content[80:HEADER], "little")
-    if count and len(content) == HEADER + count * RECORD.itemsize:
-        corners = np.frombuffer(content, RECORD, offset=HEADER)["corners"]
-    else:
-        words = content.decode("ascii", "replace").split()
-        numbers = [words[at + 1 : at + 4] for at, word in enumerate(words) if word == "vertex"]
-        try:
-            corners = np.array(numbers, np.float64).reshape(-1, 3, 3)
-        except ValueError:
-            corners = np.zeros((0, 3, 3))
-    if not len(corners) or not np.isfinite(corners).all():
+    corners = _binary_corners(content) if _is_binary(content) else _text_corners(content)
+    if not len(corners):
         raise ValueError("it holds no triangles: give a whole STL file, binary or text")
-    return np.asarray(corners, np.float64)
+    unknown = np.argwhere(~np.isfinite(corners).all(axis=2))
+    if len(unknown):
+        triangle, corner = unknown[0].tolist()
+        place = ", ".join(f"{value:g}" for value in corners[triangle, corner].tolist())
+        raise ValueError(f"corner {corner + 1} of triangle {triangle + 1} is at ({place}): give finite numbers in mm")
+    return corners
+
+
+def _is_binary(content: bytes) -> bool:
+    # Some programs begin binary files with "solid" too.
+    return len(content) >= HEADER and not (content.startswith(b"solid") and b"facet" in content)
+
+
+def _binary_size(content: bytes) -> int:
+    """Return how long a binary file is, in bytes, by the number of triangles that its header says."""
+    return HEADER + int.from_bytes(content[80:HEADER], "little") * RECORD.itemsize
+
+
+def _binary_corners(content: bytes) -> Array:
+    if _binary_size(content) != len(content):
+        raise ValueError(
+            f"it has {len(content)} bytes, and by its header's number of triangles {_binary_size(content)}: it is cut "
+            "off, or no STL; give a whole STL file, binary or text"
+        )
+    return np.asarray(np.frombuffer(content, RECORD, offset=HEADER)["corners"], np.float64)
+
+
+def _text_corners(content: bytes) -> Array:
+    words = content.decode("ascii", "replace").split()
+    numbers = [words[at + 1 : at + 4] for at, word in enumerate(words) if word == "vertex"]
+    if len(numbers) % 3:
+        raise ValueError(f"it has {len(numbers)} corners, which are no triangles: it is cut off; give a whole STL file")
+    try:
+        return np.array(numbers, np.float64).reshape(-1, 3, 3)
+    except ValueError:
+        raise ValueError("after a word 'vertex' are no three numbers: give a whole STL file, binary or text") from None
 
 
 def _check_closed(triangles: Array) -> None:

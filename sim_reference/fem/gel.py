@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from sim_reference import gel
 from sim_reference.deformation import Deformation
@@ -191,22 +192,26 @@ def coated(press: FemPress, spacing_mm: float, geometry: SensorGeometry) -> Defo
 
 
 def depth_under(
-    load_n: float, object_height_mm: Array, spacing_mm: float, model: FemGel, geometry: SensorGeometry
+    load_n: float,
+    object_height_mm: Array,
+    spacing_mm: float,
+    model: FemGel,
+    geometry: SensorGeometry,
+    *,
+    tolerance: float = 0.02,
 ) -> float:
-    """Return about how deep a load presses the object: where the linear layer holds it, to 2 %.
+    """Return how deep a load presses the object into the linear layer, mm, to a share of `tolerance`.
 
-    Raises ValueError for a load that is not above 0, or presses deeper than finite elements can follow.
+    Finite elements begin there. Raises ValueError for a load that is not above 0, or presses deeper than finite
+    elements can follow.
     """
 
     def held_n(depth: float) -> float:
         pressed = gel.press(object_height_mm, spacing_mm, depth, geometry)
         return float(pressed.pressure.sum()) * spacing_mm**2 * model.shear_modulus_mpa(geometry)
 
-    shallow, deep = 0.0, geometry.deepest_press_mm
-    most = held_n(deep)
+    deepest = geometry.deepest_press_mm
+    most = held_n(deepest)
     if not 0 < load_n <= most:
         raise ValueError(f"load {load_n} N: give above 0 to {most:.3g} N, which presses 60 % of the gel's thickness")
-    while deep - shallow > 0.02 * deep:
-        middle = (shallow + deep) / 2
-        shallow, deep = (middle, deep) if held_n(middle) < load_n else (shallow, middle)
-    return deep
+    return float(brentq(lambda depth: held_n(depth) - load_n, 0.0, deepest, rtol=tolerance))

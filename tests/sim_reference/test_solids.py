@@ -61,7 +61,32 @@ def test_a_body_that_cannot_be_in_mm_is_refused(side: float) -> None:
         read_stl(binary(pyramid(side, side / 3)))
 
 
-@pytest.mark.parametrize("content", [b"", b"GIF89a", b"solid x\nvertex 1 2\nendsolid", b"x" * 200])
-def test_what_is_no_stl_is_refused(content: bytes) -> None:
-    with pytest.raises(ValueError, match="no triangles"):
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "no triangles"),
+        (b"GIF89a", "no triangles"),
+        (binary(pyramid(6.0, 2.0)[:0]), "no triangles"),
+        (b"solid x\nvertex 1 2\nendsolid", "1 corners"),
+        (text(pyramid(6.0, 2.0))[:-60], "17 corners.* cut off"),
+        (text(pyramid(6.0, 2.0)).replace(b"10.0", b"ten"), "no three numbers"),
+        (b"x" * 200, "200 bytes"),
+        (binary(pyramid(6.0, 2.0))[:-30], "354 bytes, .* 384: it is cut off"),
+    ],
+)
+def test_what_is_no_whole_stl_is_refused(content: bytes, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
         read_stl(content)
+
+
+@pytest.mark.parametrize("written", [binary, text])
+def test_a_corner_that_is_nowhere_is_refused_with_its_place(written) -> None:
+    triangles = pyramid(6.0, 2.0)
+    triangles[4, 1, 2] = np.nan
+    with pytest.raises(ValueError, match=r"corner 2 of triangle 5 is at \(13, 23, nan\)"):
+        read_stl(written(triangles))
+
+
+def test_a_body_without_a_height_is_refused() -> None:
+    with pytest.raises(ValueError, match="it is flat: all of it is at z = 3"):
+        read_stl(binary(pyramid(6.0, 0.0)))

@@ -226,10 +226,8 @@ def _check_same(path: Path, described: dict[str, Any]) -> None:
         other = [name for name, value in described["request"].items() if known.get(name) != value]
     except ValueError:
         other = ["dataset.json"]
-    raise InputError(
-        f"{path.parent} holds another data set ({', '.join(other) or 'made by another version'} differ): "
-        "choose another --out"
-    )
+    how = f"another {', '.join(other)}" if other else "made by another version"
+    raise InputError(f"{path.parent} holds another data set ({how}): choose another --out")
 
 
 def _press_file(folder: Path, number: int) -> Path:

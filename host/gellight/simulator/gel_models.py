@@ -7,6 +7,8 @@ heights, the depth, the gel, the model and the simulator's source. A press that 
 import hashlib
 import io
 import logging
+import zipfile
+import zlib
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -33,6 +35,8 @@ GelKind = Literal["layer", "fem"]
 
 RESOLUTION_MM = 0.3
 """of the finite elements"""
+DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
+"""what NumPy raises for an .npz that cannot be read, or lacks a field"""
 
 
 def gel_model(kind: GelKind, resolution_mm: float = RESOLUTION_MM) -> GelModel:
@@ -105,5 +109,5 @@ def _read(path: Path, spacing_mm: float) -> Deformation:
     try:
         with np.load(path) as kept:
             return Deformation(kept["depth_mm"].astype(np.float64), kept["pressure"].astype(np.float64), spacing_mm)
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except DAMAGED as error:
         raise InputError(f"the kept press {path} cannot be read ({error}): remove it, it is made again") from error

@@ -11,14 +11,15 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
-from gellight.simulator.gel_models import GelKind, source_digest
+from gellight.simulator.gel_models import DAMAGED, GelKind, source_digest
 from gellight.simulator.scene import Array
 from sim_reference import gel
 from sim_reference.deformation import NotConverged, grid
@@ -69,10 +70,14 @@ class PressReport:
     centre_mm: tuple[float, float, float] | None
     """x, y, z of the object's middle, level with its highest point; it began at 0, 0, 0"""
     newton_steps: int | None
+    """all of them, also those before an interruption"""
     min_gap_mm: float | None
+    """the smallest gap between gel and object in all of these steps"""
     min_det_f: float | None
+    """the smallest volume of a tetrahedron over that at rest in all of these steps"""
     vertices: int | None
     wall_s: float
+    """since the command was started, the last time where it was interrupted"""
     peak_memory_gb: float
 
 
@@ -155,6 +160,9 @@ class _Progress:
         self.path, self._show = folder / "state.npz", show
         said = f"{source_digest()} {asdict(request)} {asdict(geometry)}"
         self._key = hashlib.sha256(said.encode() + height.tobytes()).hexdigest()
+        self.steps = 0
+        """of Newton, with those before an interruption; so are the two below"""
+        self.min_gap_mm, self.min_det_f = inf, inf
 
     def kept(self) -> Checkpoint | None:
         """Return where the press was interrupted, None if it was not; raises InputError for another press's state."""
@@ -167,17 +175,25 @@ class _Progress:
                         f"{self.path} is of another press, or of another version: remove it, or choose another --out"
                     )
                 state = State(kept["at"], float(kept["depth_mm"]), kept["matrix"])
+                self.steps = int(kept["steps"])
+                self.min_gap_mm, self.min_det_f = float(kept["min_gap_mm"]), float(kept["min_det_f"])
                 return Checkpoint(state, float(kept["increment_mm"]), bool(kept["narrow"]), float(kept["gap_share"]),
                                   kept["anchor"], kept["layer_mm"])  # fmt: skip
-        except (ValueError, KeyError, EOFError) as error:
+        except DAMAGED as error:
             raise InputError(f"{self.path} cannot be read ({error}): remove it, the press begins anew") from error
 
     def keep(self, step: Step, checkpoint: Checkpoint) -> None:
         """Write the state, so that an interruption costs one step."""
+        self.steps += 1
+        self.min_gap_mm = min(self.min_gap_mm, step.min_gap_mm)
+        self.min_det_f = min(self.min_det_f, step.min_det_f)
         content = io.BytesIO()
         np.savez(
             content,
             key=self._key,
+            steps=self.steps,
+            min_gap_mm=self.min_gap_mm,
+            min_det_f=self.min_det_f,
             at=checkpoint.state.at,
             depth_mm=checkpoint.state.depth_mm,
             matrix=checkpoint.state.matrix,
@@ -188,7 +204,7 @@ class _Progress:
             layer_mm=checkpoint.layer_mm,
         )
         write_file(self.path, content.getvalue())
-        self._show(step)
+        self._show(replace(step, number=self.steps))
 
 
 def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGeometry, progress: _Progress) -> _Result:
@@ -217,9 +233,9 @@ def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGe
         tilt_deg=float(np.degrees(pressed.tilt_rad)),
         tilt_towards_deg=None if request.free_at_mm is None else towards,
         centre_mm=(x, y, z),
-        newton_steps=len(pressed.steps),
-        min_gap_mm=pressed.min_gap_mm,
-        min_det_f=pressed.min_det_f,
+        newton_steps=progress.steps,
+        min_gap_mm=progress.min_gap_mm,
+        min_det_f=progress.min_det_f,
         vertices=len(solver_of(model, geometry).mesh.free),
         wall_s=0.0,
         peak_memory_gb=0.0,
@@ -232,10 +248,12 @@ def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGe
 def _by_layer(request: PressRequest, height: Array, geometry: SensorGeometry) -> _Result:
     if request.free_at_mm is not None:
         raise ValueError("an object that is free to tilt: the elastic layer knows none, give --gel fem")
+    if request.friction:
+        raise ValueError(f"friction {request.friction:g}: the elastic layer knows none, give --gel fem")
     model = FemGel()
     depth = request.depth_mm
     if depth is None:
-        depth = depth_under(request.force_n or 0.0, height, SPACING_MM, model, geometry)
+        depth = depth_under(request.force_n or 0.0, height, SPACING_MM, model, geometry, tolerance=1e-6)
     pressed = gel.press(height, SPACING_MM, depth, geometry)
     pressure_mpa = pressed.pressure * model.shear_modulus_mpa(geometry)
     report = PressReport(

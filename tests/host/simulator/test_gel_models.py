@@ -61,9 +61,14 @@ def test_what_a_press_depends_on_names_it(kept: KeptPresses) -> None:
     assert len({key, *others}) == 6
 
 
-def test_a_damaged_file_is_named(kept: KeptPresses) -> None:
+@pytest.mark.parametrize("kept_bytes", [0, 100, 1000, -10])
+def test_a_damaged_file_is_named(kept: KeptPresses, kept_bytes: int) -> None:
     kept(BALL, SPACING, 0.4, GEOMETRY)
-    files(kept)[0].write_bytes(b"PK not an archive")
+    whole = files(kept)[0].read_bytes()
+    files(kept)[0].write_bytes(whole[:kept_bytes])
+    with pytest.raises(InputError, match="remove it"):
+        kept(BALL, SPACING, 0.4, GEOMETRY)
+    files(kept)[0].write_bytes(whole[:1000] + bytes(200) + whole[1200:])
     with pytest.raises(InputError, match="remove it"):
         kept(BALL, SPACING, 0.4, GEOMETRY)
 
