@@ -26,7 +26,7 @@ def open_camera(
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 
-    `geometry` is how a simulated sensor differs from the paper's. A sensor is set and lit as when `bundle` was made:
+    `geometry` is how a simulated sensor differs from the default. A sensor is set and lit as when `bundle` was made:
     give the one that its frames are reconstructed with. Without a bundle the LEDs of a real sensor stay dark until
     `Camera.adopt` lights them, and a simulated one shows its ring full on. Where the bundle takes a view or fills
     marker dots, the frames are prepared so; those of a recording already are. `close`, or the end of `with`, makes the

@@ -12,7 +12,7 @@ from sim_reference.optimizer.refraction import Medium, trace, window_of
 
 Array = NDArray[np.float64]
 WANTED_ELEVATION_RAD = radians(60)
-"""a good reconstruction needs a calibration that records 60 degrees or more (section 2.3)"""
+"""a good reconstruction needs a calibration that records 60 degrees or more (section 2.3.2)"""
 ROUNDING_RAD = radians(1e-9)
 
 
@@ -51,7 +51,12 @@ def choose_ball(radii_mm: Array, geometry: SensorGeometry, *, press_depth_mm: fl
         )
     radius = max(fitting)
     elevation = maximum_elevation(radius, press_depth_mm)
-    return BallChoice(radius, press_depth_mm, elevation, np.pi / 2 - arrival_angle(geometry, window_of(geometry)))
+    return BallChoice(radius, press_depth_mm, elevation, shadow_free_slope(geometry))
+
+
+def shadow_free_slope(geometry: SensorGeometry) -> float:
+    """Return the slope, rad, from which the middle of the gel turns away from an LED behind the window."""
+    return np.pi / 2 - arrival_angle(geometry, window_of(geometry))
 
 
 def arrival_angle(geometry: SensorGeometry, medium: Medium) -> float:

@@ -129,7 +129,7 @@ def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -
 
 
 def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
-    """Say so where a sensor has no bundle, or is another one than the paper's, simulated, and used with its bundle."""
+    """Say so where a sensor has no bundle, or is another one than the default, simulated, and used with its bundle."""
     if not bundle.calibrated:
         remedy = "calibrate it on the page, or with `gellight calibrate`"
         logs.say(
@@ -142,7 +142,7 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
         told = "the simulated sensor: calibrate yours with `gellight calibrate` before you trust its depth"
     elif settings.sensor.url.startswith("sim://") and changed:
         told = (
-            f"the paper's sensor, the settings change its {changed}: make one with `gellight calibrate --auto --sensor "
+            f"the default sensor, the settings change its {changed}: make one with `gellight calibrate --auto --sensor "
             "sim://` before you trust the depth"
         )
     if told:

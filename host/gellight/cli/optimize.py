@@ -129,7 +129,7 @@ def design(
     with study.sweep("designs") as options:
         result = run_study(designs.full_design_study(setup, requirements), options)
     answer, files = designs.design_json(result, sensor), designs.parts_of(designs.designed(result.chosen, sensor))
-    study.answer("design", answer, designs.design_text(result), files)
+    study.answer("design", answer, designs.design_text(result, sensor), files)
 
 
 @app.command()

@@ -20,7 +20,7 @@ Calibration = Annotated[str, typer.Option(help="Bundle: a folder, a .gelcal file
 GeometryFile = Annotated[
     Path | None,
     typer.Option(
-        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the paper"
+        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the default sensor"
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]

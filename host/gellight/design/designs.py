@@ -14,6 +14,7 @@ from gellight.design.studies import BEYOND_ANGLES, BeyondResult, Setup, beyond_s
 from gellight.design.sweep import Study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import design
+from sim_reference.optimizer.ball import shadow_free_slope
 from sim_reference.optimizer.design import Candidate
 
 
@@ -146,6 +147,10 @@ def design_json(result: DesignResult, geometry: SensorGeometry) -> dict[str, Any
         "gains": [gain_json(one) for one in gains(result, result.chosen)],
         "ring_radius_mm": round(ring.ring_radius_mm, 4),
         "ring_colours": ring_colours(ring),
+        "shadow_free_deg": {
+            "given": round(degrees(shadow_free_slope(geometry)), 4),
+            "chosen": round(degrees(shadow_free_slope(ring)), 4),
+        },
     }
 
 
@@ -168,13 +173,17 @@ def candidate_json(one: Candidate) -> dict[str, Any]:
     }
 
 
-def design_text(result: DesignResult) -> str:
-    """Return a line for the given sensor, for each candidate, for the choice and for each gain."""
+def design_text(result: DesignResult, geometry: SensorGeometry) -> str:
+    """Return a line for the given sensor, for each candidate, for the choice, its shadow, and for each gain."""
+    given, chosen = (
+        f"{degrees(shadow_free_slope(sensor)):.1f}" for sensor in (geometry, designed(result.chosen, geometry))
+    )
     return "\n".join(
         [
             f"given:  {design.describe(result.given)}",
             *(f"        {design.describe(one)}" for one in result.candidates),
             f"chosen: {design.describe(result.chosen)}",
+            f"in the middle of the gel slopes beyond {chosen} degrees lie in the shadow of an LED ({given} as given)",
             "what each step beyond the paper gains in Top1:",
             *(f"  {one.in_words()} ({one.compared})" for one in gains(result, result.chosen)),
         ]

@@ -16,7 +16,7 @@ STRIP_WIDTH_MM = 6.5
 
 
 def read_geometry(path: Path | None) -> SensorGeometry:
-    """Return the sensor of a settings file (the form of gellight.toml), the paper's where `path` is None.
+    """Return the sensor of a settings file (the form of gellight.toml), the default one where `path` is None.
 
     Raises ConfigError for a file that cannot be read, an unknown key, no geometry, or a sensor that cannot be built.
     """
@@ -26,7 +26,7 @@ def read_geometry(path: Path | None) -> SensorGeometry:
     if not overrides:
         raise ConfigError(
             f"{path} says nothing of a sensor's geometry: write its lengths and angles under [geometry], or leave "
-            "--geometry out for the sensor of the paper"
+            "--geometry out for the default sensor"
         )
     geometry = built(overrides)
     check(geometry)

@@ -49,6 +49,7 @@ def coarse_json(result: CoarseResult) -> dict[str, Any]:
         "light_numbers": list(result.groups.numbers),
         "angles_deg": _degrees(result.groups.angles_rad),
         "best_angle_deg": _degrees(result.best_angle_rad()),
+        "best_angle_is": TUNED,
         "mean_best_angle_deg": _degrees(result.mean_best_angle_rad()),
         "best_angle_by_object": {name: _degrees(angle) for name, angle in result.best_angles_rad().items()},
         "map_mean_by_lights": {str(n): round(mean, 5) for n, mean in result.map_mean_by_number().items()},

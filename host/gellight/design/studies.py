@@ -127,7 +127,10 @@ def coarse_study(setup: Setup, groups: LightGroups) -> Study[coarse.CoarseResult
 
 def coarse_readings(setup: Setup, groups: LightGroups) -> Study[dict[str, coarse.CoarseResult]]:
     """Return the coarse study under the readings of the paper's text; the first is `setup` as it is."""
-    lights = {f"noise of {groups.noise_grey:g} grey levels": groups, "no noise": replace(groups, noise_grey=0.0)}
+    lights = {
+        f"noise of {groups.noise_grey:g} grey level{'' if groups.noise_grey == 1 else 's'}": groups,
+        "no noise": replace(groups, noise_grey=0.0),
+    }
     forms = {"": setup.parameters, "; CCONVEX as prisms": replace(setup.parameters, curves_as_prisms=True)}
     readings = {
         light + form: coarse_study(replace(setup, parameters=parameters), lights[light])

@@ -97,7 +97,7 @@ def bounds_of(truth: GroundTruth, geometry: SensorGeometry) -> tuple[dict[str, f
 def _unknown(truth: GroundTruth, geometry: SensorGeometry) -> str:
     """Return why there are no bounds; empty where there are."""
     if geometry != SensorGeometry():
-        return "not judged: bounds were measured for the sensor of the paper only"
+        return "not judged: bounds were measured for the default sensor only"
     if not any(known == truth.object_name for known, _ in ERRORS):
         return f"not judged: no bounds were measured for {truth.object_name or 'this object'}"
     if truth.press_depth_mm > DEEPEST_MM:

@@ -228,7 +228,7 @@ class SimulatedUrl(BaseModel):
 
 
 def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
-    """Open a simulated sensor as `url` says; `geometry` is how it differs from the paper's.
+    """Open a simulated sensor as `url` says; `geometry` is how it differs from the default one.
 
     Raises InputError for a parameter that is unknown or out of range, ConfigError for a sensor that cannot be built.
     """
@@ -267,7 +267,7 @@ def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
 
 
 def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:
-    """Return the paper's sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
+    """Return the default sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
     try:
         return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
     except ValueError as error:

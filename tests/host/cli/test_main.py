@@ -88,7 +88,7 @@ def test_an_error_of_ours_is_one_line_and_status_2(
         ({"sensor.url": "sim://"}, ""),
         (
             {"sensor.url": "sim://", "geometry.gel_thickness_mm": 3.0},
-            "paper's sensor, the settings change its gel_thick",
+            "default sensor, the settings change its gel_thick",
         ),
         ({"sensor.url": "sim://", "geometry.gel_thickness_mm": 3.0, "sensor.calibration": "mine"}, ""),
         *(({"sensor.url": url}, "of the simulated sensor: calibrate yours") for url in ("auto", "/dev/video0")),

@@ -67,20 +67,27 @@ def test_objects_that_are_level_are_among_the_first_alike() -> None:
 
 def test_the_best_angle_is_said_to_be_tuned_where_it_is_given() -> None:
     errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
-    text = output.coarse_text(CoarseResult(BENCHMARK_NAMES, LightGroups(), errors))
+    result = CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
+    assert output.coarse_json(result)["best_angle_is"].startswith("tuned")
+    text = output.coarse_text(result)
     assert re.search(r"best angle with 12 lights: \d+ degrees \(tuned: the measures of the objects", text)
 
 
 def test_without_noise_the_mean_of_the_best_angles_is_the_papers(options: SweepOptions) -> None:
-    groups = LightGroups(numbers=(3, 12))
+    groups = LightGroups(numbers=(3, 6, 12))
     as_in_the_report = studies.setup_of(SensorGeometry(), 0.9, 1.0, 128)
     readings = run_study(studies.coarse_readings(as_in_the_report, groups), options)
     assert list(readings) == [
-        "noise of 1 grey levels", "noise of 1 grey levels; CCONVEX as prisms", "no noise",
+        "noise of 1 grey level", "noise of 1 grey level; CCONVEX as prisms", "no noise",
         "no noise; CCONVEX as prisms",
     ]  # fmt: skip
     assert np.degrees(readings["no noise"].mean_best_angle_rad()) == pytest.approx(32.2)
-    assert np.degrees(readings["noise of 1 grey levels"].best_angle_rad()) == pytest.approx(29)
+    assert np.degrees(readings["noise of 1 grey level"].best_angle_rad()) == pytest.approx(29)
+    by_rule = comparison_coarse.coarse_judgements(readings)[0].by_reading
+    rule = "; the step nearest to the mean of the best angles"
+    assert not by_rule["noise of 1 grey level" + rule].reproduced, "34.6° is nearer to 37° than to 29°"
+    assert by_rule["no noise" + rule].reproduced
+    assert "29° is nearest to 32.2°" in by_rule["no noise" + rule].measured
     others = [name != "CCONVEX" for name in BENCHMARK_NAMES]
     solids, prisms = (readings[name].errors_rad for name in list(readings)[2:])
     np.testing.assert_array_equal(solids[others], prisms[others])

@@ -104,6 +104,8 @@ def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.Monke
     assert built.led_colours == "RRGGBB"
     assert built.mounting_height_mm == pytest.approx(answer["chosen"]["mounting_height_mm"], abs=0.06)
     assert answer["ring_colours"] == "ff0000,ff0000,00ff00,00ff00,0000ff,0000ff"
+    assert answer["shadow_free_deg"]["given"] == pytest.approx(55.44, abs=0.01), "not 61: what the tilt of 29 leaves"
+    assert answer["shadow_free_deg"]["chosen"] != answer["shadow_free_deg"]["given"]
     assert answer["gains"][-1]["before_deg"] == pytest.approx(answer["given"]["top1_deg"], abs=1e-4)
 
 
@@ -178,7 +180,7 @@ def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 
 def test_help_says_what_is_taken_by_default() -> None:
     text = CliRunner().invoke(app, ["optimize", "coarse", "--help"], env={"COLUMNS": "160"}).stdout
-    assert "[default: (the paper)]" in text
+    assert "[default: (the default sensor)]" in text
     assert "[default: 0.9]" in text
 
 

@@ -133,7 +133,7 @@ def test_a_press_that_is_not_judged_has_neither_passed_nor_failed(judge: SelfChe
 
 
 def test_another_sensor_than_the_measured_one_is_not_judged() -> None:
-    assert "sensor of the paper only" in bounds_of(truth("BALL", 1.0), SensorGeometry(mounting_height_mm=9.0))[1]
+    assert "default sensor only" in bounds_of(truth("BALL", 1.0), SensorGeometry(mounting_height_mm=9.0))[1]
 
 
 def test_a_frame_without_truth_cannot_be_compared(judge: SelfCheck, frame: TactileFrame) -> None:

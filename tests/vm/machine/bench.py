@@ -18,7 +18,7 @@ ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3"
 
 
 def sized(width: int, height: int) -> dict[str, float | int | str]:
-    """The geometry of the paper's sensor, seen with fewer pixels."""
+    """The geometry of the default sensor, seen with fewer pixels."""
     return {"image_width_px": width, "image_height_px": height, "pixel_size_mm": 0.0588 * 640 / width}
 
 
