@@ -15,6 +15,7 @@ from gellight.design import designs, output, studies
 from gellight.design import report as reporting
 from gellight.design.all_studies import run_all_studies, time_sweep
 from gellight.design.benchmark_files import write_benchmark
+from gellight.design.gel_comparison import resolution_of
 from gellight.design.geometry import read_geometry
 from gellight.design.housing import housing_scad
 from gellight.design.studies import Setup, setup_of
@@ -137,6 +138,10 @@ def design(
 def report(
     study: Study,
     timed: Annotated[bool, typer.Option("--timing/--no-timing", help="Also time the sweep against plain code.")] = True,
+    gels: Annotated[
+        bool,
+        typer.Option("--gel-table/--no-gel-table", help="Also the layer against finite elements: ten minutes, once."),
+    ] = True,
 ) -> None:
     """All studies on one page that holds everything, beside the statements of the paper.
 
@@ -145,8 +150,10 @@ def report(
     folder = study.out or Path("gellight-optimize")
     output.check_writable(folder)
     setup = study.setup()
+    if gels and study.scheduler is None:
+        check_memory(resolution_of(setup), setup.geometry, free_memory(), study.workers or available_cores())
     with study.sweep("studies") as options:
-        results = run_all_studies(setup, options, timed=timed)
+        results = run_all_studies(setup, options, timed=timed, gels=gels)
         path = reporting.write_report(results, folder)
     study.answer("report", reporting.report_json(results, path), reporting.report_text(results, path), {})
 

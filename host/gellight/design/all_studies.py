@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gellight.design import comparison, comparison_coarse, designs, output, parts, studies
 from gellight.design.comparison import Judgement
 from gellight.design.designs import DesignResult, Gain
+from gellight.design.gel_comparison import GelRow, gel_study
 from gellight.design.output import BallResult
 from gellight.design.studies import BeyondResult, FineResult, Setup, VariantResult
 from gellight.design.sweep import Study, SweepOptions, executor, run_all, run_study
@@ -77,6 +78,8 @@ class AllResults:
     bright_designs: list[design.Candidate]
     """without a limit of the exposure"""
     sensitivity: list[VariantResult]
+    gel: list[GelRow]
+    """the layer against finite elements, empty if that was not asked for"""
     times: SweepTimes | None
 
     @property
@@ -104,9 +107,9 @@ class AllResults:
 
 
 def run_all_studies(
-    setup: Setup, options: SweepOptions, *, timed: bool, numbers: tuple[int, ...] = NUMBERS
+    setup: Setup, options: SweepOptions, *, timed: bool, gels: bool, numbers: tuple[int, ...] = NUMBERS
 ) -> AllResults:
-    """Run all studies in one sweep; `timed` adds the timing of the coarse sweep.
+    """Run all studies in one sweep; `timed` adds the timing of the coarse sweep, `gels` the finite elements.
 
     Raises InputError or ConfigError for a sensor that cannot be studied, before anything is computed, and
     SweepIncomplete while other shards are missing.
@@ -128,8 +131,9 @@ def run_all_studies(
         studies.design_study(setup, requirements) for requirements in (alike, at_once, bright)
     )
     sensitivity = studies.sensitivity_study(setup)
+    gel = gel_study(setup if gels else replace(setup, names=()))
     every: tuple[Study[Any], ...] = (
-        coarse, readings, heights, beyond, given, best, one_shot_given, one_shot_best, bright_best, sensitivity,
+        coarse, readings, heights, beyond, given, best, one_shot_given, one_shot_best, bright_best, sensitivity, gel,
     )  # fmt: skip
     run_all([task for study in every for task in study.tasks], options)
     return AllResults(
@@ -145,6 +149,7 @@ def run_all_studies(
         one_shot_designs=run_study(one_shot_best, options),
         bright_designs=run_study(bright_best, options),
         sensitivity=run_study(sensitivity, options),
+        gel=run_study(gel, options),
         times=time_sweep(setup, options, groups) if timed else None,
     )
 

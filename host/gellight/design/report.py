@@ -11,6 +11,7 @@ import numpy as np
 from gellight.design import comparison, designs, drawings, output, parts, renderings, studies
 from gellight.design.all_studies import AllResults
 from gellight.design.comparison import Judgement
+from gellight.design.gel_comparison import gel_json, gel_section
 from gellight.design.geometry import ring_colours
 from gellight.design.output import BallResult, write_all
 from gellight.design.studies import BeyondResult, Setup, VariantResult
@@ -42,6 +43,7 @@ def report_json(results: AllResults, path: Path) -> dict[str, Any]:
         "gains": [designs.gain_json(gain) for gain in results.gains()],
         "given": designs.candidate_json(results.given),
         "chosen": designs.candidate_json(results.chosen),
+        "gel": [gel_json(row) for row in results.gel],
     }
 
 
@@ -71,6 +73,7 @@ def page(results: AllResults) -> str:
         _beyond(results),
         _designs(results),
         _sensitivity(results.sensitivity),
+        gel_section(results.gel, results.setup) if results.gel else "",
         _parts(results),
         section("Time of the coarse sweep", f"<p>{results.times.in_words()}</p>") if results.times else "",
     ]

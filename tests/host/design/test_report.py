@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.design import all_studies, comparison, comparison_coarse, output, report, studies
+from gellight.design import all_studies, comparison, comparison_coarse, gel_comparison, output, report, studies
 from gellight.design.sweep import (
     SweepOptions,
     run_study,
@@ -27,7 +27,8 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     monkeypatch.setattr(sensitivity, "variants", lambda geometry, groups: first)
     monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=32))
     six = replace(setup(48, FEW), geometry=SensorGeometry(led_colours="RRGGBB"))
-    results = all_studies.run_all_studies(six, options, timed=False, numbers=(6,))
+    monkeypatch.setattr(gel_comparison, "COARSE_MM", 2.5)
+    results = all_studies.run_all_studies(six, options, timed=False, gels=True, numbers=(6,))
     path = report.write_report(results, tmp_path / "out")
     text = path.read_text()
     answer = report.report_json(results, path)
@@ -48,6 +49,8 @@ def test_the_report_holds_everything_and_decides_by_the_numbers(
     assert len(answer["statements"]) == 20
     assert all(len(row["readings"]) >= 2 for row in answer["statements"])
     assert "314.863 degrees" in text
+    assert [row["object_name"] for row in answer["gel"]] == list(FEW)
+    assert f"<td>{results.gel[1].height_um:.1f} µm" in text
     assert (tmp_path / "out/chosen/strip.dxf").exists()
     assert (tmp_path / "out/given/gellight.toml").exists()
 
