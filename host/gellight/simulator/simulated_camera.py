@@ -13,6 +13,7 @@ the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=f
 with `resolution` mm between vertices: a minute a press, kept on the disk.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Mapping
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
-from gellight.base.errors import BoardError, CameraError, ConfigError
+from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.timing import CameraTiming
@@ -42,6 +43,7 @@ from gellight.simulator.stage import Stage
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 
+logger = logging.getLogger(__name__)
 DARK_S = 5.0
 """LEDs that the board has made dark are lit again within this time, or never"""
 
@@ -65,6 +67,8 @@ class SimulatedCamera(Camera):
         self._scene = scene
         stage.prepare_ahead = scene.prepare_ahead
         self._ahead: threading.Thread | None = None
+        self._left_out: set[Press] = set()
+        """presses of the programme that cannot be computed"""
         self._press: Press | None = None
         """what the newest frame shows"""
         self._shutter = Shutter()
@@ -138,7 +142,7 @@ class SimulatedCamera(Camera):
             self._scene.prepare(press)
             return press
         if self.stage.plays:
-            if self._ahead is None or not self._ahead.is_alive():
+            if press not in self._left_out and (self._ahead is None or not self._ahead.is_alive()):
                 self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=True)
                 self._ahead.start()
             return self._press
@@ -147,8 +151,12 @@ class SimulatedCamera(Camera):
         return press
 
     def _prepare_ahead(self, press: Press) -> None:
-        with self.stage.computing(press):
-            self._scene.prepare_ahead(press)
+        try:
+            with self.stage.computing(press):
+                self._scene.prepare_ahead(press)
+        except InputError as error:
+            self._left_out.add(press)
+            logger.warning("the programme leaves out %s, %g mm deep: %s", press.object_name, press.depth_mm, error)
 
     def _expose(self) -> tuple[float, Array, NDArray[np.uint8]]:
         """Return when the next frame that is due began, and its light as `_light_since` does."""

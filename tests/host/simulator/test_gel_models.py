@@ -9,8 +9,10 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.opening import open_camera
+from gellight.simulator import stage
 from gellight.simulator.gel_models import KeptPresses
-from sim_reference.deformation import grid
+from gellight.simulator.scene import Press
+from sim_reference.deformation import NotConverged, grid
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
@@ -97,6 +99,24 @@ def test_a_url_chooses_the_model(cache: Path) -> None:
     difference = np.abs(layer.truth.depth_mm - fem.truth.depth_mm)
     assert 1e-4 < difference.max() < 0.1
     assert (layer.image != fem.image).any()
+
+
+def test_the_programme_leaves_out_what_cannot_be_computed(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def failing(*given, **options):  # type: ignore[no-untyped-def]
+        raise NotConverged("100 steps were not enough")
+
+    monkeypatch.setattr(FemGel, "press", failing)
+    monkeypatch.setattr(stage, "PROGRAMME", (Press("BALL", 0.5),))
+    with open_camera("sim://?board=0&gel=fem&fps=1000") as camera:
+        frames = [camera.read() for _ in range(250)]
+    assert all(frame.truth is not None and not frame.truth.depth_mm.any() for frame in frames)
+    told = [record.getMessage() for record in caplog.records if "leaves out" in record.getMessage()]
+    assert 1 <= len(told) <= 5, "each of the five depths is tried once in two rounds of the programme"
+    assert len(set(told)) == len(told)
+    assert "BALL, 0." in told[0]
+    assert "100 steps were not enough" in told[0]
 
 
 def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
