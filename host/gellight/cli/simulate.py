@@ -15,10 +15,12 @@ from rich.progress import Progress
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
 from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
-from gellight.cli.sweeping import Sweeping
+from gellight.cli.sweeping import Sweeping, Workers
 from gellight.design.geometry import read_geometry
+from gellight.design.sweep import ResultStore, default_folder
 from gellight.evaluation.dataset import DatasetRequest, LightKind, make_dataset, store_in
-from gellight.simulator.gel_models import GelKind
+from gellight.evaluation.demo_presses import press_ahead
+from gellight.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.simulator.one_press import PressRequest, press_once
 from sim_reference.fem.newton import Step
 from sim_reference.objects import OBJECT_NAMES
@@ -114,6 +116,29 @@ def dataset(
         report = make_dataset(request, out, options)
     text = f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv"
     typer.echo(json.dumps(asdict(report)) if as_json else text)
+
+
+@app.command()
+def demo(
+    resolution: Annotated[
+        float, typer.Option("--resolution-mm", min=0.1, max=2.5, help="Of the finite elements.")
+    ] = RESOLUTION_MM,
+    workers: Workers = 0,
+    geometry: GeometryFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Press ahead what the demo shows, by finite elements: then sim://?gel=fem shows it at once.
+
+    These are the presses of its programme, and each object as deep as the page offers it at first. What is there is not
+    computed again. Ends with status 1 where finite elements did not find a press.
+    """
+    with Sweeping(workers=workers).sweep_in(ResultStore(default_folder()), "presses", as_json=as_json) as options:
+        made = press_ahead(resolution, read_geometry(geometry), options)
+    lines = [f"not found: {each}" for each in made.not_found]
+    text = "\n".join([f"{made.presses} presses are kept in {made.folder}", *lines])
+    typer.echo(json.dumps(asdict(made)) if as_json else text)
+    if made.not_found:
+        raise typer.Exit(1)
 
 
 @contextmanager

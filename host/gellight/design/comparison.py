@@ -94,7 +94,8 @@ def fine_readings(geometry: SensorGeometry) -> dict[str, tuple[SensorGeometry, f
         "equation 3 as printed, without 1/d²": fine.View(falloff=False),
     }
     beams = {f"beam of {degrees(geometry.beam_angle_rad):.0f}°": geometry}
-    beams["beam of 160°, as section 3.1.2"] = replace(geometry, beam_angle_rad=PAPER_BEAM_RAD)
+    if geometry.beam_angle_rad != PAPER_BEAM_RAD:
+        beams["beam of 160°, as section 3.1.2"] = replace(geometry, beam_angle_rad=PAPER_BEAM_RAD)
     return {f"{what}; {beam}": (sensor, view) for beam, sensor in beams.items() for what, view in views.items()}
 
 

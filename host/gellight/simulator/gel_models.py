@@ -44,6 +44,11 @@ def gel_model(kind: GelKind, resolution_mm: float = RESOLUTION_MM) -> GelModel:
     return KeptPresses(FemGel(resolution_mm=resolution_mm)) if kind == "fem" else gel.press
 
 
+def kept_folder() -> Path:
+    """Return where presses are kept by default."""
+    return platformdirs.user_cache_path("gellight") / "presses"
+
+
 @dataclass(frozen=True)
 class KeptPresses:
     """A `GelModel` that keeps what finite elements found."""
@@ -61,7 +66,7 @@ class KeptPresses:
         """
         if press_depth_mm == 0:
             return self.model(object_height_mm, spacing_mm, press_depth_mm, geometry)
-        folder = self.folder or platformdirs.user_cache_path("gellight") / "presses"
+        folder = self.folder or kept_folder()
         path = folder / f"{self.key(object_height_mm, spacing_mm, press_depth_mm, geometry)}.npz"
         if path.exists():
             return _read(path, spacing_mm)

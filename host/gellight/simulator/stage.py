@@ -16,6 +16,8 @@ from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
 
 RETURN_FRAMES = 300
 """so long after a visitor's last touch the programme goes on"""
+OFFERED_DEPTH_MM = 0.8
+"""where the page's slider stands at first"""
 PROGRAMME = (
     Press("BALL", 1.0, 0.0, 0.0),
     Press("BALL", 1.5, -9.0, 4.0),
@@ -29,12 +31,22 @@ PROGRAMME = (
 def programme_of_presses() -> Iterator[Press | None]:
     """Yield what a virtual hand does in each frame, for ever: press in, hold, release, pause."""
     for press in itertools.cycle(PROGRAMME):
-        steps = np.linspace(0, 1, 6)[1:]
-        ramp = [replace(press, depth_mm=round(float(press.depth_mm * step), 3)) for step in steps]
+        ramp = _ramp(press)
         yield from (step for step in ramp for _ in range(2))
         yield from itertools.repeat(press, 90)
         yield from (step for step in reversed(ramp[:-1]) for _ in range(2))
         yield from itertools.repeat(None, 15)
+
+
+def presses_of_the_demo() -> list[tuple[str, float]]:
+    """Return object and depth of what the programme shows, and of each object as the page offers it at first."""
+    programme = {(step.object_name, step.depth_mm) for press in PROGRAMME for step in _ramp(press)}
+    return sorted(programme | {(name, OFFERED_DEPTH_MM) for name in OBJECT_NAMES})
+
+
+def _ramp(press: Press) -> list[Press]:
+    """Return the press at a fifth of its depth, two fifths and so on."""
+    return [replace(press, depth_mm=round(float(press.depth_mm * step), 3)) for step in np.linspace(0, 1, 6)[1:]]
 
 
 class Stage:

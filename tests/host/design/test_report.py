@@ -60,6 +60,12 @@ def test_the_heights_stay_above_the_gel_of_a_low_camera() -> None:
     assert all(0 < row.at_20_mm < 1 for row in rows)
 
 
+def test_a_beam_as_the_papers_is_one_reading_and_not_two() -> None:
+    assert len(comparison.fine_readings(SensorGeometry())) == 6
+    readings = comparison.fine_readings(SensorGeometry(beam_angle_rad=np.radians(160)))
+    assert [reading.split("; ")[1] for reading in readings] == ["beam of 160°"] * 3
+
+
 def test_objects_that_are_level_are_among_the_first_alike() -> None:
     errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
     level = CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
