@@ -37,9 +37,11 @@ def simulate() -> None:
 def press(
     object_name: Annotated[str, typer.Option("--object", help="An object of the simulator, or a closed .stl in mm.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write surface, pressure and report here.")],
-    depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep.")] = None,
-    force: Annotated[float | None, typer.Option("--force-n", help="With which force, instead of a depth.")] = None,
-    free: Annotated[bool, typer.Option("--free", help="Let the object tilt under the force.")] = False,
+    depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep, mm.")] = None,
+    force: Annotated[float | None, typer.Option("--force-n", help="With which force, N, instead of a depth.")] = None,
+    free: Annotated[
+        bool, typer.Option("--free", help="Let the object tilt under the force; it neither slides nor spins.")
+    ] = False,
     load_at: Annotated[
         tuple[float, float] | None,
         typer.Option(
@@ -50,7 +52,9 @@ def press(
     resolution: Annotated[
         float, typer.Option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
     ] = 0.3,
-    friction: Annotated[float, typer.Option("--friction", min=0, max=2, help="Coefficient, finite elements.")] = 0.0,
+    friction: Annotated[
+        float, typer.Option("--friction", min=0, max=2, help="Coefficient; in finite elements, to a depth.")
+    ] = 0.0,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
