@@ -33,8 +33,8 @@ DOORS = {
         "simulator/gel_models.py", "simulator/one_press.py", "simulator/read_noise.py", "simulator/scene.py",
         "simulator/selfcheck.py",
         "simulator/selfcheck_bounds.py", "simulator/simulated_camera.py", "simulator/stage.py", "design/",
-        "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py", "evaluation/dataset.py", "evaluation/synthetic.py",
-        "evaluation/simulated_presses.py",
+        "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py", "evaluation/dataset.py", "evaluation/demo_presses.py",
+        "evaluation/synthetic.py", "evaluation/simulated_presses.py",
     ),
     "cv2": (
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",

@@ -7,6 +7,7 @@ writing.py   files written whole or not at all, flushed to the disk
 locking.py   locks on files, on Windows too
 mailbox.py   keeps the newest item, from thread to thread
 logs.py      what a service says: lines for people, or JSON
+parent.py    a process that ends with the one that started it
 turns.py     a lock whose users take turns
 holders.py   who else has a device open
 service_manager.py   what systemd is told of a service

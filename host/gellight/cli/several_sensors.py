@@ -4,7 +4,6 @@ import json
 import logging
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from multiprocessing.connection import Connection
 
 from gellight.base import logs
 from gellight.base.errors import CameraError, ConfigError, GellightError
+from gellight.base.parent import end_with_parent
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.cli.ending import Ending, end
@@ -178,16 +178,8 @@ def work(settings: Settings, running: Running, reports: Connection) -> None:
     """Run one sensor, and say how it is; exit as `gellight run` does."""
     os.environ.pop("NOTIFY_SOCKET", None)  # the parent speaks to the service manager
     logs.configure(settings.service.log, settings.sensor.url)
-    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    end_with_parent()  # nobody else could make the LEDs dark
     end(partial(_stream, settings, running, reports))
-
-
-def _end_with_parent() -> None:
-    """End when the parent is gone, however it ended: nobody else could make the LEDs dark."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _stream(settings: Settings, running: Running, reports: Connection) -> None:

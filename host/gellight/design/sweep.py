@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 import platformdirs
 
 from gellight.base.errors import InputError
+from gellight.base.parent import end_with_parent
 from gellight.base.writing import write_file
 
 logger = logging.getLogger(__name__)
@@ -207,6 +208,12 @@ def _computed(numbered: list[tuple[int, Task]], options: SweepOptions) -> Genera
             ) from None
 
 
+def _begin_worker() -> None:
+    # Ctrl-C in a terminal reaches the workers too; they leave it to the process that started them.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
+
+
 @contextmanager
 def executor(options: SweepOptions) -> Iterator[Executor]:
     """Yield the pool that runs the tasks: processes of this machine, or a Dask cluster.
@@ -216,10 +223,7 @@ def executor(options: SweepOptions) -> Iterator[Executor]:
     if options.scheduler is None:
         # Not forked: a progress bar's thread may hold a lock at that moment.
         context = multiprocessing.get_context("forkserver")
-        # Ctrl-C in a terminal reaches the workers too; they leave it to this process.
-        with ProcessPoolExecutor(
-            options.workers, context, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
-        ) as pool:
+        with ProcessPoolExecutor(options.workers, context, initializer=_begin_worker) as pool:
             try:
                 yield pool
             except BaseException:

@@ -3,6 +3,9 @@
 import logging
 import os
 import signal
+import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +28,8 @@ from gellight.design.sweep import (
 )
 from sim_reference.optimizer import plain
 from sim_reference.optimizer.exposing import LightGroups
+from tests.helpers.children import started
+from tests.helpers.places import CHECKOUT
 from tests.helpers.studies import FEW, setup
 
 calls: list[int] = []
@@ -141,6 +146,43 @@ def test_the_timing_says_how_many_times_faster_the_sweep_is() -> None:
 def die(number: int) -> int:
     os.kill(os.getpid(), signal.SIGKILL)
     return number
+
+
+def linger(folder: str) -> None:
+    """Say which process this is, and work for long."""
+    (Path(folder) / str(os.getpid())).touch()
+    time.sleep(100)
+
+
+SWEEP = """
+import sys
+from pathlib import Path
+from gellight.design.sweep import ResultStore, SweepOptions, Task, run_all
+from tests.host.design.test_sweep import linger
+if __name__ == "__main__":
+    folder = sys.argv[1]
+    tasks = [Task(str(at), linger, (folder + f"/{at}",)) for at in range(2)]
+    run_all(tasks, SweepOptions(store=ResultStore(Path(folder) / "store"), workers=2))
+"""
+
+
+def test_workers_end_with_the_sweep_that_is_killed(tmp_path: Path) -> None:
+    for at in range(2):
+        (tmp_path / str(at)).mkdir()
+    (tmp_path / "sweep.py").write_text(SWEEP)
+    environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
+    with started([sys.executable, tmp_path / "sweep.py", tmp_path], env=environment) as sweep:
+        wait_until(lambda: len(list(tmp_path.glob("[01]/*"))) == 2)
+        sweep.kill()
+        workers = [Path("/proc") / path.name for path in tmp_path.glob("[01]/*")]
+        wait_until(lambda: not any(worker.exists() for worker in workers))
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + 60
+    while not done():
+        assert time.monotonic() < end_s
+        time.sleep(0.05)
 
 
 def test_a_worker_that_was_killed_is_reported(options: SweepOptions) -> None:
