@@ -30,8 +30,8 @@ TORCH_FILES = {"network.py", "torch_trainer.py"}
 FORBIDDEN_HOST = {"torch", "gelnet"}
 DOORS = {
     "sim_reference": (
-        "simulator/gel_models.py", "simulator/one_press.py", "simulator/read_noise.py", "simulator/scene.py",
-        "simulator/selfcheck.py",
+        "simulator/gel_models.py", "simulator/memory.py", "simulator/one_press.py", "simulator/read_noise.py",
+        "simulator/scene.py", "simulator/selfcheck.py",
         "simulator/selfcheck_bounds.py", "simulator/simulated_camera.py", "simulator/stage.py", "design/",
         "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py", "evaluation/dataset.py", "evaluation/demo_presses.py",
         "evaluation/synthetic.py", "evaluation/simulated_presses.py",

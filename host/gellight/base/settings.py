@@ -49,8 +49,8 @@ class GeometrySettings(StrictModel):
 
     What is not given is as in the paper where it gives a figure: gel 50 mm across and 5 mm thick, camera 40 mm from it,
     12 LEDs (`RRRRGGGGBBBB`) at a mounting height of 20 mm, tilted by 29 degrees. It gives none for the ring radius
-    (ours: 21.5 mm), Poisson's ratio (0.49), the coating (0.1 mm) and the image size (640 x 480 with 0.0588 mm a pixel).
-    The beam is 120 degrees, as the data sheet of the LED has it; the paper simulates 160.
+    (ours: 21.5 mm), Poisson's ratio (0.49), the coating (0.1 mm) and the image size (640 x 480, each pixel 2.5 times
+    the paper's 0.02352 mm). The beam is 120 degrees, as the data sheet of the LED has it; the paper simulates 160.
 
     A simulated sensor is built by all of these. With a real sensor the calibration uses the colours of the LEDs, and
     photometric stereo uses the ring.

@@ -27,7 +27,7 @@ from gellight.design.sweep import (
     run_study,
 )
 from gellight.simulator.gel_models import RESOLUTION_MM, GelKind
-from gellight.simulator.one_press import check_memory, free_memory
+from gellight.simulator.memory import check_memory
 from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
@@ -75,7 +75,7 @@ class Study(Answering, Sweeping):
             output.check_writable(self.out)
         sensor = read_geometry(self.geometry)
         if self.gel == "fem" and self.scheduler is None:
-            check_memory(self.resolution, sensor, free_memory(), self.workers or available_cores())
+            check_memory(self.resolution, sensor, self.workers or available_cores())
         setup = setup_of(sensor, self.press, self.relief, self.size, self.noise)
         return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
@@ -151,7 +151,7 @@ def report(
     output.check_writable(folder)
     setup = study.setup()
     if gels and study.scheduler is None:
-        check_memory(resolution_of(setup), setup.geometry, free_memory(), study.workers or available_cores())
+        check_memory(resolution_of(setup), setup.geometry, study.workers or available_cores())
     with study.sweep("studies") as options:
         results = run_all_studies(setup, options, timed=timed, gels=gels)
         path = reporting.write_report(results, folder)

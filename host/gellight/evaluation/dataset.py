@@ -27,7 +27,7 @@ from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
 from gellight.design.sweep import ResultStore, SweepOptions, Task, run_all
 from gellight.simulator.gel_models import GelKind, gel_model
-from gellight.simulator.one_press import check_memory, free_memory
+from gellight.simulator.memory import check_memory
 from gellight.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from sim_reference.camera import WHITE, CameraResponse, digitise
 from sim_reference.deformation import Deformation
@@ -104,7 +104,7 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
     simulated.
     """
     if request.gel == "fem" and options.scheduler is None:
-        check_memory(request.resolution_mm, request.geometry, free_memory(), options.workers)
+        check_memory(request.resolution_mm, request.geometry, options.workers)
     try:
         _describe(request, folder)
         same = replace(request, presses=0)  # More presses do not change those that are there.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from gellight.base.errors import InputError
 from gellight.design.sweep import SweepOptions, Task, run_all
 from gellight.simulator.gel_models import gel_model, kept_folder
-from gellight.simulator.one_press import check_memory, free_memory
+from gellight.simulator.memory import check_memory
 from gellight.simulator.stage import presses_of_the_demo
 from sim_reference.deformation import NotConverged
 from sim_reference.geometry import SensorGeometry
@@ -27,7 +27,7 @@ def press_ahead(resolution_mm: float, geometry: SensorGeometry, options: SweepOp
 
     Raises InputError for a mesh that does not fit the memory, and where presses cannot be kept.
     """
-    check_memory(resolution_mm, geometry, free_memory(), options.workers)
+    check_memory(resolution_mm, geometry, options.workers)
     tasks = [
         Task(f"{name} {depth:g} mm", keep_press, (name, depth, geometry, resolution_mm))
         for name, depth in presses_of_the_demo()

@@ -4,6 +4,7 @@ simulated_camera.py    the camera of sim://
 stage.py               what presses objects into its gel
 simulated_controls.py  its exposure, gain and white balance
 gel_models.py          the gel as a layer or by finite elements, whose presses are kept
+memory.py              whether finite elements fit the memory
 one_press.py           one object pressed, as files
 scene.py               what it looks at, computed once for a press
 read_noise.py          the noise of its camera

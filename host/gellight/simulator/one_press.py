@@ -7,7 +7,6 @@ report.json. While a press by finite elements is under way it also holds state.n
 import hashlib
 import io
 import json
-import os
 import resource
 import time
 from collections.abc import Callable
@@ -20,11 +19,11 @@ import numpy as np
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
 from gellight.simulator.gel_models import DAMAGED, GelKind, source_digest
+from gellight.simulator.memory import check_memory
 from gellight.simulator.scene import Array
 from sim_reference import gel
 from sim_reference.deformation import NotConverged, grid
 from sim_reference.fem.gel import FemGel, depth_under, solver_of
-from sim_reference.fem.mesh import vertices_needed
 from sim_reference.fem.newton import State, Step
 from sim_reference.fem.pressing import Checkpoint
 from sim_reference.geometry import SensorGeometry
@@ -33,8 +32,6 @@ from sim_reference.solids import height_map, read_stl
 from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
 
 SPACING_MM = GRID_EXTENT_MM / GRID_SIZE
-BYTES_PER_VERTEX = 40_000
-"""of a press by finite elements at its largest, from meshes of up to 7000 vertices; larger ones are extrapolated"""
 Progress = Callable[[Step], None]
 
 
@@ -128,29 +125,6 @@ def object_heights(name: str) -> Array:
         raise InputError(f"{name} cannot be pressed: {error}") from error
 
 
-def free_memory() -> int:
-    """Return how many bytes of memory are free."""
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-
-
-def check_memory(resolution_mm: float, geometry: SensorGeometry, available: int, processes: int = 1) -> None:
-    """Refuse a mesh that, made in each of `processes`, would not fit `available` bytes, before it is made."""
-
-    def needed(resolution: float) -> int:
-        return processes * vertices_needed(geometry, resolution) * BYTES_PER_VERTEX
-
-    if needed(resolution_mm) <= available:
-        return
-    fits = resolution_mm
-    while needed(fits) > available:
-        fits *= 1.1
-    each = f" in each of {processes} --workers" if processes > 1 else ""
-    raise InputError(
-        f"a mesh of {resolution_mm:g} mm{each} needs about {needed(resolution_mm) / 1e9:.1f} GB of memory and "
-        f"{available / 1e9:.1f} GB are free: {fits:.2g} mm fits"
-    )
-
-
 class _Progress:
     """Keeps the state of a press under way in the folder, and says how far it is."""
 
@@ -208,7 +182,7 @@ class _Progress:
 
 
 def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGeometry, progress: _Progress) -> _Result:
-    check_memory(request.resolution_mm, geometry, free_memory())
+    check_memory(request.resolution_mm, geometry)
     model = FemGel(resolution_mm=request.resolution_mm, friction=request.friction)
     depth = request.depth_mm
     if depth is None:

@@ -34,6 +34,7 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import MOST_LEDS
 from gellight.simulator.gel_models import GelKind, gel_model
+from gellight.simulator.memory import check_memory
 from gellight.simulator.read_noise import ReadNoise
 from gellight.simulator.scene import Array, Press, Scene
 from gellight.simulator.selfcheck import SelfCheck
@@ -238,13 +239,16 @@ class SimulatedUrl(BaseModel):
 def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
     """Open a simulated sensor as `url` says; `geometry` is how it differs from the default one.
 
-    Raises InputError for a parameter that is unknown or out of range, ConfigError for a sensor that cannot be built.
+    Raises InputError for a parameter that is unknown or out of range and for finite elements that do not fit the
+    memory, ConfigError for a sensor that cannot be built.
     """
     wanted = query_of(url, SimulatedUrl)
     sensor = built(geometry or {})
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
+    if wanted.gel == "fem":
+        check_memory(wanted.resolution, sensor)
     model = gel_model(wanted.gel, wanted.resolution)
     scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
     if wanted.board:

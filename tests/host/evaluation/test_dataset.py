@@ -114,7 +114,7 @@ def test_what_is_there_is_not_made_again_and_what_was_removed_is(tmp_path: Path)
 
 def test_another_data_set_is_not_mixed_in(tmp_path: Path) -> None:
     make(tmp_path, replace(REQUEST, presses=1))
-    with pytest.raises(InputError, match=r"another data set \(seed differ"):
+    with pytest.raises(InputError, match=r"another data set \(another seed\)"):
         make(tmp_path, replace(REQUEST, seed=6))
     (tmp_path / "dataset.json").write_text("{")
     with pytest.raises(InputError, match="another data set"):

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from gellight.base.errors import InputError
 from gellight.cli.main import app
 from gellight.design.benchmark_files import solid_stl
-from gellight.simulator.one_press import PressRequest, check_memory, object_heights, press_once
+from gellight.simulator.one_press import PressRequest, object_heights, press_once
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
 
@@ -150,9 +150,3 @@ def test_what_cannot_be_pressed_is_refused_with_what_works(tmp_path: Path, given
     assert isinstance(result.exception, InputError)
     assert reason in str(result.exception)
     assert not (tmp_path / "p/press.npz").exists()
-
-
-def test_a_mesh_is_refused_that_the_memory_does_not_hold() -> None:
-    check_memory(0.3, GEOMETRY, 8 * 10**9)
-    with pytest.raises(InputError, match=r"0\.3 mm needs about .* GB .*: 0\.\d+ mm fits"):
-        check_memory(0.3, GEOMETRY, 10**9)
