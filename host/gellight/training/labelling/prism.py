@@ -18,14 +18,13 @@ from scipy import optimize, special
 
 from gellight.base.errors import InputError
 from gellight.reconstruction.pixel_grid import block_means
+from gellight.training.labelling.fitting import FittedShape, without
 from gellight.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
-    FittedShape,
     Window,
     check_clipped,
     difference_image,
-    without,
 )
 from gellight.training.labelling.search import explained
 from gellight.training.prisms import PrismPress
