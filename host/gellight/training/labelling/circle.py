@@ -12,13 +12,13 @@ from gellight.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
     STEEPEST,
-    FreeResponse,
     PressShape,
     Window,
     background,
     check_clipped,
     difference_image,
     fitted,
+    free_response,
     starts,
     window,
 )
@@ -138,7 +138,7 @@ def fit_circle(
 ) -> tuple[PressShape, PressCircle]:
     """Fit the pattern to the (H, W, 3) difference image around a first guess of the circle, px, with free response."""
     pixels = window(difference, center, contact_radius, ball_radius)
-    residual, few = FreeResponse(pixels, ball_radius), FreeResponse(pixels.few(), ball_radius)
+    residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
     guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
     shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
     return shape, judged(shape, pixels, residual.left(shape), ball_radius)

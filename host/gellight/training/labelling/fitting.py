@@ -6,9 +6,9 @@ changes by dA, the best amounts c change too, so that (Golub and Pereyra, variab
     dr = -P dA c - A+' dA' r,    P takes off what A explains, A+' is the transposed pseudo-inverse of A.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields
-from typing import Protocol, Self, TypeVar
+from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,32 @@ class Columns:
         room = _BLOCK * values.shape[1]
         turned, *_ = lapack.dormqr("L", which, self._reflections, self._scales, values, room)
         return np.asarray(turned)
+
+
+class FreeResponse(Generic[Shape]):
+    """What a shape leaves of colours when the response of the light to it is free."""
+
+    def __init__(self, colour: Array, columns: Callable[[Shape], Array], derivatives: Callable[[Shape], Array]) -> None:
+        """Take (N, 3) grey levels, the (N, M) pattern of a shape, and the (P, D, N) derivatives of its last D columns.
+
+        The other columns may change with the shape as long as their combinations stay the same.
+        """
+        self._colour, self._pattern, self._derivatives = colour, columns, derivatives
+        self._known: dict[Shape, Columns] = {}
+
+    def left(self, shape: Shape) -> Array:
+        """(N, 3) grey levels that no response of the light to this shape explains."""
+        return self._columns(shape).taken_off(self._colour)
+
+    def jacobian(self, shape: Shape) -> Array:
+        """(P, 3, N) the derivative of `left` to each number of the shape."""
+        return self._columns(shape).jacobian(self._colour, self._derivatives(shape))
+
+    def _columns(self, shape: Shape) -> Columns:
+        """Return the columns; the Jacobian is asked for where `left` was last."""
+        if shape not in self._known:
+            self._known = {shape: Columns(self._pattern(shape))}
+        return self._known[shape]
 
 
 def without(columns: Array, values: Array) -> Array:

@@ -16,13 +16,13 @@ from scipy import ndimage
 
 from gellight.base.errors import InputError
 from gellight.reconstruction.light_drift import light_drift
-from gellight.training.labelling.fitting import Bounds, Columns, FittedShape, Residual, least
+from gellight.training.labelling.fitting import Bounds, FittedShape, FreeResponse, Residual, least
 
 Array = NDArray[np.float64]
 STEEPEST = 0.985
 """largest contact radius over ball radius: 80 degrees, steeper than any gel stays in touch"""
 _BLUR_PX = 0.8
-_FITTED_PIXELS, _FEW_PIXELS = 1200, 300
+_FITTED_PIXELS = 1200
 """chosen at random from the window: a thousand pixels give the circle to a tenth of a pixel"""
 _WINDOW = 1.6
 """in contact radii"""
@@ -139,8 +139,9 @@ class Window:
     """(N, 3) of the difference image, grey levels"""
 
     def few(self) -> "Window":
-        """Return a random quarter of the pixels, enough to tell which beginning leads to the ball."""
-        return Window(x=self.x[:_FEW_PIXELS], y=self.y[:_FEW_PIXELS], colour=self.colour[:_FEW_PIXELS])
+        """Return a quarter of the pixels, in random order: it tells which beginning leads to the object."""
+        few = len(self.x) // 4
+        return Window(x=self.x[:few], y=self.y[:few], colour=self.colour[:few])
 
 
 def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
@@ -179,29 +180,16 @@ def window(difference: Array, center: tuple[float, float], contact_radius: float
     return Window(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
 
 
-class FreeResponse:
-    """What a press leaves of the colours around it when the response of the light is free."""
+def free_response(pixels: Window, ball_radius: float) -> FreeResponse[PressShape]:
+    """Return what a press leaves of the colours around it when the response of the light is free."""
 
-    def __init__(self, pixels: Window, ball_radius: float) -> None:
-        """Look at pixels around a ball of a radius, px."""
-        self._pixels, self._ball_radius = pixels, ball_radius
-        self._known: dict[PressShape, Columns] = {}
+    def columns(shape: PressShape) -> Array:
+        at = pixels.x, pixels.y, shape, ball_radius
+        return np.concatenate([background(*at), response(*at)], axis=1)
 
-    def left(self, shape: PressShape) -> Array:
-        """(N, 3) grey levels that no response of the light to this shape explains."""
-        return self._columns(shape).taken_off(self._pixels.colour)
-
-    def jacobian(self, shape: PressShape) -> Array:
-        """(6, 3, N) the derivative of `left` to each number of the shape."""
-        derivatives = response_derivatives(self._pixels.x, self._pixels.y, shape, self._ball_radius)
-        return self._columns(shape).jacobian(self._pixels.colour, derivatives)
-
-    def _columns(self, shape: PressShape) -> Columns:
-        """Return the columns; the Jacobian is asked for where `left` was last."""
-        if shape not in self._known:
-            at = self._pixels.x, self._pixels.y, shape, self._ball_radius
-            self._known = {shape: Columns(np.concatenate([background(*at), response(*at)], axis=1))}
-        return self._known[shape]
+    return FreeResponse(
+        pixels.colour, columns, lambda shape: response_derivatives(pixels.x, pixels.y, shape, ball_radius)
+    )
 
 
 def starts(center: tuple[float, float], contact_radius: float, ball_radius: float) -> list[PressShape]:
