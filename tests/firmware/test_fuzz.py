@@ -13,7 +13,7 @@ from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, decode, encode
 from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
-from tests.firmware.helpers.mutations import LOGIC, Mutation, planted
+from tests.firmware.helpers.mutations import CORE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -98,14 +98,31 @@ def test_the_corpus_reaches_the_core(tmp_path: Path) -> None:
     assert {name: share for name, share in reached.items() if share < LEAST_REACHED[name]} == {}
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, for its ASan")
-def test_the_tests_of_the_core_pass_under_asan(tmp_path: Path) -> None:
-    library = compile_library(tmp_path / "core.so", "address,undefined")
+NEEDS_ASAN = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, for its ASan")
+
+
+def core_under_asan(folder: Path, checkout: Path) -> subprocess.CompletedProcess[str]:
+    library = compile_library(folder / "core.so", "address,undefined", checkout=checkout)
     asan = subprocess.run(
         ["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
     ).stdout.strip()
-    done = run_core_tests(library, LD_PRELOAD=asan, ASAN_OPTIONS="detect_leaks=0")
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return run_core_tests(library, LD_PRELOAD=asan, ASAN_OPTIONS="detect_leaks=0")
+
+
+@NEEDS_ASAN
+def test_the_tests_of_the_core_pass_under_asan(tmp_path: Path) -> None:
+    done = core_under_asan(tmp_path, CHECKOUT)
+    assert done.returncode == 0, f"ended with {done.returncode}:\n{done.stdout[-3000:]}\n{done.stderr}"
+
+
+@NEEDS_ASAN
+def test_the_report_of_the_sanitizer_is_shown(copied_firmware: Path, tmp_path: Path) -> None:
+    fault = Mutation("written past the colours", f"{CORE}/ring.c", "i < COLOUR_BYTES; i += 3", "i < 4000000u; i += 3")
+    with planted(fault, copied_firmware) as checkout:
+        done = core_under_asan(tmp_path, checkout)
+    assert done.returncode != 0
+    assert "ERROR: AddressSanitizer: " in done.stderr, done.stderr
+    assert "ring_wire_order" in done.stderr, done.stderr
 
 
 def tell(board: BenchBoard, story: bytes) -> None:

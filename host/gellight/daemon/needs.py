@@ -1,6 +1,5 @@
 """What a calibration needs, for the check list of the wizard before it begins."""
 
-from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -9,9 +8,6 @@ from pydantic import BaseModel, ConfigDict
 from gellight.base.errors import GellightError
 from gellight.calibration.readiness import check_room
 from gellight.daemon.daemon import Daemon
-from gellight.training.trainer import chosen_trainer
-
-TRAINERS = {"torch": "PyTorch", "numpy": "NumPy"}
 
 
 class Need(BaseModel):
@@ -25,9 +21,12 @@ class Need(BaseModel):
     text: str
 
 
+TRAINER = Need(name="training", state="ready", text="by NumPy, nothing to install")
+
+
 def needs(daemon: Daemon, folder: Path, presses: int) -> tuple[Need, ...]:
     """Return the check list of a calibration that keeps so many presses in `folder`."""
-    return (*_tools(daemon), _light(daemon), _camera(daemon), _room(daemon, folder, presses), _trainer())
+    return (*_tools(daemon), _light(daemon), _camera(daemon), _room(daemon, folder, presses), TRAINER)
 
 
 def _tools(daemon: Daemon) -> tuple[Need, ...]:
@@ -62,8 +61,3 @@ def _room(daemon: Daemon, folder: Path, presses: int) -> Need:
     except GellightError as error:
         return Need(name="disk", state="missing", text=str(error))
     return Need(name="disk", state="ready", text=f"{free_bytes / 1e9:.1f} GB free")
-
-
-@cache
-def _trainer() -> Need:
-    return Need(name="training", state="ready", text=f"by {TRAINERS[chosen_trainer('auto')]}, nothing to install")

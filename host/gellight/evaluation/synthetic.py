@@ -15,7 +15,7 @@ from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.simulator.scene import Press, Scene
 from gellight.training.child import Progress, run_module, silent
-from gellight.training.trainer import TrainerName, chosen_trainer
+from gellight.training.trainer import TrainerName, checked_trainer
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
@@ -128,7 +128,7 @@ def make_synthetic(
     recipe: str = "fast",
     seed: int = 0,
     threads: int = 1,
-    trainer: TrainerName = "auto",
+    trainer: TrainerName = "numpy",
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> Bundle:
@@ -139,7 +139,7 @@ def make_synthetic(
     with tempfile.TemporaryDirectory(prefix="gellight-synthetic-") as folder:
         place = Path(folder)
         arguments = ["--out", folder, "--width", str(width), "--recipe", recipe, "--seed", str(seed)]
-        run_module("gelnet.synthetic", arguments, progress, trainer=chosen_trainer(trainer), threads=threads)
+        run_module("gelnet.synthetic", arguments, progress, trainer=checked_trainer(trainer), threads=threads)
         training = json.loads((place / "training.json").read_text())
         draft = _written(place, place / "draft", {"training": training})
         # Measured through the bundle as it will be loaded, then written once with what was measured.

@@ -13,7 +13,7 @@ _rehearsed: dict[TrainerName, str] = {}
 """what trained, by what was asked for: a process tries it once"""
 
 
-def rehearse(trainer: TrainerName = "auto", *, check: Check = go_on) -> str:
+def rehearse(trainer: TrainerName = "numpy", *, check: Check = go_on) -> str:
     """Train a network of one unit for one epoch; return what trained it, with its version.
 
     Raises TrainingError where nothing can be trained.

@@ -1,6 +1,7 @@
-"""What trains: PyTorch where it is installed, NumPy everywhere else.
+"""What trains: NumPy, or PyTorch where a user asks for it.
 
-Both train the same network by the same recipes, in a child process. This is the one place that chooses between them.
+Both train the same network by the same recipes, in a child process. NumPy takes less than half of the processor time
+(`python -m tests.benchmarks.training`), and PyTorch has to be loaded first.
 """
 
 import importlib.util
@@ -11,14 +12,13 @@ from gellight.base.errors import InputError
 
 logger = logging.getLogger(__name__)
 
-TrainerName = Literal["auto", "torch", "numpy"]
+TrainerName = Literal["numpy", "torch"]
 
 
-def chosen_trainer(wanted: TrainerName) -> Literal["torch", "numpy"]:
-    """Return what trains; "auto" is torch where it is installed. InputError for a torch that is not."""
+def checked_trainer(wanted: TrainerName) -> TrainerName:
+    """Return what trains; InputError for a torch that is not installed."""
     installed = importlib.util.find_spec("torch") is not None
     if wanted == "torch" and not installed:
         raise InputError('PyTorch is not installed: pip install "gellight[torch]", or train with numpy')
-    chosen: Literal["torch", "numpy"] = "torch" if installed and wanted != "numpy" else "numpy"
-    logger.info("%s trains the network (asked for: %s; PyTorch installed: %s)", chosen, wanted, installed)
-    return chosen
+    logger.info("%s trains the network (PyTorch installed: %s)", wanted, installed)
+    return wanted

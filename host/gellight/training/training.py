@@ -25,7 +25,7 @@ from gellight.training.gel_at_rest import rest_of_presses
 from gellight.training.labelling.refinement import refine as refinement_of
 from gellight.training.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
 from gellight.training.prisms import PrismPress, with_prisms
-from gellight.training.trainer import TrainerName, chosen_trainer
+from gellight.training.trainer import TrainerName, checked_trainer
 
 Floats = NDArray[np.float32]
 RECIPES = ("fast", "thorough", "paper")
@@ -44,7 +44,7 @@ class TrainingOptions:
     seed: int = 0
     epochs: int | None = None
     threads: int = 1
-    trainer: TrainerName = "auto"
+    trainer: TrainerName = "numpy"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ def train(
             "gelnet.train",
             ["--table", str(place / "table.npz"), "--out", folder, *chosen],
             progress,
-            trainer=chosen_trainer(options.trainer),
+            trainer=checked_trainer(options.trainer),
             threads=options.threads,
             check=check,
         )

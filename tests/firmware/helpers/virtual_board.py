@@ -55,12 +55,15 @@ def _run(command: list[str]) -> None:
 
 
 def run_core_tests(library: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run the tests of the core on a library, to the first failure; without plugins, which take longer than they do."""
+    """Run the tests of the core on a library, to the first failure; without plugins, which take longer than they do.
+
+    Nothing is captured in between: what a sanitizer says before it ends the process would be lost.
+    """
     files = (CHECKOUT / "tests/firmware").glob("test_core*.py")
     tests = [str(path) for path in sorted(files, key=lambda path: ("config" in path.name, path.name))]  # long ones last
     plain = {"GELLIGHT_CORE_LIBRARY": str(library), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests],
+        [sys.executable, "-m", "pytest", "-q", "-x", "-s", "-p", "no:cacheprovider", *tests],
         cwd=CHECKOUT, env=os.environ | plain | environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
 

@@ -11,7 +11,8 @@ from gellight.base.errors import InputError, TrainingError
 from gellight.sensor.findings import Level
 from gellight.training import child, rehearsal, trainer
 from gellight.training.rehearsal import check_trainer, rehearse
-from gellight.training.trainer import chosen_trainer
+from gellight.training.trainer import checked_trainer
+from gellight.training.training import TrainingOptions
 
 
 @pytest.fixture
@@ -24,18 +25,18 @@ def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rehearsal, "_rehearsed", {})
 
 
-def test_torch_trains_where_it_is_and_numpy_where_it_is_asked_for() -> None:
-    assert chosen_trainer("auto") == chosen_trainer("torch") == "torch"
-    assert chosen_trainer("numpy") == "numpy"
+def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
+    assert TrainingOptions().trainer == "numpy"
+    with caplog.at_level("INFO", logger=trainer.__name__):
+        assert [checked_trainer("numpy"), checked_trainer("torch")] == ["numpy", "torch"]
+    assert "numpy trains the network" in caplog.text
 
 
 @pytest.mark.usefixtures("without_torch")
-def test_without_torch_numpy_trains(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level("INFO", logger=trainer.__name__):
-        assert chosen_trainer("auto") == chosen_trainer("numpy") == "numpy"
-    assert "numpy trains the network" in caplog.text
+def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
+    assert checked_trainer("numpy") == "numpy"
     with pytest.raises(InputError, match=r'pip install "gellight\[torch\]"'):
-        chosen_trainer("torch")
+        checked_trainer("torch")
 
 
 @pytest.mark.parametrize("name", ["numpy", "torch"])
@@ -52,19 +53,18 @@ def test_doctor_names_what_trains() -> None:
     assert finding.text.startswith("numpy ")
 
 
+@pytest.mark.parametrize(("library", "name"), [("torch", "torch"), ("onnx", "numpy")])
 def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    library: str, name: trainer.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A torch that is installed and broken: what it depends on is missing."""
-    (tmp_path / "torch.py").write_text("raise ImportError('libgomp.so.1 is missing')")
+    """One that is installed and broken: what it depends on is missing. A broken torch leaves NumPy alone."""
+    (tmp_path / f"{library}.py").write_text("raise ImportError('libgomp.so.1 is missing')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(TrainingError, match=r"libgomp.so.1 is missing.*--trainer"):
-        rehearse()
+        rehearse(name)
     finding = check_trainer()
-    assert finding.level is Level.WARNING
-    assert "libgomp.so.1 is missing" in finding.text
-    assert "--trainer" in finding.remedy
-    assert rehearse("numpy").startswith("numpy")
+    assert finding.level is (Level.OK if library == "torch" else Level.WARNING)
+    assert ("libgomp.so.1 is missing" in finding.text) == ("--trainer" in finding.remedy) == (library == "onnx")
 
 
 def test_a_process_rehearses_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,7 +39,7 @@ Prisms = Annotated[
     typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it"),
 ]
 Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]
-Trainer = Annotated[TrainerName, typer.Option(help="auto: torch where it is installed")]
+Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Training:
     recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), paper (the longest)")] = "thorough"
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
     threads: Threads = 1
-    trainer: Trainer = "auto"
+    trainer: Trainer = "numpy"
 
     def __post_init__(self) -> None:
         """Refuse a recipe that does not exist."""
@@ -185,7 +185,7 @@ def synthetic(
     recipe: Annotated[str, typer.Option(help="fast: as the bundle that comes with GelLight; thorough; paper")] = "fast",
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0,
     threads: Threads = 1,
-    trainer: Trainer = "auto",
+    trainer: Trainer = "numpy",
     as_json: AsJson = False,
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.training.labelling.fitting import cost, without
 from gellight.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
@@ -17,10 +18,9 @@ from gellight.training.labelling.pattern import (
     check_clipped,
     difference_image,
     fitted,
-    left_over,
+    free_response,
     starts,
     window,
-    without,
 )
 from gellight.training.labelling.search import Candidate, best_candidate, candidates
 from gellight.training.presses import Ball
@@ -138,9 +138,10 @@ def fit_circle(
 ) -> tuple[PressShape, PressCircle]:
     """Fit the pattern to the (H, W, 3) difference image around a first guess of the circle, px, with free response."""
     pixels = window(difference, center, contact_radius, ball_radius)
-    begin = starts(center, contact_radius, ball_radius)
-    shape = fitted(lambda tried: left_over(pixels, tried, ball_radius), begin, ball_radius)
-    return shape, judged(shape, pixels, left_over(pixels, shape, ball_radius), ball_radius)
+    residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
+    guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
+    shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
+    return shape, judged(shape, pixels, residual.left(shape), ball_radius)
 
 
 def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -> PressCircle:

@@ -8,17 +8,15 @@ depth (a gel that is lit white darkens with it), with unknown coefficients for e
 robust least squares, with these coefficients eliminated.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, fields
-from typing import Any, Self
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, optimize
-from scipy.linalg import lapack
+from scipy import ndimage
 
 from gellight.base.errors import InputError
 from gellight.reconstruction.light_drift import light_drift
+from gellight.training.labelling.fitting import Bounds, FittedShape, FreeResponse, Residual, least
 
 Array = NDArray[np.float64]
 STEEPEST = 0.985
@@ -28,8 +26,6 @@ _FITTED_PIXELS = 1200
 """chosen at random from the window: a thousand pixels give the circle to a tenth of a pixel"""
 _WINDOW = 1.6
 """in contact radii"""
-_ROBUST_GREY = 4.0
-"""residuals beyond it count by their size, not its square: scratches, shadows, dust"""
 _STARTS = (0.35, 0.65, 1.0)
 """of the radius first guessed: a wide flat skirt looks like contact, so smaller circles are tried too"""
 DARK_GREY = 8.0
@@ -38,22 +34,6 @@ LEAST_QUALITY = 0.8
 """share of what changed that the pattern of an object must explain to be believed"""
 _MOST_CLIPPED = 0.2
 """of the values in the contact: one channel of three may lose half of its slopes, and the contact is still known"""
-_BLOCK = 64
-"""columns that LAPACK works on at a time"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FittedShape:
-    """Numbers that are fitted together."""
-
-    def vector(self) -> Array:
-        """The numbers in their order."""
-        return np.array(astuple(self))
-
-    @classmethod
-    def of(cls, vector: Array) -> Self:
-        """Take the numbers."""
-        return cls(**dict(zip((field.name for field in fields(cls)), vector.tolist(), strict=True)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +62,34 @@ def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Arr
     return slope, depth
 
 
+def _profile_derivatives(dx: Array, dy: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Array]:
+    """Return the (6, N) derivatives of slope and depth to each number of the shape, at pixels from its centre."""
+    r = np.maximum(np.hypot(dx, dy), 1e-9)
+    a, share, step_length, skirt_length = astuple(shape)[2:]
+    inside, beyond = r <= a, np.maximum(r - a, 0)
+    fast, slow = np.exp(-beyond / step_length), np.exp(-beyond / skirt_length)
+    step, skirt = share * fast, (1 - share) * slow
+    rim_height = np.sqrt(ball_radius**2 - a**2)
+    rim_slope, steeper = a / rim_height, ball_radius**2 / rim_height**3
+    slope, _ = profile(r, shape, ball_radius)
+    falling = rim_slope * (step / step_length + skirt / skirt_length)
+    outwards = np.where(inside, ball_radius**2 / (ball_radius**2 - np.minimum(r, a) ** 2) ** 1.5, -falling)
+    slopes = np.where(inside, 0.0, [
+        steeper * (step + skirt) + falling,
+        rim_slope * (fast - slow),
+        rim_slope * step * beyond / step_length**2,
+        rim_slope * skirt * beyond / skirt_length**2,
+    ])  # fmt: skip
+    depths = [
+        steeper * (step_length * step + skirt_length * skirt) + rim_slope * np.where(inside, 1.0, step + skirt),
+        rim_slope * (step_length * fast - skirt_length * slow),
+        rim_slope * step * (1 + beyond / step_length),
+        rim_slope * skirt * (1 + beyond / skirt_length),
+    ]
+    away = -np.stack([dx, dy]) / r
+    return np.concatenate([outwards * away, slopes]), np.concatenate([-slope * away, depths])
+
+
 def background(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
     """(N, 3) light that drifted since the reference: a constant and a slow change over the view."""
     return np.stack([np.ones_like(x), (x - shape.center_x) / ball_radius, (y - shape.center_y) / ball_radius], axis=1)
@@ -99,6 +107,26 @@ def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array
     return np.stack(columns, axis=1)
 
 
+def response_derivatives(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
+    """(6, 9, N) derivative of `response` to each number of the shape."""
+    dx, dy = x - shape.center_x, y - shape.center_y
+    r = np.maximum(np.hypot(dx, dy), 1e-9)
+    slope, _ = profile(r, shape, ball_radius)
+    slopes, depths = _profile_derivatives(dx, dy, shape, ball_radius)
+    cosine = 1 / np.sqrt(1 + slope**2)
+    lean, bent = slope * cosine / r, 1 - cosine
+    nx, ny = lean * dx, lean * dy
+    # Of a centre: r changes by -dx / r, and the direction of the lean turns.
+    leans, bents = cosine**3 * slopes / r, slope * cosine**3 * slopes
+    leans[:2] += lean * np.stack([dx, dy]) / r**2
+    nxs, nys = leans * dx, leans * dy
+    nxs[0] -= lean
+    nys[1] -= lean
+    products = [bents * nx + bent * nxs, bents * ny + bent * nys, 2 * bent * bents]
+    squares = [2 * (nx * nxs - ny * nys), nxs * ny + nx * nys]
+    return np.stack([nxs, nys, bents, *products, *squares, depths / ball_radius], axis=1)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
     """Pixels around a press."""
@@ -109,6 +137,11 @@ class Window:
     """(N,) px"""
     colour: Array
     """(N, 3) of the difference image, grey levels"""
+
+    def few(self) -> "Window":
+        """Return a quarter of the pixels, in random order: it tells which beginning leads to the object."""
+        few = len(self.x) // 4
+        return Window(x=self.x[:few], y=self.y[:few], colour=self.colour[:few])
 
 
 def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
@@ -147,23 +180,16 @@ def window(difference: Array, center: tuple[float, float], contact_radius: float
     return Window(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
 
 
-def without(columns: Array, values: Array) -> Array:
-    """Return what is left of (N, K) values when their best combination of (N, M) columns, M < N, is taken off.
+def free_response(pixels: Window, ball_radius: float) -> FreeResponse[PressShape]:
+    """Return what a press leaves of the colours around it when the response of the light is free."""
 
-    By Householder's reflections, which are applied and never multiplied out: half the time of a fit goes in here.
-    """
-    reflections, scales, *_ = lapack.dgeqrf(columns)
-    room = _BLOCK * values.shape[1]
-    turned, *_ = lapack.dormqr("L", "T", reflections, scales, values, room)
-    turned[: columns.shape[1]] = 0
-    rest, *_ = lapack.dormqr("L", "N", reflections, scales, turned, room, overwrite_c=True)
-    return np.asarray(rest)
+    def columns(shape: PressShape) -> Array:
+        at = pixels.x, pixels.y, shape, ball_radius
+        return np.concatenate([background(*at), response(*at)], axis=1)
 
-
-def left_over(pixels: Window, shape: PressShape, ball_radius: float) -> Array:
-    """(N, 3) grey levels that no response of the light to this shape explains."""
-    columns = [of(pixels.x, pixels.y, shape, ball_radius) for of in (background, response)]
-    return without(np.concatenate(columns, axis=1), pixels.colour)
+    return FreeResponse(
+        pixels.colour, columns, lambda shape: response_derivatives(pixels.x, pixels.y, shape, ball_radius)
+    )
 
 
 def starts(center: tuple[float, float], contact_radius: float, ball_radius: float) -> list[PressShape]:
@@ -180,24 +206,10 @@ def starts(center: tuple[float, float], contact_radius: float, ball_radius: floa
     ]
 
 
-def fitted(left: Callable[[PressShape], Array], begin: Sequence[PressShape], ball_radius: float) -> PressShape:
-    """Return the shape for which `left`, grey levels, is least, from the best of several beginnings."""
-    solutions = [_solved(left, shape, ball_radius) for shape in begin]
-    return PressShape.of(min(solutions, key=lambda found: float(found.cost)).x)
-
-
-def _solved(left: Callable[[PressShape], Array], begin: PressShape, ball_radius: float) -> Any:
+def fitted(residual: Residual[PressShape], begin: PressShape, ball_radius: float) -> PressShape:
+    """Return the shape that leaves least, from one beginning; ball_radius in px."""
     r = ball_radius
     low = [begin.center_x - r, begin.center_y - r, 0.05 * r, 0.0, 0.02 * r, 0.3 * r]
     high = [begin.center_x + r, begin.center_y + r, STEEPEST * r, 1.0, 0.5 * r, 5 * r]
-    return optimize.least_squares(
-        lambda vector: left(PressShape.of(vector)).ravel(),
-        np.clip(begin.vector(), low, high),
-        x_scale=[1, 1, 1, 0.1, 1, 5],
-        bounds=(low, high),
-        loss="soft_l1",
-        f_scale=_ROBUST_GREY,
-        diff_step=1e-3,
-        ftol=1e-6,
-        max_nfev=30,
-    )
+    inside = PressShape.of(np.clip(begin.vector(), low, high))
+    return least(residual, inside, Bounds(low=low, high=high, scale=(1, 1, 1, 0.1, 1, 5), evaluations=30))

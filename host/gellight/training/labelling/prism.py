@@ -1,32 +1,27 @@
 """The edge and the two faces of a prism that is pressed into the gel, or the reason why there are none.
 
-A prism touches with a straight edge, and the gel lies on both faces: there its slope is the tangent of the angle
-between a face and the gel at rest, to either side. Beside the contact the slope falls in a step and a long skirt, as
-beside a ball; at the edge the coating rounds it. How the light answers is not known and is solved for by least squares
-(`pattern`), so what is fitted is where the edge lies, how wide the contact is and how it ends.
+A prism touches with a straight edge. How the light answers is not known and is solved for by least squares, so what is
+fitted (`prism_pattern`) is where the edge lies, how wide the contact is and how it ends.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import atan, cos, degrees, hypot, pi, sin, tan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special
 
 from gellight.base.errors import InputError
 from gellight.reconstruction.pixel_grid import block_means
+from gellight.training.labelling.fitting import Bounds, Residual, cost, least, without
 from gellight.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
-    FittedShape,
     Window,
     check_clipped,
     difference_image,
-    without,
 )
+from gellight.training.labelling.prism_pattern import EdgeShape, columns, face, free_response, response
 from gellight.training.labelling.search import explained
 from gellight.training.prisms import PrismPress
 
@@ -36,7 +31,6 @@ LEAST_FACE_PX = 5.0
 MOST_LEAN_DEG, MOST_RISE_DEG = 4.0, 2.0
 """how far the prism may lean to one side, and its edge rise, before the angle of its faces says little"""
 _FITTED_PIXELS = 1500
-_ROBUST_GREY = 4.0
 _COARSE_PX = 64.0
 """the longer side of the shrunken image that is searched"""
 _TURNS = np.arange(12) * pi / 12
@@ -118,30 +112,6 @@ class PrismContact:
         return hypot(self.edge_x2_px - self.edge_x1_px, self.edge_y2_px - self.edge_y1_px)
 
 
-@dataclass(frozen=True, kw_only=True)
-class EdgeShape(FittedShape):
-    """The pattern of a prism: its numbers are fitted; lengths in px."""
-
-    turn: float
-    """of the edge, rad from x towards y"""
-    offset: float
-    """of the edge from the middle of the window, across it"""
-    before: float
-    """width of the face on the side of smaller offsets, in the middle"""
-    behind: float
-    widening: float = 0.0
-    """of both faces per px along the edge"""
-    rounding: float = 2.0
-    """of the edge: standard deviation of a Gaussian"""
-    step_share: float = 0.5
-    step_length: float = 3.0
-    skirt_length: float = 30.0
-
-    def along_across(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return how far places lie along the edge and across it, px; x and y from the middle of the window."""
-        return x * cos(self.turn) + y * sin(self.turn), y * cos(self.turn) - x * sin(self.turn) - self.offset
-
-
 def find_prism(image: NDArray[np.uint8], reference: NDArray[np.number], *, angle_rad: float) -> PrismContact:
     """Find the edge of a prism in one (H, W, 3) image, without any calibration of the light.
 
@@ -151,11 +121,11 @@ def find_prism(image: NDArray[np.uint8], reference: NDArray[np.number], *, angle
     slope = tan(angle_rad)
     difference = difference_image(image, reference)
     middle, shape = _first_guess(difference, slope)
-    reach = _LONG * _face(shape)
-    pixels = _window(difference, middle, shape, (-reach, reach))
-    shape = _fitted(pixels, shape, slope)
-    ends = _ends(difference, middle, shape, slope)
-    pixels = _window(difference, middle, shape, ends)
+    reach = _LONG * face(shape)
+    shape = _fitted(_strip(difference, middle, shape).window((-reach, reach)), shape, slope)
+    strip = _strip(difference, middle, shape)
+    ends = _ends(strip, shape, slope)
+    pixels = strip.window(ends)
     shape = _fitted(pixels, shape, slope)
     contact = _contact(middle, shape, ends, pixels, slope, image.shape)
     _check(contact)
@@ -163,52 +133,20 @@ def find_prism(image: NDArray[np.uint8], reference: NDArray[np.number], *, angle
     return contact
 
 
-def response(along: Array, across: Array, shape: EdgeShape, slope: float) -> Array:
-    """(N, 5) pattern of the prism: across the edge the lean of the normal, how upright it is, their product; depth."""
-    signed, depth = _profile(along, across, shape, slope)
-    cosine = 1 / np.sqrt(1 + signed**2)
-    lean, bent = signed * cosine, 1 - cosine
-    far = along / max(shape.before, shape.behind)
-    return np.stack([lean, bent, lean * bent, lean * far, depth / _face(shape)], axis=1)
-
-
-def _profile(along: Array, across: Array, shape: EdgeShape, slope: float) -> tuple[Array, Array]:
-    """Slope across the edge (falling counts positive) and depth (px, 0 at the rim of the contact)."""
-    wide = np.where(across < 0, shape.before, shape.behind) + shape.widening * along
-    distance = np.abs(across)
-    beyond = np.maximum(distance - wide, 0)
-    step = shape.step_share * np.exp(-beyond / shape.step_length)
-    skirt = (1 - shape.step_share) * np.exp(-beyond / shape.skirt_length)
-    signed = slope * special.erf(across / shape.rounding / 2**0.5) * (step + skirt)
-    depth = np.maximum(wide - distance, 0) + shape.step_length * step + shape.skirt_length * skirt
-    return np.asarray(signed), np.asarray(slope * depth)
-
-
-def _columns(pixels: Window, shape: EdgeShape, slope: float) -> Array:
-    """(N, 8) light that drifted, and the response."""
-    along, across = shape.along_across(pixels.x, pixels.y)
-    reach = _face(shape)
-    drift = [np.ones_like(pixels.x), pixels.x / reach, pixels.y / reach]
-    return np.column_stack([*drift, response(along, across, shape, slope)])
-
-
-def _face(shape: EdgeShape) -> float:
-    return (shape.before + shape.behind) / 2
-
-
 def _first_guess(difference: Array, slope: float) -> tuple[tuple[float, float], EdgeShape]:
     """Middle of the window, px, and the shape, by a matched filter over places, turns and widths."""
     side = max(1, round(max(difference.shape[:2]) / _COARSE_PX))
     small: Array = block_means(difference, side)
     best: tuple[float, tuple[int, int], EdgeShape] | None = None
-    for face in _FACES:
-        reach = min(int(np.ceil(_LONG * face)), min(small.shape[:2]) // 2 - 1)
+    for width in _FACES:
+        reach = min(int(np.ceil(_LONG * width)), min(small.shape[:2]) // 2 - 1)
         steps = np.arange(-reach, reach + 1, dtype=np.float64)
         x, y = np.tile(steps, len(steps)), np.repeat(steps, len(steps))
         for turn in _TURNS:
             shape = EdgeShape(
-                turn=turn, offset=0, before=face, behind=face, rounding=0.5, step_length=face / 4, skirt_length=2 * face
-            )
+                turn=turn, offset=0, before=width, behind=width, rounding=0.5,
+                step_length=width / 4, skirt_length=2 * width,
+            )  # fmt: skip
             along, across = shape.along_across(x, y)
             pattern = response(along, across, shape, slope)[:, [0, 1, 4]]
             pattern *= (np.hypot(along, across) <= reach)[:, None]
@@ -223,59 +161,65 @@ def _first_guess(difference: Array, slope: float) -> tuple[tuple[float, float], 
     return middle, replace(shape, before=wide, behind=wide, rounding=2.0, step_length=wide / 4, skirt_length=2 * wide)
 
 
-def _window(difference: Array, middle: tuple[float, float], shape: EdgeShape, ends: tuple[float, float]) -> Window:
-    """Choose pixels beside the edge, between its ends; the same ones each time."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Strip:
+    """Pixels of the difference image beside the edge."""
+
+    difference: Array
+    middle: tuple[float, float]
+    near: NDArray[np.intp]
+    """(N,) numbers of the pixels, row by row"""
+    along: Array
+    """(N,) how far each lies along the edge, px"""
+
+    def window(self, ends: tuple[float, float]) -> Window:
+        """Choose pixels between two places along the edge; the same ones each time."""
+        between = self.near[(self.along > ends[0]) & (self.along < ends[1])]
+        chosen = np.random.default_rng(0).choice(between, min(len(between), _FITTED_PIXELS), replace=False)
+        y, x = np.divmod(chosen, self.difference.shape[1])
+        return Window(x=x - self.middle[0], y=y - self.middle[1], colour=self.difference[y, x])
+
+
+def _strip(difference: Array, middle: tuple[float, float], shape: EdgeShape) -> _Strip:
     rows, columns = np.indices(difference.shape[:2], dtype=np.float64)
     along, across = shape.along_across(np.asarray(columns - middle[0]), np.asarray(rows - middle[1]))
-    reach = _SKIRT * max(shape.before, shape.behind)
-    near = np.flatnonzero((np.abs(across) < reach) & (along > ends[0]) & (along < ends[1]))
-    chosen = np.random.default_rng(0).choice(near, min(len(near), _FITTED_PIXELS), replace=False)
-    y, x = np.divmod(chosen, difference.shape[1])
-    return Window(x=x - middle[0], y=y - middle[1], colour=difference[y, x])
+    near = np.flatnonzero(np.abs(across) < _SKIRT * max(shape.before, shape.behind))
+    return _Strip(difference=difference, middle=middle, near=near, along=along.ravel()[near])
 
 
 def _fitted(pixels: Window, shape: EdgeShape, slope: float) -> EdgeShape:
     """Return the shape that leaves least of the colours; the best few of a grid of places and widths begin."""
 
-    def left(tried: EdgeShape) -> Array:
-        return without(_columns(pixels, tried, slope), pixels.colour)
-
+    residual, few = free_response(pixels, slope), free_response(pixels.few(), slope)
     grid = [
-        replace(shape, offset=shape.offset + place * _face(shape), before=share * shape.before,
+        replace(shape, offset=shape.offset + place * face(shape), before=share * shape.before,
                 behind=share * shape.behind, step_length=share * shape.step_length)
         for place in _PLACES for share in _SHARES
     ]  # fmt: skip
-    begin = sorted(grid, key=lambda one: float(np.abs(left(one)).sum()))[:_BEGIN]
-    return EdgeShape.of(min((_solved(left, one) for one in begin), key=lambda found: float(found.cost)).x)
+    begin = sorted(grid, key=lambda one: float(np.abs(residual.left(one)).sum()))[:_BEGIN]
+    guesses = [_solved(few, one) for one in begin]
+    return _solved(residual, min(guesses, key=lambda guess: cost(residual.left(guess))))
 
 
-def _solved(left: Callable[[EdgeShape], Array], begin: EdgeShape) -> Any:
-    wide = _face(begin)
+def _solved(residual: Residual[EdgeShape], begin: EdgeShape) -> EdgeShape:
+    wide = face(begin)
     low = [begin.turn - 0.4, begin.offset - 2 * wide, 0.15 * wide, 0.15 * wide, -0.2, 0.3, 0, 0.3, 0.5 * wide]
     high = [begin.turn + 0.4, begin.offset + 2 * wide, 4 * wide, 4 * wide, 0.2, wide, 1, wide, 10 * wide]
-    return optimize.least_squares(
-        lambda vector: left(EdgeShape.of(vector)).ravel(),
-        np.clip(begin.vector(), np.add(low, 1e-6), np.subtract(high, 1e-6)),
-        x_scale=[0.02, 1, 1, 1, 0.02, 0.3, 0.1, 1, 5],
-        bounds=(low, high),
-        loss="soft_l1",
-        f_scale=_ROBUST_GREY,
-        diff_step=1e-3,
-        ftol=1e-6,
-        max_nfev=40,
-    )
+    inside = EdgeShape.of(np.clip(begin.vector(), np.add(low, 1e-6), np.subtract(high, 1e-6)))
+    scale = (0.02, 1, 1, 1, 0.02, 0.3, 0.1, 1, 5)
+    return least(residual, inside, Bounds(low=low, high=high, scale=scale, evaluations=40))
 
 
-def _ends(difference: Array, middle: tuple[float, float], shape: EdgeShape, slope: float) -> tuple[float, float]:
+def _ends(strip: _Strip, shape: EdgeShape, slope: float) -> tuple[float, float]:
     """Return how far the pattern goes along the edge to both sides, px: slab by slab, as long as it explains them."""
-    wide = _face(shape)
+    wide = face(shape)
     ends = [-_LONG * wide, _LONG * wide]
     for side, sign in ((0, -1), (1, 1)):
         while True:
-            inside = _window(difference, middle, shape, (ends[0], ends[1]))
-            amounts, *_ = np.linalg.lstsq(_columns(inside, shape, slope), inside.colour, rcond=None)
+            inside = strip.window((ends[0], ends[1]))
+            amounts, *_ = np.linalg.lstsq(columns(inside, shape, slope), inside.colour, rcond=None)
             further = ends[side] + sign * _SLAB * wide
-            slab = _window(difference, middle, shape, (min(ends[side], further), max(ends[side], further)))
+            slab = strip.window((min(ends[side], further), max(ends[side], further)))
             if len(slab.x) < _SLAB * wide * _SKIRT * wide or _unlike(
                 slab, shape, slope, np.asarray(amounts, np.float64)
             ):
@@ -288,7 +232,7 @@ def _unlike(slab: Window, shape: EdgeShape, slope: float, amounts: Array) -> boo
     """Whether a response that fits elsewhere along the edge leaves much of a slab unexplained."""
     even = np.ones((len(slab.x), 1))
     seen = without(even, slab.colour)
-    left = seen - without(even, _columns(slab, shape, slope) @ amounts)
+    left = seen - without(even, columns(slab, shape, slope) @ amounts)
     return bool((left**2).sum() > (1 - _LIKE) * (seen**2).sum())
 
 
@@ -303,7 +247,7 @@ def _contact(
     quality, contrast = _judged(shape, pixels, slope)
     across = (-sin(shape.turn), cos(shape.turn))
     foot = middle[0] + shape.offset * across[0], middle[1] + shape.offset * across[1]
-    inset = _SLAB * _face(shape)  # the gel leaves the faces before their ends
+    inset = _SLAB * face(shape)  # the gel leaves the faces before their ends
     inner = _clipped(foot, shape.turn, (ends[0] + inset, ends[1] - inset), image_shape)
     x1, x2 = (foot[0] + end * cos(shape.turn) for end in inner)
     y1, y2 = (foot[1] + end * sin(shape.turn) for end in inner)
@@ -337,9 +281,9 @@ def _clipped(
 
 def _judged(shape: EdgeShape, pixels: Window, slope: float) -> tuple[float, float]:
     """Share of what changed that the pattern explains, and its root mean square on the faces, grey levels."""
-    columns = _columns(pixels, shape, slope)
-    changed = without(columns[:, :3], pixels.colour)
-    left = without(columns, pixels.colour)
+    pattern = columns(pixels, shape, slope)
+    changed = without(pattern[:, :3], pixels.colour)
+    left = without(pattern, pixels.colour)
     _, across = shape.along_across(pixels.x, pixels.y)
     faces = (-shape.before < across) & (across < shape.behind)
     quality = 1 - (left**2).sum() / max((changed**2).sum(), 1e-12)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.training.labelling.circle import fit_circle
+from gellight.training.labelling.fitting import without
 from gellight.training.labelling.pattern import (
     LEAST_QUALITY,
     STEEPEST,
@@ -31,8 +32,8 @@ from gellight.training.labelling.pattern import (
     difference_image,
     fitted,
     response,
+    response_derivatives,
     window,
-    without,
 )
 from gellight.training.presses import Ball, Press
 
@@ -172,8 +173,12 @@ def _extent(reference: NDArray[np.number]) -> tuple[float, float]:
 def _columns(pixels: Window, shape: PressShape, ball: Ball, extent: tuple[float, float]) -> Array:
     """(N, K) the response at each pixel, changing linearly over the view."""
     pattern = response(pixels.x, pixels.y, shape, ball.radius_px)
-    across, down = pixels.x / extent[0] - 0.5, pixels.y / extent[1] - 0.5
-    return np.concatenate([pattern, pattern * across[:, None], pattern * down[:, None]], axis=1)
+    return np.concatenate([pattern * share[:, None] for share in _over_the_view(pixels, extent)], axis=1)
+
+
+def _over_the_view(pixels: Window, extent: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """(N,) what the response is at each pixel: a constant, and what changes across and down the view."""
+    return np.ones_like(pixels.x), pixels.x / extent[0] - 0.5, pixels.y / extent[1] - 0.5
 
 
 def _normal_equations(fit: _Fit, ball: Ball, extent: tuple[float, float]) -> tuple[Array, Array]:
@@ -194,13 +199,36 @@ def _solve(square: Array, right: Array) -> Array:
 
 def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, float]) -> _Fit:
     """Fit the circle to a response that is given."""
-    pixels = fit.pixels
+    residual = GivenResponse(pixels=fit.pixels, coefficients=coefficients, ball=ball, extent=extent)
+    return replace(fit, shape=fitted(residual, fit.shape, ball.radius_px))
 
-    def left(shape: PressShape) -> Array:
-        drift = background(pixels.x, pixels.y, shape, ball.radius_px)
-        return without(drift, pixels.colour - _columns(pixels, shape, ball, extent) @ coefficients)
 
-    return replace(fit, shape=fitted(left, [fit.shape], ball.radius_px))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GivenResponse:
+    """What a press leaves of the colours around it when the response of the light is given."""
+
+    pixels: Window
+    coefficients: Array
+    """(K, 3)"""
+    ball: Ball
+    extent: tuple[float, float]
+
+    def left(self, shape: PressShape) -> Array:
+        """(N, 3) grey levels."""
+        explained = _columns(self.pixels, shape, self.ball, self.extent) @ self.coefficients
+        return without(self._drift(shape), self.pixels.colour - explained)
+
+    def jacobian(self, shape: PressShape) -> Array:
+        """(6, 3, N) the derivative of `left` to each number of the shape."""
+        derivatives = response_derivatives(self.pixels.x, self.pixels.y, shape, self.ball.radius_px)
+        shares = _over_the_view(self.pixels, self.extent)
+        parts = zip(np.split(self.coefficients, len(shares)), shares, strict=True)
+        moved = np.sum([part.T @ derivatives * share for part, share in parts], axis=0)
+        left = without(self._drift(shape), -moved.reshape(-1, len(self.pixels.x)).T)
+        return left.T.reshape(moved.shape)
+
+    def _drift(self, shape: PressShape) -> Array:
+        return background(self.pixels.x, self.pixels.y, shape, self.ball.radius_px)
 
 
 def _move(fit: _Fit) -> Array:

@@ -10,9 +10,10 @@ from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.training.labelling import find_circle
 from gellight.training.labelling.circle import PressCircle, find_circles
-from gellight.training.labelling.pattern import PressShape, profile, response
+from gellight.training.labelling.pattern import PressShape, free_response, profile, response, window
 from gellight.training.labelling.plate import plate_grid
 from gellight.training.presses import Ball
+from tests.helpers.derivatives import slope
 from tests.helpers.places import REAL_IMAGES
 
 SHAPE = (200, 260)
@@ -52,6 +53,20 @@ def test_the_slope_is_that_of_the_ball_inside_and_the_depth_is_its_integral() ->
     slope, depth = profile(r, shape, 40.0)
     np.testing.assert_allclose(slope[r < 25], r[r < 25] / np.sqrt(1600 - r[r < 25] ** 2))
     np.testing.assert_allclose(-np.gradient(depth, r)[r != 25], slope[r != 25], atol=0.02)
+
+
+STEEP = PressShape(
+    center_x=131.2, center_y=99.4, contact_radius=30.0, step_share=0.7, step_length=3.0, skirt_length=80.0
+)
+
+
+@pytest.mark.parametrize("shape", [PressShape(center_x=129.3, center_y=101.4, contact_radius=20.0), STEEP])
+def test_the_jacobian_of_the_fit_is_that_of_finite_differences(shape: PressShape) -> None:
+    difference = photograph((130.3, 100.7, 24.0)) - reference()
+    residual = free_response(window(difference, (130, 100), 24.0, BALL.radius_px), BALL.radius_px)
+    at = shape.vector()
+    differences = [slope(lambda vector: residual.left(PressShape.of(vector)).T, at, one) for one in np.eye(len(at))]
+    np.testing.assert_allclose(residual.jacobian(shape), differences, atol=1e-6)
 
 
 REFUSED = {

@@ -12,6 +12,8 @@ from gellight.base.errors import InputError
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.simulator.scene import Press, Scene
 from gellight.training.labelling import PrismContact, find_prism
+from gellight.training.labelling.pattern import Window
+from gellight.training.labelling.prism_pattern import EdgeShape, free_response
 from gellight.training.presses import PressTable, TableOptions
 from gellight.training.prisms import read_prisms, with_prisms
 from sim_reference import gel
@@ -19,6 +21,7 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NO_OBJECT, Deformation, grid
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface
+from tests.helpers.derivatives import slope
 from tests.helpers.fem_presses import picture
 
 GEOMETRY = SensorGeometry()
@@ -85,6 +88,15 @@ def test_an_edge_is_where_it_was_pressed_and_its_labels_are_the_gel_s_slopes(
     error = label_error_deg(found, surface)
     assert error.size > 1000
     assert error.mean() < 1.0
+
+
+def test_the_jacobian_of_the_fit_is_that_of_finite_differences() -> None:
+    random = np.random.default_rng(0)
+    x, y, colour = random.uniform(-60, 60, 900), random.uniform(-60, 60, 900), random.normal(0, 20, (900, 3))
+    residual = free_response(Window(x=x, y=y, colour=colour), math.tan(math.radians(30)))
+    at = EdgeShape(turn=0.4, offset=1.3, before=20.0, behind=14.0, widening=0.03, step_length=4.0).vector()
+    differences = [slope(lambda vector: residual.left(EdgeShape.of(vector)).T, at, one) for one in np.eye(len(at))]
+    np.testing.assert_allclose(residual.jacobian(EdgeShape.of(at)), differences, atol=1e-5)
 
 
 def test_a_prism_in_the_finite_element_gel_is_found() -> None:
