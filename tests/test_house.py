@@ -39,7 +39,7 @@ DOORS = {
     "cv2": (
         "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/image_files.py", "frames/video_files.py", "frames/view.py",
-        "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
+        "reconstruction/cast_shadows.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "reconstruction/photometric/reconstructor.py", "report/pictures.py", "report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",

@@ -19,6 +19,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.gelnet import BLOCK_ROWS
 from gellight.reconstruction.jacobian import constants_of, read_model
 from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.pipeline import Form, Reconstructor
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
@@ -107,7 +108,8 @@ def over(bundle: Bundle, reference: NDArray[Any]) -> Bundle:
     """Return a bundle with another (H, W, 3) reference image of any size; good for times, not for depths."""
     height, width = reference.shape[:2]
     size = {"image_width_px": width, "image_height_px": height}
-    other = replace(bundle, manifest=bundle.manifest.model_copy(update=size))
+    files = {name: content for name, content in bundle.files.items() if name != LIGHTS}  # which are of its own size
+    other = replace(bundle, manifest=bundle.manifest.model_copy(update=size), files=files)
     return other.with_reference(np.ascontiguousarray(reference, np.float32), frames=bundle.manifest.reference_frames)
 
 

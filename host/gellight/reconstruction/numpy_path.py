@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.reconstruction.at_rest import far_from_touch
+from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.lens.undistortion import Undistortion
@@ -30,6 +31,7 @@ class NumpyPath:
         network: GradientNetwork,
         cells: CellNetwork | None,
         undistortion: Undistortion | None,
+        shadows: CastShadows | None,
         *,
         smoothing_px: int,
         masked: bool,
@@ -37,7 +39,7 @@ class NumpyPath:
     ) -> None:
         """Take the parts; see `pipeline.Reconstructor`. cells: without, every touched pixel goes through `network`."""
         self._bundle, self._network, self._cells = bundle, network, cells
-        self._undistortion = undistortion
+        self._undistortion, self._shadows = undistortion, shadows
         self._smoother = Smoother(smoothing_px)
         self._masked = masked
         self._clock = clock
@@ -55,14 +57,20 @@ class NumpyPath:
         if self._masked and not cells.any():
             return self._flat.frame(camera_frame, difference, stages)
         touched = spread_blocks(cells, CELL_PX, self._bundle.image_shape)
-        slopes = self._slopes(difference, cells, touched)
+        answered = self._slopes(difference, cells, touched)
         # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
-        slopes, noise = self._smoother.narrow(slopes)
+        slopes, noise = self._smoother.narrow(answered)
         stages.end("gradient")
         if self._undistortion is not None:
             slopes, touched = self._undistortion.apply(slopes, touched)
             stages.end("lens")
         depth_mm = self._depth(slopes, touched)
+        if (
+            self._shadows
+            and (change := self._shadows.change(difference, depth_mm, np.moveaxis(slopes, 2, 0))) is not None
+        ):
+            slopes, noise = self._smoother.narrow(answered + np.moveaxis(change, 0, 2))
+            depth_mm = self._depth(slopes, touched)
         stages.end("depth")
         where = touched if self._masked else None
         gradient_map = self._smoother.of_surface(depth_mm, self._bundle.pixel_size_mm, slopes, noise, where=where)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
 from gellight.reconstruction.lens.undistortion import Undistortion
@@ -69,6 +70,7 @@ class Reconstructor:
         smoothing_px: int = NARROWEST_PX,
         masked: bool = True,
         undistorted: bool = True,
+        shadowed: bool = True,
         form: Form = Form.NATIVE,
         clock: Clock = time.perf_counter,
     ) -> None:
@@ -77,7 +79,8 @@ class Reconstructor:
         threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
         run the network only where the image differs from the reference; without, everywhere, pixel by pixel.
         undistorted: take the lens out of the maps where the bundle has one; without, they lie over the picture, as
-        labels do. form: how to compute; what the native form cannot do is computed by NumPy.
+        labels do. shadowed: give pixels the light back that the surface keeps from them, where the bundle knows its
+        LEDs. form: how to compute; what the native form cannot do is computed by NumPy.
         clock: that times the stages. Raises BundleError.
         """
         if FILE_NAME in bundle.files:
@@ -99,21 +102,27 @@ class Reconstructor:
         jacobian = jacobian_session(self._network.session) if masked and form is not Form.PIXELS else None
         cells = CellNetwork(self._network, jacobian) if jacobian else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
+        shadows = CastShadows.of_bundle(bundle, self._network) if shadowed else None
         numpy_path = NumpyPath(
-            bundle, self._network, cells, lens, smoothing_px=smoothing_px, masked=masked, clock=clock
+            bundle, self._network, cells, lens, shadows, smoothing_px=smoothing_px, masked=masked, clock=clock
         )
         self._path: TactilePath = numpy_path
         self._computed_by = f"NumPy, {'cells' if cells else 'pixels'}"
         if form is Form.NATIVE and masked:
-            self._go_native(numpy_path, cells, lens, smoothing_px, clock)
+            parts = cells, lens, shadows
+            self._go_native(numpy_path, parts, smoothing_px, clock)
 
     def _go_native(
-        self, judge: NumpyPath, cells: CellNetwork | None, lens: Undistortion | None, smoothing_px: int, clock: Clock
+        self,
+        judge: NumpyPath,
+        parts: tuple[CellNetwork | None, Undistortion | None, CastShadows | None],
+        smoothing_px: int,
+        clock: Clock,
     ) -> None:
         """Compute natively where a library fits this machine and answers as NumPy does; else say so in the log."""
         try:
             name, library = fitting_library()
-            path = NativePath(library, self.bundle, self._network, cells, lens, smoothing_px=smoothing_px, clock=clock)
+            path = NativePath(library, self.bundle, self._network, *parts, smoothing_px=smoothing_px, clock=clock)
             refuse_disagreement(path, judge, self.bundle)
         except NativePathError as reason:
             logger.warning("frames are computed by NumPy, which takes longer: %s", reason)

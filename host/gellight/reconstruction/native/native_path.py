@@ -14,6 +14,7 @@ from scipy import fft
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
+from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import THRESHOLD_MM
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
@@ -51,6 +52,7 @@ class NativePath:
         network: GradientNetwork,
         cells: CellNetwork | None,
         undistortion: Undistortion | None,
+        shadows: CastShadows | None,
         *,
         smoothing_px: int,
         clock: Clock = time.perf_counter,
@@ -62,7 +64,7 @@ class NativePath:
         if min(bundle.image_shape) < SMALLEST_PX:
             raise NativePathError(f"images of {bundle.image_shape} px are too small for it")
         self._c, self._bundle, self._network, self._cells = library, bundle, network, cells
-        self._undistortion = undistortion
+        self._undistortion, self._shadows = undistortion, shadows
         self._height, self._width = bundle.image_shape
         self._windows = Windows.of(smoothing_px) if smoothing_px >= 2 else None
         self._m = WorkMemory(bundle.image_shape, self._windows)
@@ -95,6 +97,10 @@ class NativePath:
         if touched_pixels is not None:
             stages.end("lens")
         depth_mm = self._depth(touched_pixels)
+        if self._shadows and (change := self._shadows.change(difference, depth_mm, self._m.measured)) is not None:
+            self._m.slopes += change
+            self._narrow()
+            depth_mm = self._depth(touched_pixels)
         stages.end("depth")
         self._widen(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
@@ -200,7 +206,7 @@ class NativePath:
         return touched
 
     def _depth(self, touched_pixels: Bools | None) -> Floats:
-        """Integrate the measured slopes; also differentiate the depth into `slopes` of the work memory."""
+        """Integrate the measured slopes; also differentiate the depth into `surface` of the work memory."""
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
         depth = np.empty(self._bundle.image_shape, np.float32)
         self._run("divergence", m.measured, depth, *size, m.work)
@@ -213,7 +219,7 @@ class NativePath:
             level = rest_level(depth, far_from_touch(touched_pixels), bulge)
         if not np.isfinite(level):
             raise ValueError("the gradient map has values that are NaN or infinite")
-        self._run("level_and_slopes", depth, float(level), m.slopes, *size, m.work)
+        self._run("level_and_slopes", depth, float(level), m.surface, *size, m.work)
         return depth
 
     def _resting(self, depth: Floats) -> Floats:
@@ -237,15 +243,15 @@ class NativePath:
         reach, energies = windows.reach, windows.energies
         sizes = (m.kept_rows, left, top, right, bottom)
         self._run(
-            "widen", m.slopes, m.measured, m.noise, windows.taps, reach, energies, m.small, m.changes, m.work, *sizes
+            "widen", m.surface, m.measured, m.noise, windows.taps, reach, energies, m.small, m.changes, m.work, *sizes
         )
 
     def _normals(self, depth_mm: Floats) -> tuple[Floats, Floats]:
         m = self._m
         if self._undistortion is not None:
-            depth_mm[~self._undistortion.seen], m.slopes[:, ~self._undistortion.seen] = 0, 0
+            depth_mm[~self._undistortion.seen], m.surface[:, ~self._undistortion.seen] = 0, 0
         gradient_map, normal_map = (np.empty((self._height, self._width, k), np.float32) for k in (2, 3))
-        self._run("slopes_and_normals", m.slopes, gradient_map, normal_map)
+        self._run("slopes_and_normals", m.surface, gradient_map, normal_map)
         return gradient_map, normal_map
 
     def _contact(self, depth_mm: Floats) -> Contact:

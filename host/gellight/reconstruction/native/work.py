@@ -29,7 +29,7 @@ class WorkMemory:
         self.rows = _floats(max(h * w, 4096), 5)
         self.planes, self.coarse_planes = _floats(11, h, w), _floats(11, coarse_h, coarse_w)
         self.doubts = _floats(2, h, w)
-        self.slopes, self.measured = _floats(2, height, width), _floats(2, height, width)
+        self.slopes, self.measured, self.surface = (_floats(2, height, width) for _ in range(3))
         self.noise, self.energy = _floats(2, h, w), _floats(h, w)
         self.factors, self.column = elimination(image_shape), np.zeros(height)
         self.small = _floats(14, h, w)

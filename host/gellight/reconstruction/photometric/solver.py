@@ -11,7 +11,9 @@ the lights: brightness, vignetting, the tint of the coating. So I = L (rho n) wi
 (Woodham 1980; near light: Iwahori et al. 1990), solved by least squares in grey levels, in which the noise is equal.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,17 +41,26 @@ class Points:
 def light_rows(points: Points, references: Floats, ring: RingGeometry) -> Floats:
     """Return the rows L (K, 3, N) at the points, for references R (K, N) in grey levels; one light an LED."""
     rows = np.empty((len(references), 3, len(points.x_mm)), references.dtype)
-    for k, (position, axis) in enumerate(zip(ring.positions_mm().tolist(), ring.axes().tolist(), strict=True)):
-        x, y, z = position[0] - points.x_mm, position[1] - points.y_mm, position[2] - points.z_mm
-        sideways = x * x + y * y
-        ratio = (sideways + position[2] ** 2) / (sideways + z * z)
-        across = x * axis[0] + y * axis[1]
-        leaving = (across + z * axis[2]) / (across + position[2] * axis[2])
-        # (d0/d)^3 from distance and direction; the cosine to the axis has another d0/d in it, to the power m.
-        m = ring.emission_exponent
-        factor = references[k] * ratio ** ((3 + m) / 2) * np.maximum(leaving, 0) ** m / position[2]
-        rows[k, 0], rows[k, 1], rows[k, 2] = factor * x, factor * y, factor * z
+    for k, (position, axis) in enumerate(zip(ring.positions_mm(), ring.axes(), strict=True)):
+        rows[k] = light_row(points, references[k], position.tolist(), axis.tolist(), ring.emission_exponent)
     return rows
+
+
+def light_row(
+    points: Points, reference: Floats, position: Sequence[Any], axis: Sequence[Any], exponent: float
+) -> Floats:
+    """Return L (3, N) for one LED, or for as many as there are points: position and axis (3,) or (3, N).
+
+    reference: (N,) R. exponent: m.
+    """
+    x, y, z = position[0] - points.x_mm, position[1] - points.y_mm, position[2] - points.z_mm
+    sideways = x * x + y * y
+    ratio = (sideways + position[2] ** 2) / (sideways + z * z)
+    across = x * axis[0] + y * axis[1]
+    leaving = (across + z * axis[2]) / (across + position[2] * axis[2])
+    # (d0/d)^3 from distance and direction; the cosine to the axis has another d0/d in it, to the power m.
+    factor = reference * ratio ** ((3 + exponent) / 2) * np.maximum(leaving, 0) ** exponent / position[2]
+    return np.stack([factor * x, factor * y, factor * z])
 
 
 def solve(signals: Floats, rows: Floats, valid: Bools) -> Floats:
