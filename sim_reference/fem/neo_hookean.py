@@ -1,11 +1,14 @@
 """The elastic energy of the gel: a compressible Neo-Hookean solid, in units of its shear modulus times mm3.
 
-    W = sum over tetrahedra of V (|F|^2 - 3 - 2 log det F) / 2  +  sum over patches of V lambda/2 (log J)^2
+    W = sum over tetrahedra of V ((|F|^2 - 3) / 2 - log det F + own/2 (log det F)^2)
+        + sum over patches of V (lambda - own)/2 (log J)^2
 
 F is the deformation gradient of a tetrahedron, V a volume at rest, lambda = 2 nu / (1 - 2 nu), and J is how many times
-its volume at rest a patch has. A linear tetrahedron alone cannot bend without changing its volume: with each
-tetrahedron's own det F in place of J, a nearly incompressible gel locks (test_fem_gel.py measures it). A patch is up to
-eight tetrahedra that were one before three halvings (`mesh.Mesh.patch`); only their common volume is kept.
+its volume at rest a patch has. A linear tetrahedron alone cannot bend without changing its volume: with all of lambda
+on each tetrahedron's own det F, a nearly incompressible gel locks (test_fem_gel.py measures it). A patch is up to eight
+tetrahedra that were one before three halvings (`mesh.Mesh.patch`), and holds their common volume. With all of lambda on
+patches, single tetrahedra collapse under steep walls, to a tenth of their volume and less. So each holds its own volume
+with `own`, one shear modulus (as Puso and Solberg stabilise nodal integration, IJNME 67, 2006).
 
 With b_a = F^-T grad N_a, the gradient of corner a's shape function in the deformed tetrahedron, d(det F)/dx_a is
 det F b_a, and all below follows from that. Sums over the mesh are made in `assembly`.
@@ -23,6 +26,8 @@ from sim_reference.fem.mesh import Indices, Mesh
 Array = NDArray[np.float64]
 PATCH_CORNERS = 10
 """a tetrahedron has four corners and the middles of six edges; a cube of the first level has eight corners"""
+OWN_MODULUS = 1.0
+"""shear moduli: what of lambda each tetrahedron has itself. More locks, less lets tetrahedra collapse"""
 AT_ONCE = 2048
 """tetrahedra: what is in between stays in the processor's cache"""
 
@@ -51,7 +56,9 @@ class NeoHookean:
         """
         if not 0 <= poisson_ratio < 0.5:
             raise ValueError(f"Poisson's ratio {poisson_ratio}: give 0 to below 0.5, 0.499 is the nearest that works")
-        self.lame = 2 * poisson_ratio / (1 - 2 * poisson_ratio)
+        lame = 2 * poisson_ratio / (1 - 2 * poisson_ratio)
+        self.own = min(lame, OWN_MODULUS)
+        self.of_patch = lame - self.own
         self.tets = np.sort(mesh.tets, axis=1)
         """(T, 4) in ascending order"""
         self.patch = mesh.patch if patches else np.arange(len(mesh.tets))
@@ -83,8 +90,9 @@ class NeoHookean:
         strain = self.strain(at)
         if not (strain.volume_ratio > 0).all():
             return np.inf
-        distortion = inner(strain.gradient, strain.gradient) - 3 - 2 * np.log(strain.volume_ratio)
-        dilatation = self.lame * np.log(strain.patch_ratio) ** 2
+        log = np.log(strain.volume_ratio)
+        distortion = inner(strain.gradient, strain.gradient) - 3 - 2 * log + self.own * log**2
+        dilatation = self.of_patch * np.log(strain.patch_ratio) ** 2
         return float(self.volume @ distortion + self.patch_volume @ dilatation) / 2
 
     def gradient(self, at: Array) -> Array:
@@ -98,10 +106,10 @@ class NeoHookean:
     def hessians(self, at: Array, *, project: bool) -> tuple[Array, Array]:
         """Return the shares of d2W/dx_a dx_b for pairs a < b of corners: of tetrahedra (3, 3, 6, T), and of patches.
 
-        Tetrahedron: V ((grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T). Patch, (3, 3, 45, P):
-        V w'' (dJ/dx_a) (dJ/dx_b)^T with w = lambda/2 (log J)^2. `project` makes each positive semidefinite. Moving all
-        corners alike costs nothing, so the pairs also give the shares of a = b (`assembly`). The next call overwrites
-        the arrays.
+        Tetrahedron, with c = own (1 - log det F): V ((grad N_a . grad N_b) I + (q + c) b_a b_b^T + (1 - q) b_b b_a^T).
+        Patch, (3, 3, 45, P): V w'' (dJ/dx_a) (dJ/dx_b)^T with w = (lambda - own)/2 (log J)^2. `project` makes each
+        positive semidefinite. Moving all corners alike costs nothing, so the pairs also give the shares of a = b
+        (`assembly`). The next call overwrites the arrays.
         """
         strain = self.strain(at)
         tension, spatial = self._tension(strain), np.empty_like(self.shape_gradient)
@@ -109,9 +117,10 @@ class NeoHookean:
             now = slice(begin, begin + AT_ONCE)
             of_corners, volume, q = self.shape_gradient[..., now], self.volume[now], tension[now]
             spatial[..., now] = product(strain.cofactors[..., now], of_corners) / strain.volume_ratio[now]
-            found = _tet_hessians(of_corners, spatial[..., now], q)
+            bulk = self.own * (1 - np.log(strain.volume_ratio[now]))
+            found = _tet_hessians(of_corners, spatial[..., now], q, bulk)
             if project:
-                found += _lift(strain.gradient[..., now], q, of_corners)
+                found += _lift(strain.gradient[..., now], q, bulk, of_corners)
             np.multiply(volume, found, out=self._tet_shares[..., now])
         return self._tet_shares, self._patch_hessians(strain, spatial, project=project)
 
@@ -120,16 +129,17 @@ class NeoHookean:
         shares = self.volume * strain.volume_ratio / self.patch_volume[self.patch] * spatial
         change = np.stack([np.bincount(self._slot, share.ravel(), PATCH_CORNERS * patches) for share in shares])
         change = change.reshape(3, PATCH_CORNERS, patches)
-        curvature = self.lame * (1 - np.log(ratio)) / ratio**2
+        curvature = self.of_patch * (1 - np.log(ratio)) / ratio**2
         weighed = self.patch_volume * (np.maximum(curvature, 0) if project else curvature) * change
         for pair, (a, b) in enumerate(pairs(PATCH_CORNERS)):
             np.multiply(weighed[:, None, a], change[None, :, b], out=self._patch_shares[:, :, pair])
         return self._patch_shares
 
     def _tension(self, strain: Strain) -> Array:
-        """(T,) q = w'(J) det F, the tension that keeps the volume: negative in compression."""
+        """(T,) q = w'(J) det F + own log det F, the tension that keeps the volume: negative in compression."""
         ratio = strain.patch_ratio
-        return np.asarray((self.lame * np.log(ratio) / ratio)[self.patch] * strain.volume_ratio)
+        of_patch = (self.of_patch * np.log(ratio) / ratio)[self.patch] * strain.volume_ratio
+        return np.asarray(of_patch + self.own * np.log(strain.volume_ratio))
 
 
 def pairs(corners: int) -> list[tuple[int, int]]:
@@ -156,11 +166,11 @@ def patch_corners(tets: Indices, patch: Indices) -> tuple[Indices, Indices]:
     return vertices, (corner * count + of_patch)[place]
 
 
-def _tet_hessians(shape_gradient: Array, spatial: Array, tension: Array) -> Array:
-    """Return (grad N_a . grad N_b) I + q b_a b_b^T + (1 - q) b_b b_a^T of all pairs, (3, 3, 6, T)."""
+def _tet_hessians(shape_gradient: Array, spatial: Array, tension: Array, bulk: Array) -> Array:
+    """Return (grad N_a . grad N_b) I + (q + c) b_a b_b^T + (1 - q) b_b b_a^T of all pairs, (3, 3, 6, T)."""
     first, second = np.transpose(pairs(4))
     b_a, b_b = spatial[:, first], spatial[:, second]
-    result = (tension * b_a)[:, None] * b_b[None]
+    result = ((tension + bulk) * b_a)[:, None] * b_b[None]
     result += ((1 - tension) * b_b)[:, None] * b_a[None]
     along = (shape_gradient[:, first] * shape_gradient[:, second]).sum(axis=0)
     for axis in range(3):
@@ -168,7 +178,7 @@ def _tet_hessians(shape_gradient: Array, spatial: Array, tension: Array) -> Arra
     return np.asarray(result)
 
 
-def _lift(gradient: Array, tension: Array, shape_gradient: Array) -> Array:
+def _lift(gradient: Array, tension: Array, bulk: Array, shape_gradient: Array) -> Array:
     """Return what makes the negative eigenvalues of each tetrahedron's Hessian 0, for all pairs (3, 3, 6, T).
 
     In the frame of F = U diag(s) V^T the nine eigenmatrices of d2W/dF2 are known: three stretches U diag(e) V^T with e
@@ -181,7 +191,7 @@ def _lift(gradient: Array, tension: Array, shape_gradient: Array) -> Array:
     first, second = np.transpose(pairs(4))
     across = product(transposed(right), shape_gradient)
     one, other = across[:, first], across[:, second]
-    framed = _stretch_lift(s, tension)[:, :, None] * one[:, None] * other[None]
+    framed = _stretch_lift(s, tension, bulk)[:, :, None] * one[:, None] * other[None]
     for k, m in pairs(3):
         coupling = (1 - tension) / (s[k] * s[m])
         shear, twist = np.maximum(-1 - coupling, 0), np.maximum(coupling - 1, 0)
@@ -195,11 +205,11 @@ def _lift(gradient: Array, tension: Array, shape_gradient: Array) -> Array:
     return product(product(wide, framed), transposed(wide))
 
 
-def _stretch_lift(s: Array, tension: Array) -> Array:
+def _stretch_lift(s: Array, tension: Array, bulk: Array) -> Array:
     """Return what makes the matrices (3, 3, T) of the three stretches positive semidefinite."""
-    matrix = tension / (s[:, None] * s[None])
+    matrix = (tension + bulk) / (s[:, None] * s[None])
     for axis in range(3):
-        matrix[axis, axis] = 1 + 1 / s[axis] ** 2
+        matrix[axis, axis] = 1 + (1 + bulk) / s[axis] ** 2
     result = np.zeros_like(matrix)
     # Where the diagonal outweighs the rest, no eigenvalue is negative (Gershgorin).
     rest = np.abs(matrix).sum(axis=1) - np.abs(np.einsum("iit->it", matrix))

@@ -19,7 +19,7 @@ from sim_reference.fem.friction import friction_of
 from sim_reference.fem.height_field import HeightField
 from sim_reference.fem.leaning import Lean, check_tilt
 from sim_reference.fem.mesh import Mesh
-from sim_reference.fem.newton import TOLERANCE_MM, Contact, Solver, State, Step
+from sim_reference.fem.newton import Contact, Solver, State, Step
 
 Array = NDArray[np.float64]
 BARRIER_DISTANCES_MM = (0.02, 0.005)
@@ -31,8 +31,8 @@ USUAL_GAP = 0.8
 STICK_MM = 0.001
 """friction holds within this"""
 LEAST_INCREMENT_MM = 0.001
-BEGINNING_TOLERANCE_MM = 1e-2
-"""in place of `newton.TOLERANCE_MM`, for what only begins the next stage"""
+BEGINNING_SHARE = 1e-3
+"""of the energy: what only begins the next stage ends with a step that lowers it by no more"""
 MOST_LIFTS = 50
 """how often the gel is lifted out of an object that leans"""
 MOST_LAGS = 20
@@ -151,7 +151,8 @@ class Pressing:
         gap, upright = wide.gap(surface), np.maximum(wide.gap_gradient(surface)[:, 2], LEAST_UPRIGHT)
         forward = self._now.gap_share * (1 - share) * wide.distance_mm
         at = before.at.copy()
-        at[self._mesh.surface, 2] += np.where(gap < wide.distance_mm, forward - (1 - share) * gap / upright, 0)
+        moved = np.where(gap < wide.distance_mm, forward - (1 - share) * gap / upright, 0)
+        at[:, 2] += moved[self._mesh.above] * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
         self._move(replace(before, at=at, depth_mm=before.depth_mm + forward))
 
     def _settle(self, depth_mm: float, load: Load | None) -> None:
@@ -160,7 +161,7 @@ class Pressing:
         self._move(replace(self.state, at=_cleared(self.state.at, self._mesh, self.barrier)))
         # What is friction or the last stage is built upon this; else it is where the next stage begins.
         exact = self._now.narrow or self._friction
-        self._solve(Contact(self.barrier, load=load), TOLERANCE_MM if exact else BEGINNING_TOLERANCE_MM)
+        self._solve(Contact(self.barrier, load=load), 0.0 if exact else BEGINNING_SHARE)
         if self._friction:
             self._rub()
         surface = self.state.at[self._mesh.surface]
@@ -183,8 +184,8 @@ class Pressing:
             "smaller coefficient"
         )
 
-    def _solve(self, contact: Contact, tolerance_mm: float = TOLERANCE_MM) -> None:
-        self._move(self._solver.solve(self.state, contact, tolerance_mm=tolerance_mm, on_step=self._record))
+    def _solve(self, contact: Contact, energy_share: float = 0.0) -> None:
+        self._move(self._solver.solve(self.state, contact, energy_share=energy_share, on_step=self._record))
 
     def _move(self, state: State) -> None:
         self._now = replace(self._now, state=state)

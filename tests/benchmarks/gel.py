@@ -1,8 +1,9 @@
 """The gel by finite elements: the layer against it on every object, its convergence, and its time by vertices.
 
-    python -m tests.benchmarks.gel objects --resolution-mm 0.3
-    python -m tests.benchmarks.gel record --resolution-mm 0.6
+    python -m tests.benchmarks.gel objects
+    python -m tests.benchmarks.gel record
     python -m tests.benchmarks.gel convergence --depth-mm 0.5
+    python -m tests.benchmarks.gel convergence --objects SINWAVE --dense-radius-mm 2.5
     python -m tests.benchmarks.gel scaling
     python -m tests.benchmarks.gel scaling --resolutions-mm 0.1 --steps 4
 
@@ -190,18 +191,22 @@ def record(given: Given) -> None:
 
 
 def convergence(given: Given) -> None:
-    """Print the ball at three resolutions, each half of the one before: changes, order and extrapolated error."""
-    middle = np.hypot(AT[None, :], AT[:, None]) < 4
+    """Print an object, the ball by default, at three resolutions, each half of the one before.
+
+    That is: changes of the mean height, their order, and the error that is left.
+    """
+    radius = min(4, given.model.dense_radius_mm - 0.5)
+    middle = np.hypot(AT[None, :], AT[:, None]) < radius
     presses = []
     for resolution in (0.6, 0.3, 0.15):
-        found = timed("BALL", given.depth_mm, replace(given.model, resolution_mm=resolution))
+        found = timed(given.names[0], given.depth_mm, replace(given.model, resolution_mm=resolution))
         presses.append(found.press)
         print(f"{resolution:5} mm: {found.vertices} vertices, {len(found.press.steps)} steps, {found.cpu_s:.0f} s, "
               f"{found.press.force_n:.4f} N", flush=True)  # fmt: skip
     changes = [np.abs(b.surface.depth_mm - a.surface.depth_mm)[middle].mean() * 1e3
                for a, b in pairwise(presses)]  # fmt: skip
     order = np.log2(changes[0] / changes[1])
-    print(f"mean height changes by {changes[0]:.2f} and {changes[1]:.2f} um within 4 mm: order {order:.2f}, "
+    print(f"mean height changes by {changes[0]:.2f} and {changes[1]:.2f} um within {radius:g} mm: order {order:.2f}, "
           f"error left at 0.15 mm {changes[1] / (2**order - 1):.2f} um")  # fmt: skip
 
 
