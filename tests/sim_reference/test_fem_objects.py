@@ -19,19 +19,19 @@ def recorded(name: str) -> np.ndarray:
         return kept[name] * UNIT_MM
 
 
-# Measured, in um: see docs/figures.md. Where relief is finer than a few spacings of the mesh, both differ most.
+# Measured, in um: see docs/figures.md. Under steep flanks and fine waves both differ most.
 MEAN_UM = {
-    "BALL": 0.8,
-    "TSTEP": 9.3,
-    "SCROWN": 0.9,
-    "BALLVEX": 17.2,
-    "BALLCAVE": 38.7,
-    "WAVE": 122.1,
-    "SINWAVE": 119.0,
-    "BSWAVE": 61.1,
-    "PCONVEX": 66.0,
-    "CCONVEX": 42.1,
-    "QUCAVE": 41.6,
+    "BALL": 0.6,
+    "TSTEP": 10.4,
+    "SCROWN": 0.6,
+    "BALLVEX": 11.4,
+    "BALLCAVE": 15.1,
+    "WAVE": 53.9,
+    "SINWAVE": 32.9,
+    "BSWAVE": 12.7,
+    "PCONVEX": 71.5,
+    "CCONVEX": 44.9,
+    "QUCAVE": 31.5,
 }
 
 
@@ -44,7 +44,7 @@ def test_the_layer_is_as_far_from_finite_elements_as_the_docs_say(name: str) -> 
 
 def test_the_record_is_what_finite_elements_find() -> None:
     # Without the mesh beyond the object: the crown touches within 2 mm, and the gel rises a little further out.
-    again = FemGel(resolution_mm=0.6, dense_radius_mm=6.0)(heights("SCROWN"), SPACING, DEPTH_MM, GEOMETRY)
-    difference = np.abs(again.depth_mm[RECORDED] - recorded("SCROWN"))[RADIUS < 5]
+    again = FemGel(resolution_mm=0.3, dense_radius_mm=7.0)(heights("SCROWN"), SPACING, DEPTH_MM, GEOMETRY)
+    difference = np.abs(again.depth_mm[RECORDED] - recorded("SCROWN"))[RADIUS < 4]
     assert recorded("SCROWN").max() > 0.8
     assert difference.mean() < 0.001
