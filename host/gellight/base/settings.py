@@ -109,6 +109,11 @@ class ReconstructionSettings(StrictModel):
     masked: bool = Field(
         default=True, description="run the network only where the image differs from the reference image"
     )
+    cast_shadows: bool = Field(
+        default=True,
+        description="give gel in cast shadow its light back, where the bundle has `lights.json`: depth beside steep "
+        "walls is right, but such frames take up to twice as long",
+    )
 
 
 class LightingSettings(StrictModel):

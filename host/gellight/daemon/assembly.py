@@ -118,4 +118,10 @@ def path_for(bundle: Bundle, settings: Settings) -> FramePath:
 def reconstructor_for(bundle: Bundle, settings: Settings) -> Reconstructor:
     """Return the frame path of GelNet with `bundle`, set as `settings` say."""
     chosen = settings.reconstruction
-    return Reconstructor(bundle, threads=chosen.threads, smoothing_px=chosen.smoothing_px, masked=chosen.masked)
+    return Reconstructor(
+        bundle,
+        threads=chosen.threads,
+        smoothing_px=chosen.smoothing_px,
+        masked=chosen.masked,
+        cast_shadows=chosen.cast_shadows,
+    )

@@ -70,7 +70,7 @@ class Reconstructor:
         smoothing_px: int = NARROWEST_PX,
         masked: bool = True,
         undistorted: bool = True,
-        shadowed: bool = True,
+        cast_shadows: bool = True,
         form: Form = Form.NATIVE,
         clock: Clock = time.perf_counter,
     ) -> None:
@@ -79,8 +79,8 @@ class Reconstructor:
         threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
         run the network only where the image differs from the reference; without, everywhere, pixel by pixel.
         undistorted: take the lens out of the maps where the bundle has one; without, they lie over the picture, as
-        labels do. shadowed: give pixels the light back that the surface keeps from them, where the bundle knows its
-        LEDs. form: how to compute; what the native form cannot do is computed by NumPy.
+        labels do. cast_shadows: give pixels the light back that the surface keeps from them, where the bundle knows
+        its LEDs. form: how to compute; what the native form cannot do is computed by NumPy.
         clock: that times the stages. Raises BundleError.
         """
         if FILE_NAME in bundle.files:
@@ -102,7 +102,8 @@ class Reconstructor:
         jacobian = jacobian_session(self._network.session) if masked and form is not Form.PIXELS else None
         cells = CellNetwork(self._network, jacobian) if jacobian else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
-        shadows = CastShadows.of_bundle(bundle, self._network) if shadowed else None
+        shadows = CastShadows.of_bundle(bundle, self._network) if cast_shadows else None
+        self.cast_shadows = shadows is not None
         numpy_path = NumpyPath(
             bundle, self._network, cells, lens, shadows, smoothing_px=smoothing_px, masked=masked, clock=clock
         )

@@ -7,7 +7,7 @@ import pytest
 from gellight.base.errors import GellightError
 from gellight.base.settings import ReconstructionSettings, SensorSettings, Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.daemon.assembly import open_session
+from gellight.daemon.assembly import open_session, reconstructor_for
 from gellight.evaluation.simulated_presses import Bench, object_presses
 from gellight.simulator.scene import Press
 from tests.helpers.children import gellight
@@ -87,3 +87,9 @@ def test_the_bench_presses_every_object_once_and_needs_the_simulated_sensor(tmp_
     assert len({press.object_name for press in presses}) == 10
     with pytest.raises(GellightError, match="not of the simulated sensor"):
         Bench(linear_bundle(tmp_path / "b"), 1.0, 0)
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> None:
+    settings = Settings(reconstruction=ReconstructionSettings(cast_shadows=wanted))
+    assert reconstructor_for(load_bundle("synthetic"), settings).cast_shadows is wanted

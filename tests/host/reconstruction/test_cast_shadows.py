@@ -45,7 +45,7 @@ def picture(scene: Scene, press: Press, seed: int = 5) -> CameraFrame:
 
 def test_a_deep_press_is_found_as_deep_as_it_is(scene: Scene) -> None:
     frame, (_, true) = picture(scene, DEEP), scene.show(DEEP)
-    with_light, without = (Reconstructor(SYNTHETIC, shadowed=given).reconstruct(frame) for given in (True, False))
+    with_light, without = (Reconstructor(SYNTHETIC, cast_shadows=given).reconstruct(frame) for given in (True, False))
     assert surface_errors(without, true).contact_depth_mm > 0.02
     assert surface_errors(with_light, true).contact_depth_mm < 0.012
     assert surface_errors(with_light, true).normal_deg < 0.9 * surface_errors(without, true).normal_deg
@@ -55,7 +55,7 @@ def test_objects_with_steep_walls_gain_most(scene: Scene) -> None:
     press = Press("TSTEP", 0.8, 0.5, -0.5)
     frame, (_, true) = picture(scene, press), scene.show(press)
     found, before = (
-        surface_errors(Reconstructor(SYNTHETIC, shadowed=given).reconstruct(frame), true) for given in (True, False)
+        surface_errors(Reconstructor(SYNTHETIC, cast_shadows=given).reconstruct(frame), true) for given in (True, False)
     )
     assert found.contact_depth_mm < before.contact_depth_mm / 2
 
@@ -82,7 +82,7 @@ def test_the_light_that_is_given_back_is_what_the_shadow_took(
 def test_nothing_is_changed_where_no_wall_is_steeper_than_the_light(scene: Scene, depth_mm: float) -> None:
     for press in ball_presses(GEOMETRY, 3, np.random.default_rng(8), depth_mm):
         frame = picture(scene, press)
-        one, other = (Reconstructor(SYNTHETIC, shadowed=given).reconstruct(frame) for given in (True, False))
+        one, other = (Reconstructor(SYNTHETIC, cast_shadows=given).reconstruct(frame) for given in (True, False))
         np.testing.assert_array_equal(one.depth_mm, other.depth_mm)
         np.testing.assert_array_equal(one.gradient_map, other.gradient_map)
 
