@@ -48,10 +48,10 @@ _TOUCHED_SLOPE = 2e-3
 class Options:
     """What is pressed and how much of it is learnt; chosen on the validation presses, see the model card."""
 
-    presses: int = 400
+    presses: int = 600
     places: int = 1
     """at which each pressed ball is photographed; more than one where pressing takes long"""
-    rows_per_press: int = 1250
+    rows_per_press: int = 2500
     """of a picture"""
     flat_share: float = 0.05
     """of a press's rows, from pixels where the gel is flat"""
@@ -65,15 +65,18 @@ class Options:
     """of the presses, with balls of other radii"""
     other_radii_mm: tuple[float, float] = (1.0, 12.0)
     """log-uniform"""
-    deepest_mm: float = 2.0
+    deepest_mm: float = 3.0
     recipe: str = "fast"
     epochs: int = 30
     """of the recipes of our own; `paper` has its own number"""
 
     def how(self) -> Recipe:
-        """Return the recipe: as it is for `paper`, without jitter of the place for our own, as presses are many."""
+        """Return the recipe: `paper` as it is; our own with every row and no jitter of the place: presses are many."""
         recipe = RECIPES[self.recipe]
-        return recipe if self.recipe == "paper" else replace(recipe, epochs=self.epochs, least_visits=0, place_jitter=0)
+        if self.recipe == "paper":
+            return recipe
+        rows = self.presses * self.places * self.rows_per_press
+        return replace(recipe, epochs=self.epochs, largest_table=rows, least_visits=0, place_jitter=0)
 
 
 @dataclass(frozen=True, eq=False)

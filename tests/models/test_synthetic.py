@@ -48,7 +48,7 @@ def test_it_learns_from_the_sensor_that_the_host_simulates(sensor: synthetic.Sen
 
 
 def test_the_rows_are_the_truth_of_the_pixels_they_name(sensor: synthetic.Sensor) -> None:
-    options = replace(FEW, other_share=0.0)
+    options = replace(FEW, other_share=0.0, deepest_mm=2.0)
     table = table_of_presses(sensor, options, count=4, noise_grey=0.3, seed=9)
     assert table.image_size == (160, 120)
     assert set(table.image) == {0, 1, 2, 3}
@@ -115,7 +115,7 @@ def test_the_command_writes_everything_the_bundle_needs(
 
 def test_the_recipe_of_the_paper_is_trained_as_the_paper_says() -> None:
     assert replace(FEW, recipe="paper").how() == RECIPES["paper"]
-    assert FEW.how() == replace(RECIPES["fast"], epochs=2, least_visits=0, place_jitter=0)
+    assert FEW.how() == replace(RECIPES["fast"], epochs=2, largest_table=1800, least_visits=0, place_jitter=0)
 
 
 def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
