@@ -83,11 +83,7 @@ class Reconstructor:
         its LEDs. form: how to compute; what the native form cannot do is computed by NumPy.
         clock: that times the stages. Raises BundleError.
         """
-        if FILE_NAME in bundle.files:
-            raise BundleError(
-                f"{bundle.source} is of lights shown one after the other ({FILE_NAME}), a single picture says nothing: "
-                "give `gellight run` or `reconstruct` a series of them, or the bundle of a calibration by colours"
-            )
+        _refuse_series(bundle)
         self.bundle = bundle
         self.masked = masked
         self._measures = BundleMeasures(bundle)
@@ -151,3 +147,11 @@ class Reconstructor:
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
         return self._network.touched(difference)
+
+
+def _refuse_series(bundle: Bundle) -> None:
+    if FILE_NAME in bundle.files:
+        raise BundleError(
+            f"{bundle.source} is of lights shown one after the other ({FILE_NAME}), a single picture says nothing: "
+            "give `gellight run` or `reconstruct` a series of them, or the bundle of a calibration by colours"
+        )
