@@ -76,6 +76,8 @@ class Change:
     """(N, 3) mm"""
     of_object: Array
     """(12,) see `affine_body`"""
+    slope: float
+    """how fast the energy falls along the step: below 0"""
 
     @property
     def depth_mm(self) -> float:
@@ -132,13 +134,13 @@ class Solver:
             raise NotConverged("a stage begins with the gel inside out: press less deep, or give a finer resolution")
         for number in range(1, MOST_STEPS + 1):
             change, iterations, exact = self._change(state, contact, exact)
-            slope, longest = self._slope(state, contact, change), self._longest(state, contact, change)
-            state, share, energy = self._descend(state, contact, change, energy, slope)
+            longest = self._longest(state, contact, change)
+            state, share, energy = self._descend(state, contact, change, energy)
             step = Step(number, energy, longest, share, self.min_gap(state, contact), self.min_det_f(state),
                         iterations, not exact)  # fmt: skip
             if on_step:
                 on_step(step, state)
-            if share >= 1 and (longest < TOLERANCE_MM or -slope / 2 < energy_share * energy):
+            if share >= 1 and (longest < TOLERANCE_MM or -change.slope / 2 < energy_share * energy):
                 return state
             exact = share >= 1 and longest < NEAR_MM
         raise NotConverged(
@@ -190,7 +192,8 @@ class Solver:
         blocks = self.hessian_blocks(state, contact, project=not exact)
         matrix = self._assembler.pattern.matrix(blocks)
         precondition = self._hierarchy.solver(blocks)
-        wanted = -self.gradient(state, contact)[self.mesh.free].ravel()
+        gradient = self.gradient(state, contact)
+        wanted = -gradient[self.mesh.free].ravel()
         found = conjugate_gradients(matrix, wanted, precondition, 1e-3 if exact else 1e-2)
         of_object = np.zeros(UNKNOWNS)
         if contact.load and found.convex:
@@ -202,7 +205,8 @@ class Solver:
             return self._change(state, contact, exact=False)
         direction = np.zeros_like(state.at)
         direction[self.mesh.free] = found.vector.reshape(-1, 3)
-        return Change(direction, of_object), found.iterations, exact
+        slope = float((gradient * direction).sum()) + self._slope_by_object(state, contact, of_object)
+        return Change(direction, of_object, slope), found.iterations, exact
 
     def _spread(self, of_surface: Array) -> Array:
         """Return (S, 3, k), given for the vertices of the surface, as (3n, k) for all that are free."""
@@ -210,13 +214,11 @@ class Solver:
         result[self._surface_rows] = of_surface
         return result.reshape(-1, of_surface.shape[2])
 
-    def _slope(self, state: State, contact: Contact, change: Change) -> float:
-        """How fast the energy falls along the step: below 0."""
-        slope = float((self.gradient(state, contact) * change.direction).sum())
-        if contact.load:
-            by_object = gradient_by_object(_placed(contact.barrier, state), state.at[self.mesh.surface])
-            slope += float((by_object + contact.load.gradient(state.matrix)) @ change.of_object)
-        return slope
+    def _slope_by_object(self, state: State, contact: Contact, of_object: Array) -> float:
+        if not contact.load:
+            return 0.0
+        by_barrier = gradient_by_object(_placed(contact.barrier, state), state.at[self.mesh.surface])
+        return float((by_barrier + contact.load.gradient(state.matrix)) @ of_object)
 
     def _longest(self, state: State, contact: Contact, change: Change) -> float:
         """How far the step would move the vertex, or the object where a vertex touches it, that it moves furthest."""
@@ -225,9 +227,7 @@ class Solver:
         of_object = (barrier.local(touching) - barrier.pivot) @ change.matrix.T + [0.0, 0.0, change.depth_mm]
         return max(float(np.abs(change.direction).max()), float(np.abs(of_object).max(initial=0.0)))
 
-    def _descend(
-        self, state: State, contact: Contact, change: Change, energy: float, slope: float
-    ) -> tuple[State, float, float]:
+    def _descend(self, state: State, contact: Contact, change: Change, energy: float) -> tuple[State, float, float]:
         """Halve a step until the energy falls by a ten-thousandth of what its slope promises; prolong it if it pays."""
         # Sums over a million terms are right to about this much; near the end the energy changes by less.
         rounding = 1e-13 * abs(energy)
@@ -235,8 +235,8 @@ class Solver:
         for _ in range(40):
             ahead = self._ahead(state, contact, change, share)
             reached = self._energy(ahead, contact)
-            if reached <= energy + 1e-4 * share * slope + rounding:
-                return self._go_further(state, contact, change, (ahead, share, reached), energy + 0.75 * slope)
+            if reached <= energy + 1e-4 * share * change.slope + rounding:
+                return self._go_further(state, contact, change, (ahead, share, reached), energy + 0.75 * change.slope)
             share /= 2
         raise NotConverged("no step lowers the energy: give a finer resolution or press less deep")
 
