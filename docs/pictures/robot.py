@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 import gellight
-from gellight.report.pictures import Picture, depth_bar, depth_picture, write_png
+from gellight.lab.report.pictures import Picture, depth_bar, depth_picture, write_png
 
 FOLDER = Path(__file__).parent
 SENSOR = "sim://?object=BALL&depth=1&x=3&y=-2"

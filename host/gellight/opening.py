@@ -47,7 +47,7 @@ def _opened(url: str | Path, geometry: Mapping[str, float | int | str] | None, b
     text = f"v4l2://{url}" if str(url).startswith(NODES) else str(url)
     scheme = text.partition("://")[0].partition("?")[0]
     if scheme == "sim" and "://" in text:
-        from gellight.simulator.simulated_camera import open_simulated
+        from gellight.lab.simulator.simulated_camera import open_simulated
 
         return _adopted(open_simulated(text, geometry or {}), bundle)
     if scheme in ("auto", "sensor", "v4l2") and not is_file(text):

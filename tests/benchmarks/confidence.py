@@ -14,12 +14,12 @@ from scipy import fft
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import CLIPPED, DARK, STEEP
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.presses import PressTable
+from gellight.lab.training.training import TrainingOptions, train
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.scene import Press, Scene
-from gellight.training.presses import PressTable
-from gellight.training.training import TrainingOptions, train
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry

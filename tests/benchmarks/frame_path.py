@@ -13,8 +13,8 @@ import numpy as np
 import torch
 
 from gellight.bundle.bundle import load_bundle
-from gellight.evaluation.frame_bench import halved, scenes
 from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.frame_bench import halved, scenes
 from gellight.reconstruction.pipeline import Reconstructor
 
 ROUNDS = 9

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
-from gellight.evaluation.analytic_surfaces import gaussian
+from gellight.lab.evaluation.analytic_surfaces import gaussian
 from gellight.reconstruction.integration import integrate
 
 Array = NDArray[np.float64]

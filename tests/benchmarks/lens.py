@@ -16,17 +16,17 @@ import cv2
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
-from gellight.calibration.lens.lens_fit import fit_lens, read_pins, spacing_px
-from gellight.calibration.lens.measuring import add_lens, felt_depth_mm, figures, measure_lens
-from gellight.calibration.lens.pins import dimples, spots
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.lab.calibration.lens.lens_fit import fit_lens, read_pins, spacing_px
+from gellight.lab.calibration.lens.measuring import add_lens, felt_depth_mm, figures, measure_lens
+from gellight.lab.calibration.lens.pins import dimples, spots
+from gellight.lab.simulator.scene import Press as Pressed
+from gellight.lab.simulator.scene import Scene
+from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.training import TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.lens_file import FILE_NAME, read_record
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.scene import Press as Pressed
-from gellight.simulator.scene import Scene
-from gellight.training.presses import Ball, Press
-from gellight.training.training import TrainingOptions, fit, read_reference
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import Surface

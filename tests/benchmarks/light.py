@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from gellight.frames.timing import CameraTiming
-from gellight.ring.emulator.waveform import Light
+from gellight.lab.emulator.waveform import Light
+from gellight.lab.simulator.scene import Press, Scene, under_light
+from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.lighting.shutter_meter import measure_shutter
-from gellight.simulator.scene import Press, Scene, under_light
-from gellight.simulator.shutter import Shutter, row_weights
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES

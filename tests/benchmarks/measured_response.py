@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame
+from gellight.lab.report.pictures import write_png
+from gellight.lab.training.labelling import PressCircle, detect, write_presses
+from gellight.lab.training.presses import Ball, read_presses
+from gellight.lab.training.training import TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.report.pictures import write_png
-from gellight.training.labelling import PressCircle, detect, write_presses
-from gellight.training.presses import Ball, read_presses
-from gellight.training.training import TrainingOptions, fit, read_reference
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.training.presses import Ball, Press, distance_px, sphere_gradient
+from gellight.lab.training.presses import Ball, Press, distance_px, sphere_gradient
 from tests.benchmarks.integrators import gs_sdk
 
 Floats = NDArray[np.float32]

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import write_bundle
 from gellight.frames.frames import CameraFrame
+from gellight.lab.report.pictures import write_png
+from gellight.lab.simulator.scene import Press as GelPress
+from gellight.lab.simulator.scene import Scene
+from gellight.lab.training.labelling import find_circle, find_prism
+from gellight.lab.training.presses import Ball, Press, PressTable, TableOptions, build_table
+from gellight.lab.training.prisms import PrismPress, with_prisms
+from gellight.lab.training.training import TrainingOptions, train
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.report.pictures import write_png
-from gellight.simulator.scene import Press as GelPress
-from gellight.simulator.scene import Scene
-from gellight.training.labelling import find_circle, find_prism
-from gellight.training.presses import Ball, Press, PressTable, TableOptions, build_table
-from gellight.training.prisms import PrismPress, with_prisms
-from gellight.training.training import TrainingOptions, train
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import Deformation, grid

@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.lab.report.pictures import write_png
+from gellight.lab.training.baselines import fit_polynomial
+from gellight.lab.training.labelling.refinement import Refined, refine
+from gellight.lab.training.presses import Press, PressTable, TableOptions, build_table
+from gellight.lab.training.training import HAND_DRAWN, Reference, read_reference
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.smoothing import Smoother
-from gellight.report.pictures import write_png
-from gellight.training.baselines import fit_polynomial
-from gellight.training.labelling.refinement import Refined, refine
-from gellight.training.presses import Press, PressTable, TableOptions, build_table
-from gellight.training.training import HAND_DRAWN, Reference, read_reference
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample
 from tests.benchmarks.measured_response import BALL, GEOMETRY, NAMES, REACH_MM, MeasuredResponse

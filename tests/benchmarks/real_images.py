@@ -13,20 +13,20 @@ import cv2
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.calibration.lights.ball_lights import check_lights, lights_from_balls
-from gellight.calibration.lights.ball_series import BallSeries, held_out
-from gellight.calibration.lights.channel_fit import channel_table
 from gellight.frames.dots import find_dots
 from gellight.frames.image_files import read_grey, read_image
 from gellight.frames.view import View
+from gellight.lab.calibration.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.calibration.lights.ball_series import BallSeries, held_out
+from gellight.lab.calibration.lights.channel_fit import channel_table
+from gellight.lab.report.pictures import write_png
+from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling.circle import PressCircle, find_circles
+from gellight.lab.training.labelling.plate import plate_grid, untouched_between
+from gellight.lab.training.labelling.refinement import refine
+from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.training import TrainingOptions, train
 from gellight.reconstruction.photometric.channel_network import ChannelNetwork
-from gellight.report.pictures import write_png
-from gellight.training.labelling import find_circle
-from gellight.training.labelling.circle import PressCircle, find_circles
-from gellight.training.labelling.plate import plate_grid, untouched_between
-from gellight.training.labelling.refinement import refine
-from gellight.training.presses import Ball, Press
-from gellight.training.training import TrainingOptions, train
 from tests.helpers.places import REAL_IMAGES
 
 

@@ -22,12 +22,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.lab.training.labelling.refinement import FirstFits, refine, refine_others
+from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, images_of, sphere_gradient
+from gellight.lab.training.training import TrainingOptions, fit
+from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.training.labelling.refinement import FirstFits, refine, refine_others
-from gellight.training.presses import Press, cap_depth_mm, distance_px, images_of, sphere_gradient
-from gellight.training.training import TrainingOptions, fit
-from gellight.training.validation import frame_of
 from tests.benchmarks.peer_network import PeerNetwork
 from tests.benchmarks.real_sets import SETS, RealSet
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from gellight.frames.image_files import read_image
 from gellight.frames.view import View
-from gellight.report.pictures import write_png
-from gellight.training.labelling import detect, write_presses
-from gellight.training.presses import Ball, Press, read_presses
-from gellight.training.training import Reference, read_reference
+from gellight.lab.report.pictures import write_png
+from gellight.lab.training.labelling import detect, write_presses
+from gellight.lab.training.presses import Ball, Press, read_presses
+from gellight.lab.training.training import Reference, read_reference
 from tests.helpers.places import REAL_IMAGES
 
 

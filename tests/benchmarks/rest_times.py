@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from gellight.frames.image_files import read_image
+from gellight.lab.training.gel_at_rest import rest_of_presses
+from gellight.lab.training.presses import distance_px
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import REST_TIMES
 from gellight.reconstruction.light_drift import difference_of
-from gellight.training.gel_at_rest import rest_of_presses
-from gellight.training.presses import distance_px
 from tests.benchmarks.real_sets import SETS, RealSet
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.places import REAL_IMAGES

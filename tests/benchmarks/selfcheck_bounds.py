@@ -1,15 +1,16 @@
 """The errors from which the bounds of the self-check are made: `python -m tests.benchmarks.selfcheck_bounds`.
 
 Each object is pressed to each depth of a grid at the places below, one frame each, and measured with the shipped
-bundle. Printed are the worst errors of each object and depth, as `gellight/simulator/selfcheck_bounds.py` holds them.
+bundle. Printed are the worst errors of each object and depth, as `gellight/lab/simulator/selfcheck_bounds.py` holds
+them.
 """
 
 import json
 import sys
 
 from gellight.bundle.bundle import load_bundle
+from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.simulated_camera import open_simulated
 
 DEPTHS_MM = (0.4, 0.8, 1.2, 1.6, 2.0)
 PLACES_MM = ((0.0, 0.0), (-10.0, 6.0), (10.0, -6.0))

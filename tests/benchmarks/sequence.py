@@ -24,6 +24,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.frames.timing import CameraTiming
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.reconstruction.photometric.lights_file import read_lights
@@ -33,7 +34,6 @@ from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
-from gellight.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.virtual_sensor import VirtualCamera, virtual_sensor

@@ -11,9 +11,9 @@ from statistics import mean, stdev
 import numpy as np
 import onnxruntime
 
-from gellight.training.presses import PressTable
-from gellight.training.trainer import TrainerName
-from gellight.training.training import TrainingOptions, train
+from gellight.lab.training.presses import PressTable
+from gellight.lab.training.trainer import TrainerName
+from gellight.lab.training.training import TrainingOptions, train
 from gelnet.synthetic import Options, Sensor, simulated_sensor, table_of_presses
 from gelnet.training import unchanged
 from sim_reference.geometry import SensorGeometry

@@ -20,16 +20,16 @@ from pathlib import Path
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.evaluation.frame_bench import scenes
 from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.frame_bench import scenes
+from gellight.lab.simulator.gel_models import KeptPresses
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.labelling.refinement import refine
+from gellight.lab.training.presses import Ball, images_of, read_presses
+from gellight.lab.training.training import TrainingOptions, fit, read_reference
+from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.gel_models import KeptPresses
-from gellight.simulator.scene import Press, Scene
-from gellight.training.labelling.refinement import refine
-from gellight.training.presses import Ball, images_of, read_presses
-from gellight.training.training import TrainingOptions, fit, read_reference
-from gellight.training.validation import press_errors
 from gelnet.export import to_onnx
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import SEEDS as TABLE_SEEDS

@@ -10,7 +10,7 @@ from zlib import crc32
 import pytest
 
 from gellight.base.errors import BoardError, InputError
-from gellight.ring.emulator.child import SimulatedBoard
+from gellight.lab.emulator.child import SimulatedBoard
 from gellight.ring.firmware import build, flash
 from gellight.ring.firmware.image import (
     FLASH_BASE,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gellight.lab.emulator.waveform import WINDOWS_NS
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
-from gellight.ring.emulator.waveform import WINDOWS_NS
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode

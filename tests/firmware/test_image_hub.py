@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.ring.emulator.busy_bus import B1, B2, DATA_PLUS
+from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
 from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.wiring import wired
 from tests.helpers.bench_board import BenchBoard, VirtualTransport

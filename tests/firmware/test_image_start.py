@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gellight.ring.emulator.chip import VTOR
+from gellight.lab.emulator.chip import VTOR
 from gellight.ring.enumerations import ResetReason
 from gellight.ring.light_ring import LightRing
 from tests.helpers.bench_board import BenchBoard, VirtualTransport

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.ring.emulator.usb_host import ADDRESS
+from gellight.lab.emulator.usb_host import ADDRESS
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
 from tests.helpers import usb_requests as usb

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
+from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
+from gellight.lab.emulator.chip import VTOR
+from gellight.lab.emulator.usb_host import ADDRESS
+from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
-from gellight.ring.emulator.busy_bus import B1, B2, DATA_PLUS
-from gellight.ring.emulator.chip import VTOR
-from gellight.ring.emulator.usb_host import ADDRESS
-from gellight.ring.emulator.waveform import Strip
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing, Step

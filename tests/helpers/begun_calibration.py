@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gellight.calibration.folder import Folder
-from gellight.calibration.state import Identity
+from gellight.lab.calibration.folder import Folder
+from gellight.lab.calibration.state import Identity
 
 
 def identity(

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from gellight.base.errors import BoardError
-from gellight.ring.emulator.bootrom import Function
-from gellight.ring.emulator.chip import (
+from gellight.lab.emulator.bootrom import Function
+from gellight.lab.emulator.chip import (
     FLASH_BYTES,
     ROOM_C,
     TEMPERATURE_CHANNEL,
@@ -16,9 +16,9 @@ from gellight.ring.emulator.chip import (
     EmulatedBoard,
     temperature_reading,
 )
-from gellight.ring.emulator.clocks import Crystal
-from gellight.ring.emulator.registers import UsbGuard
-from gellight.ring.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
+from gellight.lab.emulator.clocks import Crystal
+from gellight.lab.emulator.registers import UsbGuard
+from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
 TRIGGER_PIN = 3
 USB_INTERRUPT = 5

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.routine import Routine
 from gellight.frames.camera import Camera
+from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
-from gellight.training.training import TrainingOptions
 
 GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
 URL = "sim://?fps=500&board=0&led_spread=0.05"

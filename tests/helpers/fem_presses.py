@@ -3,7 +3,7 @@
 import numpy as np
 
 from gellight.frames.frames import CameraFrame
-from gellight.simulator.scene import Press, Scene
+from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame
-from gellight.simulator.scene import Scene
+from gellight.lab.simulator.scene import Scene
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import NO_OBJECT, grid

@@ -13,14 +13,14 @@ import numpy as np
 
 from gellight.frames.frames import LightLabel, LightState
 from gellight.frames.timing import CameraTiming
+from gellight.lab.emulator.waveform import Light
+from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring import protocol
-from gellight.ring.emulator.waveform import Light
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import Ping
 from gellight.sensor.lighting.clock import ClockMap
 from gellight.sensor.lighting.label import label_frame
 from gellight.sensor.lighting.timeline import KnownLight
-from gellight.simulator.shutter import Shutter, row_weights
 
 ROWS = 9
 ROUNDING = 1e-6

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from gellight.base.errors import BoardError, CameraError
+from gellight.lab.simulator.simulated_controls import SimulatedControls
 from gellight.ring.protocol import Configuration
-from gellight.simulator.simulated_controls import SimulatedControls
 from tests.helpers.scripted_camera import FlatCamera
 
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gellight.calibration.lights.reference_light import ReferencePictures, light_model
 from gellight.frames.frames import CameraFrame, ExposureSeries
+from gellight.lab.calibration.lights.reference_light import ReferencePictures, light_model
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 

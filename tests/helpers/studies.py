@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from gellight.design import studies
+from gellight.lab.design import studies
 from sim_reference.geometry import SensorGeometry
 
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")

@@ -16,7 +16,7 @@ import numpy as np
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
-from gellight.simulator.simulated_controls import SimulatedControls
+from gellight.lab.simulator.simulated_controls import SimulatedControls
 
 MJPG, YUYV = 1, 2
 CAMERA, PROCESSING = 0x0102, 0x0202

@@ -8,13 +8,13 @@ import pytest
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
+from gellight.lab.emulator.waveform import Light
+from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring import board_link, light_ring
-from gellight.ring.emulator.waveform import Light
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.light_ring import LightRing
 from gellight.sensor import set_and_light
 from gellight.sensor.lighting import light_watch
-from gellight.simulator.shutter import Shutter, row_weights
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 SHAPE = (64, 128)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
-from gellight.simulator.scene import Press, Scene
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 NOISE_GREY = 1.0

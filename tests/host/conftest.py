@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.dashboard.server import DashboardServer
-from gellight.simulator.scene import Scene
+from gellight.lab.simulator.scene import Scene
 from gellight.watch.monitor import SensorWatch
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry

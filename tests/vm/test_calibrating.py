@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from gellight.simulator.usb.device import VirtualSensor
+from gellight.lab.simulator.usb.device import VirtualSensor
 from tests.vm.machine.bench import Bench
 from tests.vm.machine.qemu import Call, Guest
 

@@ -17,8 +17,8 @@ def _heavy_modules(guest: Guest) -> None:
     """What several verbs import when they start."""
     guest.main.preload(
         "gellight.daemon.assembly",
-        "gellight.simulator.simulated_camera",
-        "gellight.simulator.usb.device",
+        "gellight.lab.simulator.simulated_camera",
+        "gellight.lab.simulator.usb.device",
         "gellight.daemon.calibration_service",
         "gellight.dashboard.server",
         "tests.vm.inside.serving",

@@ -10,12 +10,12 @@ import typer
 
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson
-from gellight.evaluation import bench
-from gellight.evaluation.bench import DepthScale
-from gellight.evaluation.frame_bench import FrameTimes, frame_times
-from gellight.evaluation.simulated_presses import Figures, compare_ways
-from gellight.evaluation.synthetic import DEPTHS_MM, SimulatedError, evaluate_simulated
 from gellight.frames.image_files import read_image
+from gellight.lab.evaluation import bench
+from gellight.lab.evaluation.bench import DepthScale
+from gellight.lab.evaluation.frame_bench import FrameTimes, frame_times
+from gellight.lab.evaluation.simulated_presses import Figures, compare_ways
+from gellight.lab.evaluation.synthetic import DEPTHS_MM, SimulatedError, evaluate_simulated
 
 
 class Subject(StrEnum):

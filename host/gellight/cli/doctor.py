@@ -11,11 +11,11 @@ import typer
 from gellight.cli.advice import typeable
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
+from gellight.lab.training.rehearsal import check_trainer
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.doctor import examine
 from gellight.sensor.findings import Finding, Level
 from gellight.sensor.v4l2.kernel import LINUX
-from gellight.training.rehearsal import check_trainer
 
 
 def command(

@@ -17,12 +17,12 @@ from gellight.cli.options import AsJson
 from gellight.cli.reconstruct import maps_file
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
+from gellight.frames.point_cloud import ply
+from gellight.lab.report.pictures import encode_png, four_panels
+from gellight.lab.report.video import VideoFile
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.recording_file import Recording
 from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
-from gellight.report.pictures import encode_png, four_panels
-from gellight.report.point_cloud import ply
-from gellight.report.video import VideoFile
 
 VIDEO = "video.mp4"
 FPS_FRAMES = 30

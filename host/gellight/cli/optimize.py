@@ -11,23 +11,23 @@ import typer
 
 from gellight.cli.options import AsJson, GeometryFile, with_options
 from gellight.cli.sweeping import Sweeping, Workers
-from gellight.design import designs, output, studies
-from gellight.design import report as reporting
-from gellight.design.all_studies import run_all_studies, time_sweep
-from gellight.design.benchmark_files import write_benchmark
-from gellight.design.gel_comparison import resolution_of
-from gellight.design.geometry import read_geometry
-from gellight.design.housing import housing_scad
-from gellight.design.studies import Setup, setup_of
-from gellight.design.sweep import (
+from gellight.lab.design import designs, output, studies
+from gellight.lab.design import report as reporting
+from gellight.lab.design.all_studies import run_all_studies, time_sweep
+from gellight.lab.design.benchmark_files import write_benchmark
+from gellight.lab.design.gel_comparison import resolution_of
+from gellight.lab.design.geometry import read_geometry
+from gellight.lab.design.housing import housing_scad
+from gellight.lab.design.studies import Setup, setup_of
+from gellight.lab.design.sweep import (
     ResultStore,
     SweepOptions,
     available_cores,
     default_folder,
     run_study,
 )
-from gellight.simulator.gel_models import RESOLUTION_MM, GelKind
-from gellight.simulator.memory import check_memory
+from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
+from gellight.lab.simulator.memory import check_memory
 from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)

@@ -18,11 +18,11 @@ from gellight.cli.options import AsJson, with_options
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
+from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.reconstruction.photometric.channel_path import has_channels, read_directions, slopes_by
 from gellight.reconstruction.photometric.directions import LightDirections
 from gellight.reconstruction.photometric.recorded import frame_of_lights
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.report.pictures import encode_png, four_panels
 
 
 @dataclass(frozen=True)

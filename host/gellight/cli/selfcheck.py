@@ -7,8 +7,8 @@ import typer
 
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, simulated_settings
-from gellight.evaluation.checked_presses import check_presses
 from gellight.frames.frames import SelfCheckResult
+from gellight.lab.evaluation.checked_presses import check_presses
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),

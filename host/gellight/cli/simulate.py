@@ -16,12 +16,12 @@ from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
 from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
 from gellight.cli.sweeping import Sweeping, Workers
-from gellight.design.geometry import read_geometry
-from gellight.design.sweep import ResultStore, default_folder
-from gellight.evaluation.dataset import DatasetRequest, LightKind, make_dataset, store_in
-from gellight.evaluation.demo_presses import press_ahead
-from gellight.simulator.gel_models import RESOLUTION_MM, GelKind
-from gellight.simulator.one_press import PressRequest, press_once
+from gellight.lab.design.geometry import read_geometry
+from gellight.lab.design.sweep import ResultStore, default_folder
+from gellight.lab.evaluation.dataset import DatasetRequest, LightKind, make_dataset, store_in
+from gellight.lab.evaluation.demo_presses import press_ahead
+from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
+from gellight.lab.simulator.one_press import PressRequest, press_once
 from sim_reference.fem.newton import Step
 from sim_reference.objects import OBJECT_NAMES
 

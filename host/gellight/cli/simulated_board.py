@@ -9,7 +9,7 @@ from gellight.base.errors import BoardError
 from gellight.cli.advice import typeable
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, Seconds
-from gellight.ring.emulator.child import SimulatedBoard
+from gellight.lab.emulator.child import SimulatedBoard
 
 
 def command(

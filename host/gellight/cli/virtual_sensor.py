@@ -8,11 +8,11 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, Seconds
-from gellight.simulator.usb import vhci
-from gellight.simulator.usb.device import VirtualSensor, open_virtual, sized_geometry
-from gellight.simulator.usb.faults import parse_faults
-from gellight.simulator.usb.usbip_server import PORT, UsbipServer
-from gellight.simulator.usb.vhci import plug_in
+from gellight.lab.simulator.usb import vhci
+from gellight.lab.simulator.usb.device import VirtualSensor, open_virtual, sized_geometry
+from gellight.lab.simulator.usb.faults import parse_faults
+from gellight.lab.simulator.usb.usbip_server import PORT, UsbipServer
+from gellight.lab.simulator.usb.vhci import plug_in
 
 REPLUG_S = 2.0
 

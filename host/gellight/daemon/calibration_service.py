@@ -18,17 +18,17 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore, ListedBundle
-from gellight.calibration.choices import RING_COLOURS, RoutineOptions
-from gellight.calibration.presets import PRESETS, Preset
-from gellight.calibration.routine import Install, Routine
-from gellight.calibration.state import discard, unfinished
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore, sensor_name
 from gellight.daemon.needs import Need, needs
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View, view_in
-from gellight.simulator.virtual_hand import hand_of
+from gellight.lab.calibration.choices import RING_COLOURS, RoutineOptions
+from gellight.lab.calibration.presets import PRESETS, Preset
+from gellight.lab.calibration.routine import Install, Routine
+from gellight.lab.calibration.state import discard, unfinished
+from gellight.lab.simulator.virtual_hand import hand_of
 
 Picture = NDArray[np.uint8]
 TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm", "prism_angle_deg")

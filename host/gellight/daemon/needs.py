@@ -6,8 +6,8 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from gellight.base.errors import GellightError
-from gellight.calibration.readiness import check_room
 from gellight.daemon.daemon import Daemon
+from gellight.lab.calibration.readiness import check_room
 
 
 class Need(BaseModel):

@@ -10,5 +10,4 @@ light_ring.py    LightRing: typed commands, and what keeps it lit
 light_groups.py  which LEDs shine together
 boards.py        the boards that makers use, and their pins
 firmware/        from the C sources to the board
-emulator/        the firmware image in an emulated RP2040: sim://
 """

@@ -43,7 +43,7 @@ def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
     if scheme == "sim" and re.fullmatch(r"(\?leds=\d{1,2})?", rest):
-        from gellight.ring.emulator.child import SimulatedBoard
+        from gellight.lab.emulator.child import SimulatedBoard
 
         return SimulatedBoard(leds=int(rest.removeprefix("?leds=") or LED_COUNT))
     if scheme == "serial" and rest != url:

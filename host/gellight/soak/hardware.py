@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, GellightError
-from gellight.ring.emulator.child import SimulatedBoard
+from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.simulator.shutter import Shutter
+from gellight.lab.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
+from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import Transport, open_transport
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
-from gellight.simulator.shutter import Shutter
-from gellight.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
-from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.soak.kernel import CameraDevice, SimulatedKernel
 from gellight.soak.marks import BLOCK_PX, marked
 from gellight.soak.resources import WORKSHOP

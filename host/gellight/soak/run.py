@@ -21,9 +21,9 @@ from pathlib import Path
 
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
+from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.recording.recording_file import CHUNK_BYTES
-from gellight.ring.emulator.child import SimulatedBoard
-from gellight.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.soak.faults import FaultKind, PlannedFault, plan
 from gellight.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
 from gellight.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from gellight.ring.emulator.busy_bus import B2
-from gellight.ring.emulator.waveform import Strip
+from gellight.lab.emulator.busy_bus import B2
+from gellight.lab.emulator.waveform import Strip
 from gellight.ring.light_ring import LightRing
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 

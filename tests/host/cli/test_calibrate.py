@@ -16,12 +16,12 @@ from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
 from gellight.cli.calibrate.verbs import app
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training import child, cross_validation
+from gellight.lab.training.cross_validation import cross_validate
+from gellight.lab.training.presses import Ball, read_presses
+from gellight.lab.training.training import TrainingOptions, read_reference
 from gellight.reconstruction.integration import angle_deg
-from gellight.simulator.scene import Press, Scene
-from gellight.training import child, cross_validation
-from gellight.training.cross_validation import cross_validate
-from gellight.training.presses import Ball, read_presses
-from gellight.training.training import TrainingOptions, read_reference
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.places import REAL_IMAGES

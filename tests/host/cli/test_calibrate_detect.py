@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from gellight.base.errors import InputError
 from gellight.cli.calibrate.verbs import app
 from gellight.frames.image_files import read_image
-from gellight.simulator.scene import Press, Scene
-from gellight.training.presses import Ball, read_presses
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.presses import Ball, read_presses
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NO_OBJECT, grid

@@ -10,8 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.calibration.display import Display, Progress
-from gellight.calibration.records import LiveCoverage, ShownCircle, ShownEdge
 from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
@@ -19,6 +17,8 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
+from gellight.lab.calibration.display import Display, Progress
+from gellight.lab.calibration.records import LiveCoverage, ShownCircle, ShownEdge
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
 from tests.helpers.dotted import with_dots

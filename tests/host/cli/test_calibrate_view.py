@@ -16,7 +16,7 @@ from gellight.cli.calibrate.verbs import app
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_image
 from gellight.frames.picture import steps_of
-from gellight.simulator.scene import Press, Scene
+from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.dotted import CORNERS, from_the_side, with_dots

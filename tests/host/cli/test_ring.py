@@ -148,7 +148,7 @@ def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
 
 def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     from gellight.cli import simulated_board
-    from gellight.ring.emulator import child
+    from gellight.lab.emulator import child
 
     started: list[child.SimulatedBoard] = []
 

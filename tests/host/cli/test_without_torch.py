@@ -11,7 +11,7 @@ import onnxruntime
 import pytest
 
 from gellight.bundle.bundle import load_bundle
-from gellight.report.pictures import write_png
+from gellight.lab.report.pictures import write_png
 from tests.helpers.children import gellight, run
 
 SMALL = (

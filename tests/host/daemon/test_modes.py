@@ -8,8 +8,8 @@ from gellight.base.errors import GellightError
 from gellight.base.settings import ReconstructionSettings, SensorSettings, Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.daemon.assembly import open_session, reconstructor_for
-from gellight.evaluation.simulated_presses import Bench, object_presses
-from gellight.simulator.scene import Press
+from gellight.lab.evaluation.simulated_presses import Bench, object_presses
+from gellight.lab.simulator.scene import Press
 from tests.helpers.children import gellight
 
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import load_bundle
-from gellight.evaluation.synthetic import ball_presses
 from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.synthetic import ball_presses
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.pixel_grid import block_means
-from gellight.simulator.scene import Press, Scene
 from sim_reference import imaging
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

@@ -9,12 +9,12 @@ import pytest
 from gellight.bundle.bundle import extend_bundle, load_bundle, write_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import CLIPPED, DARK, STEEP
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.confidence import confidence_of, steepest_of
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.lens_file import lens_of, read_record
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.linear_sensor import linear_network

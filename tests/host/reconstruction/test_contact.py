@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gellight.evaluation.analytic_surfaces import centred_grid, gaussian, smooth_cap
+from gellight.lab.evaluation.analytic_surfaces import centred_grid, gaussian, smooth_cap
 from gellight.reconstruction.contact import find_contact, measure_patches
 
 

@@ -6,8 +6,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import load_bundle
-from gellight.calibration.sensing import TouchDetector
 from gellight.frames.frames import CameraFrame
+from gellight.lab.calibration.sensing import TouchDetector
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import measure_noise
 

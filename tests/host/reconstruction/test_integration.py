@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from gellight.bundle.manifest import BULGE
-from gellight.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
+from gellight.lab.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.reconstruction.integration import _edge_integrals, integrate, normals, surface_gradient
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.gel import press

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import load_bundle, write_bundle
-from gellight.evaluation.analytic_surfaces import gaussian
 from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.analytic_surfaces import gaussian
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.linear_sensor import linear_bundle, photograph

@@ -9,9 +9,9 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from gellight.bundle.bundle import load_bundle
-from gellight.evaluation.analytic_surfaces import gaussian
-from gellight.evaluation.frame_bench import scenes
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.lab.evaluation.analytic_surfaces import gaussian
+from gellight.lab.evaluation.frame_bench import scenes
 from gellight.opening import open_camera
 from gellight.reconstruction import linearised
 from gellight.reconstruction.integration import angle_deg, normals

@@ -12,10 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
-from gellight.evaluation.analytic_surfaces import gaussian
-from gellight.evaluation.frame_bench import scenes
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
+from gellight.lab.evaluation.analytic_surfaces import gaussian
+from gellight.lab.evaluation.frame_bench import scenes
 from gellight.reconstruction import linearised, pipeline
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import angle_deg
@@ -282,7 +282,7 @@ from pathlib import Path
 import numpy as np
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.evaluation.frame_bench import scenes
+from gellight.lab.evaluation.frame_bench import scenes
 from gellight.reconstruction import linearised, pipeline
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.native import judge, library

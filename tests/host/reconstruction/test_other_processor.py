@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.evaluation.frame_bench import halved, scenes
 from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.frame_bench import halved, scenes
 from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import build, judge, library
 from tests.helpers.linear_sensor import linear_bundle

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.evaluation.analytic_surfaces import gaussian, smooth_cap
 from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.analytic_surfaces import gaussian, smooth_cap
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.stages import STAGES

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gellight.evaluation.analytic_surfaces import Surface, centred_grid, gaussian, plane, sharp_cap
+from gellight.lab.evaluation.analytic_surfaces import Surface, centred_grid, gaussian, plane, sharp_cap
 from gellight.reconstruction.integration import integrate, surface_gradient
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother, fixed, half_widths, weights
 

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 from gellight.base.errors import BoardError, InputError
 from gellight.cli import firmware as firmware_verb
 from gellight.cli import ring as ring_verb
+from gellight.lab.emulator import child, process
+from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.emulator.waveform import Light
 from gellight.ring.board_link import RefusedError
-from gellight.ring.emulator import child, process
-from gellight.ring.emulator.child import SimulatedBoard
-from gellight.ring.emulator.waveform import Light
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gellight.base.errors import CameraError, InputError
+from gellight.lab.simulator.usb.descriptors import VideoModes, configuration_descriptor
 from gellight.sensor.bandwidth import check_bandwidth, reservations_mbps
-from gellight.simulator.usb.descriptors import VideoModes, configuration_descriptor
 from tests.helpers.sensor_bench import Bench
 
 WIDE = {"MJPG": {(640, 480): [30]}, "YUYV": {(640, 480): [30]}}

@@ -17,7 +17,7 @@ from gellight.base.errors import StreamError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import published
 from gellight.daemon.daemon import Daemon
-from gellight.report.point_cloud import points_of
+from gellight.frames.point_cloud import points_of
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
 from tests.helpers.children import run
 from tests.helpers.streamed import bump_daemon

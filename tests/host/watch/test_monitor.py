@@ -11,7 +11,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import LightLabel, LightState
-from gellight.simulator.scene import Press, Scene
+from gellight.lab.simulator.scene import Press, Scene
 from tests.helpers.watched_sensor import WatchedSensor, dusty, torn
 
 SHAPE = (480, 640)

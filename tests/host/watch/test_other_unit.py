@@ -12,8 +12,8 @@ from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.fine_pattern import FinePattern, pattern_match
-from gellight.simulator.scene import Press, Scene
 from gellight.watch.monitor import PERIOD_S, UNIT_LOOKS, SensorWatch
 from gellight.watch.other_unit import CERTAIN_MATCH, UnitCheck
 from sim_reference.camera import CameraResponse, digitise

@@ -11,9 +11,9 @@ from gellight.bundle.bundle import Bundle
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
+from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.scene import Press
 from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
 from gellight.watch.findings import WatchFinding

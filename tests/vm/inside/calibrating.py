@@ -4,10 +4,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.routine import Routine
+from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.training.training import TrainingOptions
 from gellight.sensor.sensor_camera import open_sensor
-from gellight.training.training import TrainingOptions
 from tests.vm.inside.agent import report
 
 POLL_S = 0.05

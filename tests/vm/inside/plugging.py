@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gellight.simulator.usb import vhci
+from gellight.lab.simulator.usb import vhci
 from tests.helpers.usb_client import import_device, receive
 from tests.vm.inside.agent import MACHINE
 

@@ -8,9 +8,9 @@ import time
 from collections.abc import Mapping
 from typing import Any, Self
 
-from gellight.simulator.usb.device import VirtualSensor
-from gellight.simulator.usb.faults import NO_FAULTS
-from gellight.simulator.usb.usbip_server import UsbipServer
+from gellight.lab.simulator.usb.device import VirtualSensor
+from gellight.lab.simulator.usb.faults import NO_FAULTS
+from gellight.lab.simulator.usb.usbip_server import UsbipServer
 from tests.vm.machine.qemu import Guest
 
 ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"

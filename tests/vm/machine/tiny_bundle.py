@@ -8,8 +8,8 @@ import onnx
 from onnx import numpy_helper
 
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
-from gellight.simulator.shutter import Shutter
-from gellight.simulator.simulated_camera import open_simulated
+from gellight.lab.simulator.shutter import Shutter
+from gellight.lab.simulator.simulated_camera import open_simulated
 
 TIMING = {"readout_us": Shutter().readout_us, "delay_us": Shutter().readout_us + Shutter().transfer_us}
 """the virtual camera sends a picture when all of it was read and transferred, not while its first rows are read"""

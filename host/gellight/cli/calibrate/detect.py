@@ -11,12 +11,19 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.frames.image_files import image_files, read_image
-from gellight.report.pictures import write_png
-from gellight.training.labelling import Detection, detect, detect_prisms, detect_several, write_overlays, write_presses
-from gellight.training.labelling.plate import PlateGrid, untouched_between
-from gellight.training.presses import Ball
-from gellight.training.prisms import prism_angle_rad
-from gellight.training.training import Reference, read_reference
+from gellight.lab.report.pictures import write_png
+from gellight.lab.training.labelling import (
+    Detection,
+    detect,
+    detect_prisms,
+    detect_several,
+    write_overlays,
+    write_presses,
+)
+from gellight.lab.training.labelling.plate import PlateGrid, untouched_between
+from gellight.lab.training.presses import Ball
+from gellight.lab.training.prisms import prism_angle_rad
+from gellight.lab.training.training import Reference, read_reference
 
 _HEADS = {
     "center_x_px": "x", "center_y_px": "y", "contact_radius_px": "radius", "edge_x1_px": "x1", "edge_y1_px": "y1",

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from gellight.bundle.bundle import load_bundle
-from gellight.calibration.force.adding import add_force, measure_force
 from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.lab.calibration.force.adding import add_force, measure_force
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import ForceRecord
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gellight.cli.options import AsJson, Calibration, simulated_settings
-from gellight.evaluation.object_errors import ObjectError, object_errors, summary
+from gellight.lab.evaluation.object_errors import ObjectError, object_errors, summary
 
 
 def command(

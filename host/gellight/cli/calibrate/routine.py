@@ -15,11 +15,6 @@ from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
-from gellight.calibration.choices import RoutineOptions
-from gellight.calibration.presets import PRESETS, preset_called
-from gellight.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
-from gellight.calibration.routine import Routine
-from gellight.calibration.state import Identity, Steps, discard, unfinished
 from gellight.cli.advice import typeable
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
@@ -29,8 +24,13 @@ from gellight.daemon.installing import install, sensor_name
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PreparedCamera, chosen_steps
 from gellight.frames.view import read_view
+from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.presets import PRESETS, preset_called
+from gellight.lab.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.calibration.state import Identity, Steps, discard, unfinished
+from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.opening import open_camera
-from gellight.simulator.virtual_hand import hand_of
 
 
 @dataclass(frozen=True)

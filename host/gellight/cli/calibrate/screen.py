@@ -11,9 +11,9 @@ from rich.live import Live
 from rich.text import Text
 
 from gellight.base.errors import InputError
-from gellight.calibration.display import Display
-from gellight.calibration.routine import Routine
-from gellight.report.pictures import write_png
+from gellight.lab.calibration.display import Display
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.report.pictures import write_png
 
 POLL_S = 0.1
 KEYS = "n: next or enough   d: drop the last press   c X Y R: correct its circle, px   a: accept   q: stop"

@@ -12,21 +12,21 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
-from gellight.evaluation.synthetic import make_synthetic
 from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
 from gellight.frames.view import read_view
-from gellight.training import training, validation
-from gellight.training.child import Progress, silent
-from gellight.training.cross_validation import Comparison, CrossValidation, cross_validate
-from gellight.training.labelling.ball_size import check_ball, felt_radius_mm
-from gellight.training.presses import Ball, Press, read_presses
-from gellight.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
-from gellight.training.trainer import TrainerName
-from gellight.training.training import RECIPES, Reference, TrainingOptions, read_reference
-from gellight.training.validation import AngleFigures, PressFigures
+from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
+from gellight.lab.evaluation.synthetic import make_synthetic
+from gellight.lab.training import training, validation
+from gellight.lab.training.child import Progress, silent
+from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
+from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
+from gellight.lab.training.presses import Ball, Press, read_presses
+from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
+from gellight.lab.training.trainer import TrainerName
+from gellight.lab.training.training import RECIPES, Reference, TrainingOptions, read_reference
+from gellight.lab.training.validation import AngleFigures, PressFigures
 
 Given = tuple[list[Press], Reference, Ball]
 """what a network is trained on"""

@@ -9,8 +9,8 @@ from gellight.base.errors import BundleError
 from gellight.base.settings import ReconstructionSettings
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.daemon.modes import frame_path
-from gellight.evaluation.frame_bench import frame_times
 from gellight.frames.frames import TactileFrame
+from gellight.lab.evaluation.frame_bench import frame_times
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord, has_lens
 from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import Undistortion, circle_on_gel

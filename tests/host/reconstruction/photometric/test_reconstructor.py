@@ -8,13 +8,13 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import TactileFrame
+from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.photometric.hybrid import HybridReconstructor, network_error
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.reconstruction.photometric.reconstructor import STAGES, PhotometricReconstructor
 from gellight.reconstruction.photometric.solver import LEAST_LIGHTS
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.simulator.scene import Press
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
 

@@ -8,12 +8,12 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import LightLabel, LightState
-from gellight.ring.emulator.waveform import Light
+from gellight.lab.emulator.waveform import Light
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.simulator.shutter import Shutter, row_weights
+from gellight.lab.simulator.simulated_camera import built
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.lighting.content import BANDS, ContentCheck, cells, robust_fit
-from gellight.simulator.scene import Press, Scene
-from gellight.simulator.shutter import Shutter, row_weights
-from gellight.simulator.simulated_camera import built
 from sim_reference.camera import CameraResponse, digitise
 
 SHUTTER = Shutter()

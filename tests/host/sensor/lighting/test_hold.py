@@ -11,13 +11,13 @@ from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
+from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.opening import open_camera
 from gellight.ring.enumerations import Dark, SyncMode
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import Step
 from gellight.sensor import set_and_light
 from gellight.sensor.lighting.hold import exposures
-from gellight.simulator.simulated_camera import SimulatedCamera
 from tests.helpers.scripted_ring import ScriptedRing
 
 RING = np.zeros((12, 3), np.uint8)

@@ -14,8 +14,8 @@ from gellight.base.errors import InputError
 from gellight.frames.camera import timing_of
 from gellight.frames.frames import LightLabel, LightState
 from gellight.frames.timing import CameraTiming
+from gellight.lab.emulator.child import SimulatedBoard
 from gellight.opening import open_camera
-from gellight.ring.emulator.child import SimulatedBoard
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import Ping, Step

@@ -10,12 +10,12 @@ from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import ReconnectingError
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
+from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
-from gellight.simulator.simulated_camera import open_simulated
 from tests.helpers.bench_board import VirtualTransport
 from tests.helpers.virtual_sensor import RING, VirtualCamera, virtual_sensor
 

@@ -1,0 +1,48 @@
+"""Step 5: the network is trained on the ball presses, in a child process, and kept as a draft of the bundle."""
+
+from gellight.base.errors import InputError
+from gellight.lab.calibration.choices import LEAST_PRESSES
+from gellight.lab.calibration.display import Progress
+from gellight.lab.calibration.pressing import ball_of
+from gellight.lab.calibration.records import Fit, UntouchedGel
+from gellight.lab.calibration.run import CalibrationRun
+from gellight.lab.training import training
+from gellight.lab.training.presses import TableOptions
+from gellight.lab.training.rehearsal import rehearse
+from gellight.lab.training.training import Reference
+
+TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
+"""The coating rounds the rim of the contact, so the outermost 2 px of the circle are left out. Soft gel still slopes a
+little two radii from the centre, so only what is beyond three counts as flat: as many pixels as lie in contact."""
+
+
+def fit(run: CalibrationRun) -> None:
+    """Train on the presses and keep the draft."""
+    presses = run.folder.presses()
+    if len(presses) < LEAST_PRESSES:
+        raise InputError(f"{len(presses)} presses are too few to fit: at least {LEAST_PRESSES} are needed")
+    trainer = rehearse(run.options.training.trainer, check=run.check_stopped)
+    run.display.update(
+        instruction=f"The network is being trained by {trainer}. Nothing is to be done.", actions=("abort",)
+    )
+    losses: list[float] = []
+
+    def report(epoch: int, epochs: int, loss: float) -> None:
+        losses.append(loss)
+        run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
+
+    taken = run.folder.figures(UntouchedGel)
+    bundle = training.fit(
+        presses,
+        Reference(image=run.folder.reference(), frames=taken.frames, noise_grey=taken.noise_grey),
+        ball_of(run),
+        run.folder.draft,
+        sensor=run.options.sensor,
+        options=run.options.training,
+        table_options=TABLE,
+        extra_files=run.camera.picture_files,
+        overwrite=True,
+        progress=report,
+        check=run.check_stopped,
+    )
+    run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": losses}))

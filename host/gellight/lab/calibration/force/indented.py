@@ -1,0 +1,119 @@
+"""What the sensor felt while forces were recorded: the integral of the pressure for a modulus of 1, in each picture."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import ImageCamera
+from gellight.frames.picture import prepared
+from gellight.lab.calibration.force.record import Array, ForceReadings
+from gellight.reconstruction.force import Layer, indenting
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording.recording_file import Recording
+
+MOST_FRAMES = 600
+"""of a recording are looked at, evenly spread"""
+MOST_LAG_S = 0.2
+LAG_STEP_S = 0.01
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Felt:
+    """Forces and what was felt under them."""
+
+    force_n: Array
+    integral_mm2: Array
+    """the force for a modulus of 1 N / mm2"""
+    lag_s: float = 0.0
+    """by which the forces came later than the pictures"""
+
+
+def felt_in_images(readings: ForceReadings, bundle: Bundle, layer: Layer) -> Felt:
+    """Return what is felt in the picture of each reading; InputError for a press that the view cuts off."""
+    feel = _Feeling(bundle, layer)
+    with prepared(ImageCamera(readings.images), bundle) as camera:
+        integrals = [feel.integral_mm2(camera.read()) for _ in readings.images]
+    for image, integral in zip(readings.images, integrals, strict=True):
+        if np.isnan(integral):
+            raise InputError(f"{image}: the touch reaches the border of the view: press nearer to its middle")
+    return Felt(force_n=readings.force_n, integral_mm2=np.array(integrals))
+
+
+def felt_in_recording(readings: ForceReadings, recording: Recording, bundle: Bundle, layer: Layer) -> Felt:
+    """Return what is felt in the frames of a recording while the load cell read; the lag of its clock is found.
+
+    Frames whose touch the view cuts off are left out. Raises InputError where recording and readings are of other
+    times.
+    """
+    unix_s, integral = _of_frames(recording, bundle, layer, readings)
+    lags = np.arange(-MOST_LAG_S, MOST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
+    left = []
+    for lag in lags:
+        force = np.interp(unix_s + lag, readings.unix_s, readings.force_n)
+        modulus = float(force @ integral) / max(float(integral @ integral), 1e-30)
+        left.append(float(((force - modulus * integral) ** 2).sum()))
+    lag_s = float(lags[int(np.argmin(left))])
+    return Felt(
+        force_n=np.interp(unix_s + lag_s, readings.unix_s, readings.force_n), integral_mm2=integral, lag_s=lag_s
+    )
+
+
+class _Feeling:
+    """The frame path of one bundle, asked for the integral of the pressure."""
+
+    def __init__(self, bundle: Bundle, layer: Layer) -> None:
+        self._reconstructor, self._layer = Reconstructor(bundle), layer
+        self._pixel_size_mm = bundle.pixel_size_mm
+
+    def integral_mm2(self, frame: CameraFrame) -> float:
+        """NaN where the view cuts the touch off."""
+        found = indenting(self._reconstructor.reconstruct(frame).depth_mm, self._pixel_size_mm, self._layer)
+        return np.nan if found.at_border else found.integral_mm2
+
+
+def _of_frames(
+    recording: Recording, bundle: Bundle, layer: Layer, readings: ForceReadings
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n,) Unix time and integral of the frames that were taken while the load cell read."""
+    feelings: dict[str, _Feeling] = {}
+    times, integrals = [], []
+    for unix_s, zero, frame in _frames(recording, readings):
+        if zero not in feelings:
+            feelings[zero] = _Feeling(_with_zero(bundle, recording.bundles[zero]), layer)
+        times.append(unix_s)
+        integrals.append(feelings[zero].integral_mm2(frame))
+    kept = np.isfinite(integrals)
+    if not kept.any():
+        raise InputError(
+            f"no frame of {recording.path} was taken while {readings.path} reads, from {readings.unix_s[0]:.3f} to "
+            f"{readings.unix_s[-1]:.3f} s Unix time, and shows its touch whole: give files of the same time"
+        )
+    return np.array(times)[kept], np.array(integrals, np.float64)[kept]
+
+
+def _with_zero(bundle: Bundle, recorded: Bundle) -> Bundle:
+    """Return the bundle with the zero that was in use, where the recording was made with this calibration."""
+    if recorded.network != bundle.network or recorded.image_shape != bundle.image_shape:
+        return bundle
+    return bundle.with_reference(recorded.reference, frames=recorded.manifest.reference_frames)
+
+
+def _frames(recording: Recording, readings: ForceReadings) -> Iterator[tuple[float, str, CameraFrame]]:
+    """Yield Unix time, zero and picture of frames that were taken while the load cell read."""
+    begin, end = readings.unix_s[0] + MOST_LAG_S, readings.unix_s[-1] - MOST_LAG_S
+    inside = sum(begin <= record.info.unix_s <= end for record in recording.frames())
+    every = max(1, -(-inside // MOST_FRAMES))
+    number = 0
+    for record in recording.frames():
+        info = record.info
+        if not begin <= info.unix_s <= end:
+            continue
+        number += 1
+        if (number - 1) % every == 0:
+            image = record.image(str(recording.path))
+            yield info.unix_s, info.zero, CameraFrame(image=image, time_s=info.time_s, sequence=info.sequence)

@@ -1,0 +1,120 @@
+"""Measure a lens from pictures and add it to a bundle; draw what was found."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import read_image
+from gellight.lab.calibration.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
+from gellight.lab.calibration.lens.pins import dimples, marked, spots
+from gellight.lab.calibration.records import LensFigures
+from gellight.lab.report.pictures import Picture, write_png
+from gellight.lab.training.training import read_reference
+from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
+from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.pipeline import Reconstructor
+
+
+def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, reference: str | None = None) -> LensFit:
+    """Fit the lens of a sensor to pictures of a grid of pins `pitch_mm` apart.
+
+    reference: the untouched gel, for pins that press into it; they are found in the depth that the bundle's network
+    feels. Without it they are spots in the picture. Raises InputError, with the reason, where no lens can be fitted.
+    """
+    if not (np.isfinite(pitch_mm) and pitch_mm > 0):
+        raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
+    if not images:
+        raise InputError("there is no picture: give at least one of the pin grid")
+    if reference is None:
+        return _fitted(bundle, images, pitch_mm, lambda picture, spacing: spots(picture.astype(np.float32), spacing))
+    untouched = read_reference(reference)
+    bundle.check_fits(reference, untouched.image_shape)
+    return felt_lens(bundle.with_reference(untouched.image, frames=untouched.frames), images, pitch_mm)
+
+
+def felt_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, source: str | None = None) -> LensFit:
+    """Fit the lens to pins in the depth that the bundle's network feels; errors name `source`, or else the picture."""
+    reconstructor = Reconstructor(bundle, undistorted=False)
+
+    def contrasts(picture: Picture, spacing: float) -> list[Floats]:
+        return dimples(felt_depth_mm(reconstructor, picture), spacing)
+
+    return _fitted(bundle, images, pitch_mm, contrasts, source)
+
+
+def felt_depth_mm(reconstructor: Reconstructor, picture: Picture) -> Floats:
+    """Return the (H, W) depth of a picture, mm."""
+    return reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")).depth_mm
+
+
+def _fitted(
+    bundle: Bundle,
+    images: Sequence[Path],
+    pitch_mm: float,
+    contrasts: Callable[[Picture, float], list[Floats]],
+    source: str | None = None,
+) -> LensFit:
+    """Fit the lens to pins in what `contrasts` makes of each picture and the spacing of the pins, px."""
+    size, lattices = bundle.pixel_size_mm, []
+    for path in images:
+        picture: Picture = read_image(path)
+        bundle.check_fits(str(path), (picture.shape[0], picture.shape[1]))
+        seen = contrasts(picture, spacing_px(size, pitch_mm))
+        lattices.append(read_pins(seen, pixel_size_mm=size, pitch_mm=pitch_mm, source=source or path))
+    return fit_lens(lattices, bundle.image_shape, pitch_mm)
+
+
+def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False) -> Bundle:
+    """Write the bundle with the lens as a new one and return it; BundleError where that cannot be."""
+    lens = asdict(fit.lens)
+    height, width = lens.pop("image_shape")
+    record = LensRecord(
+        image_width_px=width,
+        image_height_px=height,
+        **lens,
+        learnt_from_circles="presses.npz" in bundle.files,  # the labels of presses are circles
+        pitch_mm=fit.pitch_mm,
+        images=tuple(path.name for path in images),
+        pins=fit.pins,
+        rms_before_px=fit.rms_before_px,
+        rms_after_px=fit.rms_after_px,
+        created=datetime.now(UTC).replace(microsecond=0),
+    )
+    content = (record.model_dump_json(indent=1) + "\n").encode()
+    return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
+
+
+def figures(fit: LensFit, bundle: Bundle) -> LensFigures:
+    """Return what was measured, rounded for people."""
+    x_mm, y_mm = fit.lens.mm_per_px
+    mm = float(np.sqrt(x_mm * y_mm))
+    undistortion = Undistortion(fit.lens, bundle.pixel_size_mm, from_circles=False)
+    return LensFigures(
+        pins=fit.pins,
+        pictures=len(fit.lattices),
+        rms_before_px=round(fit.rms_before_px, 4),
+        rms_after_px=round(fit.rms_after_px, 4),
+        rms_before_mm=round(fit.rms_before_px * mm, 5),
+        rms_after_mm=round(fit.rms_after_px * mm, 5),
+        corner_moves_px=round(fit.lens.bend_px, 2),
+        k1=round(fit.lens.k1, 5),
+        k2=round(fit.lens.k2, 5),
+        centre_px=(round(fit.lens.centre_px[0], 1), round(fit.lens.centre_px[1], 1)),
+        middle_mm_per_px=(round(x_mm, 6), round(y_mm, 6)),
+        bundle_mm_per_px=bundle.pixel_size_mm,
+        not_seen_share=round(float(1 - undistortion.seen.mean()), 4),
+    )
+
+
+def write_overlay(path: Path, image: Path, fit: LensFit) -> None:
+    """Draw the pins found in the first picture, and where the lens expects them, as a PNG file."""
+    try:
+        write_png(path, marked(read_image(image), fit.lattices[0].points, fit.expected_px[0]))
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}): choose another place") from error

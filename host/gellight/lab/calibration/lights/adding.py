@@ -1,0 +1,153 @@
+"""What `gellight calibrate lights` does: take pictures under each LED, and add the light of each to the bundle."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.settings import Settings
+from gellight.bundle.bundle import Bundle
+from gellight.frames.camera import Camera
+from gellight.lab.calibration.lights.ball_check import confirm_ring
+from gellight.lab.calibration.lights.reference_light import ReferencePictures, light_model
+from gellight.lab.calibration.lights.ring_fit import RingFit, fit_ring
+from gellight.opening import open_camera
+from gellight.reconstruction.photometric.light_model import LightModel
+from gellight.reconstruction.photometric.lights_file import write_lights
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.series_cameras import EXPOSURE
+
+
+def add_lights(
+    bundle: Bundle,
+    settings: Settings,
+    out: Path,
+    *,
+    frames: int,
+    ring_from_light: bool = False,
+    ball_radius_mm: float | None = None,
+    press_ball: Callable[[], object] = lambda: None,
+    overwrite: bool = False,
+) -> dict[str, object]:
+    """Measure the lights of the sensor that `settings` name, and write its bundle with them to `out`.
+
+    ring_from_light: take the geometry of the ring from the pictures, not from the settings; then a ball of
+    ball_radius_mm has to confirm it, which `press_ball` asks for and a simulated sensor presses by itself.
+    Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or BundleError.
+    """
+    if ring_from_light and ball_radius_mm is None:
+        raise InputError(
+            "the light on the flat gel hardly tells a low ring from a high one, so a ball has to confirm the fit: give "
+            "--ball-radius-mm with --ring-from-light"
+        )
+    ring = RingGeometry.from_overrides(settings.geometry.overrides())
+    colours = led_colours(bundle, ring)
+    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+        bundle.check_fits(camera.url, camera.image_shape)
+        model = _take_lights(camera, ring, colours, bundle.pixel_size_mm, frames)
+        fit = fit_ring(model, bundle.pixel_size_mm)
+        if ring_from_light and ball_radius_mm is not None:
+            model = replace(model, ring=fit.ring)
+            confirm_ring(model, bundle, _pictures_of_ball(camera, colours, frames, press_ball), ball_radius_mm)
+    write_lights(bundle, model, out, overwrite=overwrite)
+    return {"calibration": str(out), "ring_used": "light" if ring_from_light else "settings"} | _facts(model, fit)
+
+
+def _facts(model: LightModel, fit: RingFit) -> dict[str, object]:
+    """What was found, ready for JSON."""
+    return {
+        "leds": len(model.colours),
+        "gamma": model.gamma,
+        "black_grey": model.black_grey.round(2).tolist(),
+        "crosstalk": model.crosstalk.round(3).tolist(),
+        "brightest_grey": round(model.brightest_grey, 1),
+        "exposure_us": model.exposure_us,
+        "pattern_residual": round(model.pattern_residual, 5),
+        "ring_from_light": fit.as_json(),
+    }
+
+
+def led_colours(bundle: Bundle, ring: RingGeometry) -> NDArray[np.uint8]:
+    """Return the (K, 3) colours of the LEDs: those the bundle was calibrated with, else full on as `ring` has them.
+
+    Raises BundleError where the two disagree about which LED is of which colour.
+    """
+    if bundle.colours is None:
+        return ring.colours
+    found = "".join(led.colour for led in bundle.manifest.led)
+    if found != ring.led_colours:
+        raise BundleError(
+            f"{bundle.source} is of a ring {found}, the settings say {ring.led_colours}: correct led_colours in "
+            "[geometry]"
+        )
+    return bundle.colours
+
+
+def _take_lights(
+    camera: Camera, ring: RingGeometry, colours: NDArray[np.uint8], pixel_size_mm: tuple[float, float], frames: int
+) -> LightModel:
+    """Show the untouched gel dark, under each LED and under all, and make the light model of what the camera sees.
+
+    colours: (K, 3) uint8 of the LEDs. A simulated sensor lifts off what is pressed, and presses it again afterwards.
+    Raises CameraError without a ring, and what `light_model` raises.
+    """
+    if camera.ring is None:
+        raise CameraError(f"{camera.url} has no light ring whose LEDs could be lit one by one: connect its board")
+    with _untouched(camera):
+        pictures = _take_pictures(camera, colours, frames)
+    controls = camera.controls
+    exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
+    return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
+
+
+def _pictures_of_ball(
+    camera: Camera, colours: NDArray[np.uint8], frames: int, press_ball: Callable[[], object]
+) -> list[list[NDArray[np.uint8]]]:
+    """Show a pressed ball under each LED alone."""
+    if camera.stage:
+        camera.stage.press("BALL", 1.0, 0.0, 0.0)
+    else:
+        press_ball()
+    with Hold(camera) as hold:
+        return [
+            [frame.image for frame in hold.expose(group, index, frames)]
+            for index, group in enumerate(single_leds(colours))
+        ]
+
+
+@contextmanager
+def _untouched(camera: Camera) -> Iterator[None]:
+    """Lift off what a stage presses, and press it again."""
+    stage = camera.stage
+    pressed = stage.status() if stage else {}
+    if stage:
+        stage.release()
+    try:
+        yield
+    finally:
+        if stage and pressed["object"]:
+            stage.press(*(pressed[name] for name in ("object", "depth_mm", "x_mm", "y_mm")))  # type: ignore[arg-type]
+
+
+def _take_pictures(camera: Camera, colours: NDArray[np.uint8], frames: int) -> ReferencePictures:
+    """Average `frames` frames in the dark, under each LED, under each triple and under all."""
+    singles, triples = single_leds(colours), colour_triples(colours)
+    groups = [np.zeros_like(colours), *singles, *triples, colours]
+    taken = []
+    with Hold(camera) as hold:
+        for index, group in enumerate(groups):
+            images = [frame.image for frame in hold.expose(group, index, frames)]
+            # The dark by its median: noise that is cut off at 0 would lift the mean.
+            taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
+    return ReferencePictures(
+        dark=taken[0],
+        singles=tuple(taken[1 : 1 + len(singles)]),
+        triples=tuple(taken[1 + len(singles) : -1]),
+        whole=taken[-1],
+    )

@@ -1,0 +1,153 @@
+"""Pictures of balls under one light after the other: what lights are found from, and what their networks learn."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.frames.image_files import read_grey
+from gellight.lab.training.presses import Ball, Press, distance_px, sphere_gradient
+from gellight.reconstruction.integration import angle_deg, normals
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+HELD_OUT = 4
+"""every fourth ball, or series where there are several, judges and is not learnt from"""
+LEAST_BALLS = 4
+"""to learn from"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BallSeries:
+    """The same balls under each light."""
+
+    levels: Floats
+    """(K, H, W) grey levels, one picture a light"""
+    presses: tuple[Press, ...]
+    """circles that hold in all of them"""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W)"""
+        return self.levels.shape[1], self.levels.shape[2]
+
+    def inside(self, ball: Ball, share: float) -> tuple[NDArray[np.intp], Array]:
+        """Return the pixels inside a share of the circles, counted row by row, and their normals (3, N)."""
+        pixels, found = [np.zeros(0, np.intp)], [np.zeros((0, 3), np.float32)]
+        for press in self.presses:
+            within = np.flatnonzero(distance_px(press, self.shape) < share * press.contact_radius_px)
+            pixels.append(within)
+            found.append(normals(sphere_gradient(press, ball, self.shape)).reshape(-1, 3)[within])
+        return np.concatenate(pixels), np.concatenate(found).T.astype(np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitBalls:
+    """All that lights are found from, and where it comes from."""
+
+    series: tuple[BallSeries, ...]
+    untouched: Floats
+    """(K, H, W) of the untouched gel, one picture a light, grey levels"""
+    ball: Ball
+    noise_grey: float
+    """of one pixel"""
+    groups: NDArray[np.uint8] | None = None
+    """(G, n, 3) of the ring that showed the lights; None for recorded pictures"""
+    sensor: str = "unnamed"
+    camera: Mapping[str, float] = field(default_factory=dict)
+    """its controls by name"""
+
+
+def read_series(
+    balls: Sequence[Path], presses: Sequence[Press], lights: int, white: float | None
+) -> tuple[BallSeries, ...]:
+    """Read pictures of balls, `lights` of each series in turn; a press belongs to the series of its picture.
+
+    Where there is one series, all presses are its own. white: see `read_grey`. Raises InputError for pictures that are
+    no whole series, and presses of other pictures.
+    """
+    if not lights or len(balls) % lights:
+        raise InputError(
+            f"{len(balls)} pictures of balls and {lights} of the untouched gel: give one of each for every light, or "
+            "several whole series of balls"
+        )
+    parts = [balls[start : start + lights] for start in range(0, len(balls), lights)]
+    own: list[list[Press]] = [[] for _ in parts]
+    for press in presses:
+        places = [n for n, part in enumerate(parts) if len(parts) == 1 or press.image.name in {p.name for p in part}]
+        if not places:
+            raise InputError(f"{press.image.name} in the csv of circles is none of the pictures of balls: correct it")
+        own[places[0]].append(press)
+    return tuple(
+        BallSeries(levels=np.stack([read_grey(path, white) for path in part]), presses=tuple(theirs))
+        for part, theirs in zip(parts, own, strict=True)
+        if theirs
+    )
+
+
+def divided(series: Sequence[BallSeries]) -> tuple[list[BallSeries], list[BallSeries]]:
+    """Divide into what is learnt from and what judges: by series, or by ball where there is one series.
+
+    Raises InputError for too few balls.
+    """
+    if len(series) > 1:
+        parts = [[one for n, one in enumerate(series) if (n % HELD_OUT == 0) is judging] for judging in (False, True)]
+    else:
+        balls = series[0].presses if series else ()
+        chosen = [tuple(b for n, b in enumerate(balls) if (n % HELD_OUT == 0) is judging) for judging in (False, True)]
+        parts = [[replace(series[0], presses=some)] if some else [] for some in chosen]
+    learnt, judging = parts
+    if count(learnt) < LEAST_BALLS or not count(judging):
+        raise InputError(f"{count(series)} balls are too few: give at least 6, so that some can be held out")
+    return learnt, judging
+
+
+def count(series: Sequence[BallSeries]) -> int:
+    """Return how many balls there are."""
+    return sum(len(one.presses) for one in series)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOutBalls:
+    """How balls are felt that were not learnt from."""
+
+    balls: int
+    normal_deg: float
+    """mean angle between the normals within 0.8 of the contact radius"""
+    wide_normal_deg: float
+    """the same within 0.95 of it"""
+    felt_radius_mm: float
+    """median over the balls"""
+
+    def as_json(self) -> dict[str, object]:
+        """Return the figures, rounded for people."""
+        return {name: round(value, 4) for name, value in asdict(self).items()}
+
+
+def held_out(feel: Callable[[Floats], Floats], series: Sequence[BallSeries], ball: Ball) -> HeldOutBalls:
+    """Judge what turns (K, H, W) grey levels into (H, W, 2) slopes, on balls that it was not made from."""
+    angles: dict[float, list[Floats]] = {0.8: [], 0.95: []}
+    radii_px = []
+    for one in series:
+        gradient_map = feel(one.levels)
+        felt = normals(gradient_map).reshape(-1, 3)
+        for share, found in angles.items():
+            pixels, normal = one.inside(ball, share)
+            found.append(angle_deg(felt[pixels], normal.T.astype(np.float32)))
+        radii_px += [felt_radius_px(gradient_map, press) for press in one.presses]
+    near, wide = (float(np.concatenate(found).mean()) for found in angles.values())
+    felt_mm = float(np.median(radii_px)) * ball.pixel_size_mm
+    return HeldOutBalls(balls=count(series), normal_deg=near, wide_normal_deg=wide, felt_radius_mm=felt_mm)
+
+
+def felt_radius_px(gradient_map: Floats, press: Press) -> float:
+    """Least squares of sin(slope) = distance / R inside 0.8 of the contact."""
+    shape = (gradient_map.shape[0], gradient_map.shape[1])
+    inside = distance_px(press, shape) < 0.8 * press.contact_radius_px
+    rows, columns = np.nonzero(inside)
+    normal = normals(gradient_map)[inside]
+    x, y = columns - press.center_x_px, rows - press.center_y_px
+    return float((x * x + y * y).sum() / (normal[:, 0] * x + normal[:, 1] * y).sum())

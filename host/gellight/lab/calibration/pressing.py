@@ -1,0 +1,195 @@
+"""Step 4: ball presses. A press that holds still is taken; its circle is found and shown, and can be corrected."""
+
+from gellight.base.errors import BundleError, InputError
+from gellight.frames.image_files import read_image
+from gellight.lab.calibration import ball_radius
+from gellight.lab.calibration.choices import LEAST_PRESSES
+from gellight.lab.calibration.circle import circle_of, corrected_circle, drawn
+from gellight.lab.calibration.coverage import advice, coverage, coverage_picture
+from gellight.lab.calibration.display import Picture, Progress
+from gellight.lab.calibration.live_error import LiveError
+from gellight.lab.calibration.records import BallPresses, Circle, LiveCoverage, PixelSize
+from gellight.lab.calibration.run import CalibrationRun
+from gellight.lab.calibration.sensing import check_light, detector_of, next_press, wait_free
+from gellight.lab.calibration.state import PressRecord
+from gellight.lab.report.pictures import difference_picture
+from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.lab.training.presses import Ball
+
+_PATIENCE = 0.5
+"""an automatic routine gives up when more than this share of its presses is refused"""
+
+
+def ball_of(run: CalibrationRun) -> Ball:
+    """Return the ball as the camera sees it, now that the size of a pixel is known."""
+    size_mm = run.folder.figures(PixelSize).pixel_size_mm
+    return Ball(radius_mm=run.options.ball_radius_mm, pixel_size_mm=size_mm)
+
+
+def collect_presses(run: CalibrationRun) -> None:
+    """Collect ball presses until there are enough, each kept at once."""
+    _Collector(run).collect()
+
+
+class _Collector:
+    """Collects the presses of one calibration."""
+
+    def __init__(self, run: CalibrationRun) -> None:
+        self.run = run
+        self.reference = run.folder.reference()
+        self.ball = ball_of(run)
+        self.detector = detector_of(run)
+        self.live = LiveError(self.reference, self.ball)
+        for record in run.folder.state.presses:
+            self.learn(record)
+        self.refused = 0
+        self.attempts = len(run.folder.state.presses)
+        """of the virtual hand"""
+        self.enough = False
+        self.wanted = run.options.presses + run.folder.state.extra_presses
+        self.radius_mm: float | None = None
+
+    def collect(self) -> None:
+        run = self.run
+        self.show_progress()
+        with run.offering("next", "correct", "drop"):
+            while not self.enough and len(run.folder.state.presses) < self.wanted:
+                with next_press(run, self.detector, self.press_ball, self.attend) as capture:
+                    if capture is not None:
+                        self.take(capture.image)
+            wait_free(run, self.detector)
+            self.attend()
+        self.check_radius()
+        if run.hand:
+            self.drop_outliers()
+        run.folder.finish(self.figures())
+
+    def press_ball(self, hand: VirtualHand) -> None:
+        hand.ball(self.attempts, self.ball.pixel_size_mm, self.run.camera.image_shape)
+        self.attempts += 1
+
+    def attend(self) -> bool:
+        """Do what the user asked for; True when they want no more presses."""
+        chosen = self.run.next_action()
+        if chosen is None:
+            return self.enough
+        action, arguments = chosen
+        try:
+            if action == "drop":
+                self.drop(arguments)
+            elif action == "correct":
+                self.correct(arguments)
+            elif action == "next":
+                self.stop()
+        except InputError as error:
+            self.run.display.update(problem=str(error))
+        return self.enough
+
+    def stop(self) -> None:
+        count = len(self.run.folder.state.presses)
+        if count < LEAST_PRESSES:
+            raise InputError(f"{count} presses are too few: press at least {LEAST_PRESSES - count} more times")
+        self.enough = True
+
+    def take(self, image: Picture) -> None:
+        run = self.run
+        try:
+            check_light(image, "the press")
+            circle = circle_of(image, self.reference, self.ball)
+        except InputError as error:
+            self.refused += 1
+            run.refuse(error, tolerate=self.refused <= _PATIENCE * run.options.presses)
+            return
+        record = run.folder.add_press(image, circle)
+        self.learn(record)
+        run.display.update(problem="", press=record.shown("taken"))
+        self.show_press(image, circle)
+        self.show_progress()
+        if len(run.folder.state.presses) == ball_radius.LEAST_PRESSES:
+            self.check_radius()
+
+    def drop(self, arguments: dict[str, float]) -> None:
+        self.forget(int(arguments.get("number", self.last().number)))
+        self.run.display.update(press=None)
+        self.show_progress()
+
+    def correct(self, arguments: dict[str, float]) -> None:
+        number = self.last().number
+        circle = corrected_circle(arguments, self.ball, self.run.camera.image_shape)
+        record = self.run.folder.correct_press(number, circle)
+        image = self.learn(record)
+        self.run.display.update(press=record.shown("corrected"))
+        self.show_press(image, circle)
+        self.show_progress()
+
+    def show_press(self, image: Picture, circle: Circle) -> None:
+        """Show a press, and its difference image, which shows the contact best; the page draws the circle on it."""
+        difference = difference_picture(image - self.reference)
+        self.run.display.show(press=drawn(image, circle), difference=difference)
+
+    def last(self) -> PressRecord:
+        if not self.run.folder.state.presses:
+            raise InputError("there is no press yet to change")
+        return self.run.folder.state.presses[-1]
+
+    def learn(self, record: PressRecord) -> Picture:
+        """Let the live error learn a press, or learn it again with another circle; returns its picture."""
+        press = record.press(self.run.folder.path)
+        image = read_image(press.image)
+        self.live.add(record.number, image, press)
+        return image
+
+    def forget(self, number: int) -> None:
+        self.run.folder.drop_press(number)
+        self.live.drop(number)
+
+    def drop_outliers(self) -> None:
+        for number in self.live.outliers():
+            self.forget(number)
+            self.refused += 1
+
+    def check_radius(self) -> None:
+        """Ask whether the ball is the one that was named, where the light tells its radius."""
+        presses = self.run.folder.presses()
+        images = [read_image(press.image) for press in presses]
+        self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
+        named = self.run.options.ball_radius_mm
+        if self.radius_mm is None or not ball_radius.is_another(self.radius_mm, named):
+            return
+        problem = (
+            f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
+            f"{self.radius_mm:.3g} mm: measure the ball, and begin again with its radius"
+        )
+        if self.run.hand:
+            raise BundleError(problem)
+        self.run.wait_for_acceptance(problem)
+
+    def show_progress(self) -> None:
+        """Show how far it is, what is covered and what is missing."""
+        run = self.run
+        presses, wanted = run.folder.presses(), self.wanted
+        self.live.update()
+        found = coverage(presses, self.ball, run.camera.image_shape)
+        words = advice(found, len(presses), wanted, settled=self.live.settled())
+        doubtful = self.live.outliers()
+        run.display.update(
+            instruction=f"Press the ball of {run.options.ball_radius_mm:g} mm radius, from a "
+            "light touch to 2 mm deep, each time at another place, up to the edges. Hold still until it is taken, then "
+            "lift. A wrong circle can be corrected or dropped.",
+            progress=Progress(done=len(presses), wanted=wanted, unit="presses"),
+            advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
+            coverage=LiveCoverage(held_out=tuple(self.live.history), **dict(found)),
+        )
+        run.display.show(coverage=coverage_picture(found, run.camera.image_shape))
+
+    def figures(self) -> BallPresses:
+        run = self.run
+        found = coverage(run.folder.presses(), self.ball, run.camera.image_shape)
+        return BallPresses(
+            presses=len(run.folder.state.presses),
+            refused=self.refused,
+            coverage=found,
+            held_out=tuple(self.live.history),
+            likely_radius_mm=self.radius_mm,
+            press_error_deg=self.live.by_press,
+        )

@@ -1,0 +1,227 @@
+"""What `state.json` of a calibration holds; how it is read, and how a calibration is removed."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import load_bundle
+from gellight.bundle.manifest import MANIFEST
+from gellight.frames.picture import PictureSteps
+from gellight.lab.calibration.records import (
+    BallPresses,
+    CheckErrors,
+    Circle,
+    Edge,
+    Fit,
+    MeasuredLens,
+    MeasuredPixelSize,
+    PinGrid,
+    PixelSize,
+    Preparation,
+    PrismErrors,
+    Record,
+    ShownCircle,
+    ShownEdge,
+    UntouchedGel,
+    Verification,
+)
+from gellight.lab.training.presses import Press
+from gellight.lab.training.prisms import PrismPress, prism_angle_rad
+
+STATE = "state.json"
+REFERENCE = "reference.npy"
+DRAFT = "draft"
+KINDS = ("presses", "checks", "prisms", "grids")
+"""folders of pictures"""
+_SHOWN = ("press.png", "cylinder.png", "pins.png")
+"""pictures that the terminal keeps beside the state"""
+
+
+class PictureRecord(Record):
+    """A picture that was kept."""
+
+    number: int = Field(ge=1)
+    file: str = Field(pattern=r"^(presses|checks|prisms|grids)/press-\d{3,}\.png$")
+    """relative to the folder of the calibration"""
+
+
+class PressRecord(PictureRecord, Circle):
+    """A ball press that was kept."""
+
+    def press(self, folder: Path) -> Press:
+        """Return the press as it is trained on; folder: that of the calibration."""
+        x, y, radius = self.center_x_px, self.center_y_px, self.contact_radius_px
+        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=True)
+
+    def circle(self) -> dict[str, float]:
+        """Return the three numbers of the circle by name."""
+        return {name: getattr(self, name) for name in Circle.model_fields}
+
+    def shown(self, state: str) -> ShownCircle:
+        """Return what is shown of it."""
+        return ShownCircle(number=self.number, state=state, **self.circle())
+
+
+class CheckRecord(PressRecord):
+    """A fresh press and its errors."""
+
+    figures: CheckErrors
+
+
+class PrismRecord(PictureRecord, Edge):
+    """A press of a prism, and its errors."""
+
+    figures: PrismErrors
+
+    def press(self, folder: Path, angle_deg: float) -> PrismPress:
+        """Return the press as it is judged; folder: that of the calibration."""
+        edge_px = self.edge_x1_px, self.edge_y1_px, self.edge_x2_px, self.edge_y2_px
+        return PrismPress(
+            image=folder / self.file,
+            edge_px=edge_px,
+            face_px=self.face_px,
+            angle_rad=prism_angle_rad(angle_deg, self.file),
+            rounding_px=self.rounding_px,
+        )
+
+    def shown(self) -> ShownEdge:
+        """Return what is shown of it."""
+        return ShownEdge(number=self.number, **{name: getattr(self, name) for name in Edge.model_fields})
+
+
+class Identity(Record):
+    """What a calibration cannot change once it has begun: the sensor, the size of its pictures, the tools."""
+
+    sensor: str
+    image_size_px: tuple[int, int]
+    """(W, H)"""
+    ball_radius_mm: float
+    cylinder_diameter_mm: float
+    pin_pitch_mm: float | None = None
+    pixel_size_mm: float | None = None
+    """where it was given and not measured"""
+    prism_angle_deg: float | None = None
+    """of the prism that verifies, where there is one"""
+    picture: PictureSteps | None = None
+    """how its pictures are made of those as taken; None: they are those"""
+
+
+class Steps(BaseModel):
+    """The figures of every finished step."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    prepare: Preparation | None = None
+    reference: UntouchedGel | None = None
+    pixel_size: MeasuredPixelSize | PixelSize | None = None
+    lens: MeasuredLens | PinGrid | None = None
+    presses: BallPresses | None = None
+    fit: Fit | None = None
+    verify: Verification | None = None
+    refused_checks: int = 0
+    """fresh presses that were refused"""
+    without_prism: bool = False
+    """whether the user went on without pressing the prism as often as was asked"""
+
+
+SCHEMA_VERSION = 1
+
+
+class State(BaseModel):
+    """Everything in `state.json`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    schema_version: int = SCHEMA_VERSION
+    identity: Identity
+    steps: Steps = Field(default_factory=Steps)
+    presses: list[PressRecord] = Field(default_factory=list)
+    """to train on"""
+    checks: list[CheckRecord] = Field(default_factory=list)
+    """fresh ones"""
+    prisms: list[PrismRecord] = Field(default_factory=list)
+    """fresh presses of the prism"""
+    grids: list[PictureRecord] = Field(default_factory=list)
+    """of the pin grid"""
+    extra_presses: int = 0
+    """wanted beyond what was asked for, because a verdict was bad"""
+    name: str = ""
+    """what people call the sensor"""
+    finished: bool = False
+    """a finished calibration is not taken up again"""
+
+
+def unfinished(path: Path) -> Identity | None:
+    """Return what the interrupted calibration in a folder was begun with; None where there is none.
+
+    Raises InputError for a `state.json` that no calibration wrote, BundleError for a damaged one.
+    """
+    state = state_in(path)
+    return None if state is None or state.finished else state.identity
+
+
+def discard(path: Path) -> None:
+    """Remove the calibration in a folder: only the files it wrote, and folders that are empty then.
+
+    Does nothing where there is none. Raises InputError or BundleError, and removes nothing, as `unfinished` does.
+    """
+    state = state_in(path)
+    if state is None:
+        return
+    pictures = [record.file for record in (*state.presses, *state.checks, *state.prisms, *state.grids)]
+    with writing(path):
+        for name in (*pictures, *_draft_files(path), *_SHOWN, REFERENCE, STATE):
+            (path / name).unlink(missing_ok=True)
+    for name in (*KINDS, DRAFT, "."):
+        with suppress(OSError):  # it is not there, or holds something else
+            (path / name).resolve().rmdir()
+
+
+def _draft_files(path: Path) -> list[str]:
+    try:
+        draft = load_bundle(path / DRAFT)
+    except BundleError:
+        return []  # there is none, or no telling which files are its own
+    return [f"{DRAFT}/{name}" for name in (MANIFEST, *draft.files)]
+
+
+def state_in(path: Path) -> State | None:
+    """Read the state in a folder; None where there is none."""
+    place = path / STATE
+    try:
+        content = json.loads(place.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError) as error:
+        raise BundleError(f"{place} cannot be read ({error}): move {path} away and begin again") from error
+    if not isinstance(content, dict) or not {"schema_version", "identity"} <= set(content):
+        raise InputError(f"{place} is not the state of a calibration: give a new folder, nothing was changed in {path}")
+    if content["schema_version"] != SCHEMA_VERSION:
+        raise BundleError(
+            f"{place} has schema version {content['schema_version']}, this program reads {SCHEMA_VERSION}: "
+            f"move {path} away and begin again"
+        )
+    try:
+        return State.model_validate(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise BundleError(
+            f"{place} is damaged at {where} ({first['msg']}): move {path} away and begin again"
+        ) from error
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn what the disk refuses into a BundleError that says so."""
+    try:
+        yield
+    except OSError as error:
+        raise BundleError(
+            f"{path} cannot be written ({error.strerror or error}): free some space and go on; what was measured "
+            "before is kept"
+        ) from error

@@ -1,0 +1,219 @@
+"""Step 6: fresh presses judge the draft; only what passes is written."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, write_bundle
+from gellight.bundle.limits import Limits
+from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import read_image
+from gellight.lab.calibration.circle import circle_of, drawn
+from gellight.lab.calibration.display import Progress
+from gellight.lab.calibration.judging import Judge, Rerenderer
+from gellight.lab.calibration.preparing import led_settings
+from gellight.lab.calibration.pressing import ball_of
+from gellight.lab.calibration.prism_report import prism_section
+from gellight.lab.calibration.records import (
+    CheckErrors,
+    Circle,
+    MethodErrors,
+    PixelSize,
+    Preparation,
+    PrismVerification,
+    Verdict,
+    Verification,
+)
+from gellight.lab.calibration.report import Example, page
+from gellight.lab.calibration.run import CalibrationRun
+from gellight.lab.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
+from gellight.lab.calibration.state import CheckRecord, PrismRecord
+from gellight.lab.calibration.verifying_prism import check_prism
+from gellight.lab.report.pictures import depth_picture, difference_picture
+from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.lab.training.baselines import fit_lookup_table, fit_polynomial
+from gellight.lab.training.presses import Ball, Press, PressTable
+from gellight.lab.training.validation import baseline_errors
+from gellight.reconstruction.pipeline import Reconstructor
+
+Floats = NDArray[np.float32]
+MORE_PRESSES = 12
+"""so many more are asked for after a bad verdict"""
+
+
+def verify(run: CalibrationRun) -> Bundle | None:
+    """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
+    draft = load_bundle(run.folder.draft)
+    rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
+    judge = Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
+    reference, detector = run.folder.reference(), detector_of(run)
+
+    def press(hand: VirtualHand) -> None:
+        number = len(run.folder.state.checks) + run.folder.state.steps.refused_checks
+        hand.check(number, judge.ball.pixel_size_mm, run.camera.image_shape)
+
+    while len(run.folder.state.checks) < run.options.verifications:
+        _announce(run)
+        with next_press(run, detector, press) as capture:
+            assert capture is not None
+            _take(run, capture, reference, judge)
+    wait_free(run, detector)
+    _announce(run)
+    if run.options.prism_angle_deg is not None:
+        check_prism(run, judge, run.options.prism_angle_deg)
+    return _conclude(run, draft, judge)
+
+
+def _announce(run: CalibrationRun) -> None:
+    run.display.update(
+        instruction="Press the ball at fresh places, its whole contact in the picture: these presses judge the "
+        "calibration and are not learnt from.",
+        progress=Progress(done=len(run.folder.state.checks), wanted=run.options.verifications, unit="presses"),
+    )
+
+
+def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: Judge) -> None:
+    image = capture.frame.image  # one frame, as the running sensor sees it
+    try:
+        check_light(image, "the press")
+        circle = circle_of(capture.image, reference, judge.ball)
+        _check_whole(circle, image.shape)
+    except InputError as error:
+        refused = run.folder.count_refused_check()
+        run.refuse(error, tolerate=refused <= run.options.verifications)
+        return
+    felt, errors = judge.errors(capture.frame, Press(image=run.folder.path, **dict(circle)))
+    record = run.folder.add_check(image, circle, errors)
+    run.display.update(problem="", press=record.shown("checked"))
+    difference = difference_picture(image - reference)
+    run.display.show(press=drawn(image, circle), difference=difference, verify=depth_picture(felt.depth_mm))
+
+
+def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
+    x, y = circle.center_x_px, circle.center_y_px
+    if min(x, y, shape[1] - 1 - x, shape[0] - 1 - y) < circle.contact_radius_px:
+        raise InputError(f"the contact at ({x:.0f}, {y:.0f}) px leaves the picture: press nearer to the middle")
+
+
+def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None:
+    state, angle = run.folder.state, run.options.prism_angle_deg
+    prism = prism_summary(state.prisms, angle) if state.prisms and angle is not None else None
+    figures = summary(state.checks, _second_opinions(run, draft, judge.ball), prism)
+    verdict = verdict_on(figures, run.options.limits)
+    run.display.add_figures("verify", figures)
+    run.display.update(verdict=verdict, instruction=verdict.text)
+    if not verdict.passed:
+        run.folder.want_more(MORE_PRESSES)
+        return None
+    more = prism_section(state.prisms, prism, run.folder.path, judge.reconstructor) if prism else ""
+    report = page(run, verdict, figures, _example(run, judge), more)
+    bundle = _write(run, draft, figures, report)
+    run.folder.finish(figures)
+    run.folder.close()
+    run.display.update(bundle=str(run.options.out))
+    return bundle
+
+
+def summary(
+    checks: list[CheckRecord], second_opinions: dict[str, MethodErrors], prism: PrismVerification | None = None
+) -> Verification:
+    """Return the means over the fresh presses of the ball, with those of the prism."""
+    means = _means([check.figures for check in checks])
+    return Verification(presses=len(checks), second_opinions=second_opinions, prism=prism, **means)
+
+
+def prism_summary(presses: list[PrismRecord], angle_deg: float) -> PrismVerification:
+    """Return the means over the presses of the prism."""
+    return PrismVerification(presses=len(presses), angle_deg=angle_deg, **_means([press.figures for press in presses]))
+
+
+def _means(errors: Sequence[CheckErrors]) -> dict[str, float]:
+    each = [error.as_json() for error in errors]
+    return {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+
+
+def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
+    """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
+    table = PressTable.of(draft)
+    follow, reference = draft.manifest.follow_light, draft.reference
+    found = {}
+    for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):
+        errors = baseline_errors(baseline, run.folder.checks(), reference, ball, follow_light=follow)
+        found[name] = MethodErrors(
+            depth_mm=float(np.mean([error.depth_mae_mm for error in errors])),
+            normal_deg=float(np.mean([error.mean_deg for error in errors])),
+        )
+    return found
+
+
+def verdict_on(figures: Verification, limits: Limits) -> Verdict:
+    """Judge the mean errors of the ball, each depth error that is known and the normals; of a prism the normals alone.
+
+    The depth of a prism is shown and not judged: the limit is that of a ball, and an edge is long, so that errors of
+    its slope add up.
+    """
+    depth_mm = max(figures.depth_mm, figures.known_depth_mm)
+    normal_deg = max(figures.normal_deg, figures.prism.normal_deg if figures.prism else 0.0)
+    passed = depth_mm <= limits.depth_mm and normal_deg <= limits.normal_deg
+    text = f"Passed. {_words(figures)}."
+    if not passed:
+        advice = "Press more, and check the radius of the ball"
+        advice += "; for steep faces press deeper, and check the angle of the prism" if figures.prism else ""
+        text = (
+            f"Not passed. {_words(figures)}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} "
+            f"degrees. Nothing was replaced. {advice}."
+        )
+    depth_um, ball_deg = round(1000 * figures.known_depth_mm, 1), round(figures.normal_deg, 2)
+    return Verdict(passed=passed, depth_um=depth_um, normal_deg=ball_deg, text=text)
+
+
+def _words(figures: Verification) -> str:
+    shape = f"{1000 * figures.depth_mm:.0f} µm with the mean error of each press taken off"
+    depth = f"shape of the depth off by {shape}, since a contact circle does not say how deep its rim lies"
+    if figures.true_depth_mm is not None:
+        depth = f"depth off by {1000 * figures.true_depth_mm:.0f} µm on average in contact ({shape})"
+    words = f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+    return words if figures.prism is None else f"{words}. {_prism_words(figures.prism)}"
+
+
+def _prism_words(prism: PrismVerification) -> str:
+    depth = f"shape of the depth off by {1000 * prism.depth_mm:.0f} µm"
+    if prism.true_depth_mm is not None:
+        depth = f"depth off by {1000 * prism.true_depth_mm:.0f} µm in contact ({depth} on the faces)"
+    return (
+        f"{prism.presses} presses of the prism of {prism.angle_deg:g} degrees: it feels like {prism.felt_deg:.1f}; "
+        f"{depth}; normals of its faces off by {prism.normal_deg:.2f} degrees"
+    )
+
+
+def _example(run: CalibrationRun, judge: Judge) -> Example:
+    """The fresh press with the median depth error, reconstructed again."""
+    checks = sorted(run.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
+    press = checks[len(checks) // 2].press(run.folder.path)
+    image = read_image(press.image)
+    frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
+    return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
+
+
+def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
+    """Write the draft as the bundle, with all that it holds and all that was measured since."""
+    prepared, lens = run.folder.figures(Preparation), run.folder.state.steps.lens
+    measured = {
+        "verification": figures.as_json(),
+        "pixel_size": run.folder.figures(PixelSize).as_json(),
+        "lens": lens.as_json() if lens else {},
+        "prepare": prepared.as_json(),
+    }
+    kept = draft.manifest.model_dump(include=set(Description.__annotations__))
+    return write_bundle(
+        run.options.out,
+        reference=draft.reference,
+        network=draft.network,
+        network_name=draft.manifest.network,
+        metrics={**draft.metrics, **measured},
+        extra_files={**draft.files, REPORT: report.encode()},
+        overwrite=run.options.overwrite,
+        **{**kept, "name": run.folder.state.name, "led": led_settings(prepared.led), "camera": prepared.camera},
+    )

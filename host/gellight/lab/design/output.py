@@ -1,0 +1,231 @@
+"""The results of the coarse stage, the fine stage and the calibration ball as JSON, text and charts; writing files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import degrees, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+from gellight.lab.design.studies import METHODS, FineResult
+from gellight.lab.report.charts import Axes, Series, heat_map, line_chart
+from sim_reference.geometry import SensorGeometry
+from sim_reference.optimizer import ball
+from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult
+
+Array = NDArray[np.float64]
+Files = dict[str, bytes | str]
+"""contents by file name"""
+TUNED = "tuned: the measures of the objects, which the paper does not give, were chosen so that it is 29 by default"
+RED_DEG = 30.0
+"""heat maps are red from here, as in figure 3"""
+BALL_RADII_MM = np.arange(2.0, 8.01, 0.5)
+
+
+def check_writable(folder: Path) -> None:
+    """Make `folder` if need be; raises InputError, before anything is computed, if nothing can be written there."""
+    write_all(folder, {".writable": b""})
+    (folder / ".writable").unlink()
+
+
+def write_all(folder: Path, files: Mapping[str, bytes | str]) -> list[Path]:
+    """Write files into `folder`, each whole or not at all; raises InputError if that is impossible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            write_file(folder / name, content.encode() if isinstance(content, str) else content)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
+    return [folder / name for name in files]
+
+
+def coarse_json(result: CoarseResult) -> dict[str, Any]:
+    """Return the coarse study; rows of the maps are numbers of lights, columns angles."""
+    return {
+        "light_numbers": list(result.groups.numbers),
+        "angles_deg": _degrees(result.groups.angles_rad),
+        "best_angle_deg": _degrees(result.best_angle_rad()),
+        "best_angle_is": TUNED,
+        "mean_best_angle_deg": _degrees(result.mean_best_angle_rad()),
+        "best_angle_by_object": {name: _degrees(angle) for name, angle in result.best_angles_rad().items()},
+        "map_mean_by_lights": {str(n): round(mean, 5) for n, mean in result.map_mean_by_number().items()},
+        "top1_deg": _degrees(result.mean_top1_rad),
+        "top1_by_object_deg": dict(zip(result.names, _degrees(result.errors_rad[..., 2]), strict=True)),
+        "mae_deg": _degrees(result.errors_rad[..., 0].mean(axis=0)),
+        "top5_deg": _degrees(result.errors_rad[..., 1].mean(axis=0)),
+    }
+
+
+def coarse_text(result: CoarseResult) -> str:
+    """Return the averaged Top1 map and the best angles as lines of text."""
+    angles = [f"{degrees(angle):7.0f}" for angle in result.groups.angles_rad]
+    lines = ["Top1 in degrees, averaged over the objects", "lights \\ angle" + "".join(angles)]
+    for number, row in zip(result.groups.numbers, np.degrees(result.mean_top1_rad), strict=True):
+        lines.append(f"{number:14}" + "".join(f"{value:7.2f}" for value in row))
+    each = ", ".join(f"{name} {degrees(angle):.0f}" for name, angle in result.best_angles_rad().items())
+    lines.append(f"best angle with {CHOSEN_NUMBER} lights: {degrees(result.best_angle_rad()):.0f} degrees ({TUNED})")
+    lines.append(f"mean of the objects' best angles: {degrees(result.mean_best_angle_rad()):.1f} degrees ({each})")
+    return "\n".join(lines)
+
+
+def coarse_charts(result: CoarseResult) -> Files:
+    """Return a heat map of each object and the averaged curves."""
+    return {**{f"{name}.svg": top1_map(result, name) for name in result.names}, "mean.svg": top1_curves(result, None)}
+
+
+def top1_map(result: CoarseResult, name: str, figure: int = 2) -> str:
+    """Return a heat map of figure 3a or 4a: figure 0 is MAE, 1 Top5, 2 Top1."""
+    values = np.degrees(result.errors_rad[result.names.index(name), ..., figure])
+    rows = [str(number) for number in result.groups.numbers]
+    columns = [f"{degrees(angle):.0f}°" for angle in result.groups.angles_rad]
+    title = f"{name}: {('MAE', 'Top5', 'Top1')[figure]}, degrees"
+    return heat_map(values, rows, columns, Axes(title=title, x="incident angle", y="number of lights"), largest=RED_DEG)
+
+
+def top1_curves(result: CoarseResult, name: str | None) -> str:
+    """Return the curves of figure 4b, one for each number of lights, of an object or (None) of the average."""
+    values = result.mean_top1_rad if name is None else result.errors_rad[result.names.index(name), ..., 2]
+    angles, title = _degrees(result.groups.angles_rad), name or "average of the benchmark"
+    rows = zip(result.groups.numbers, np.degrees(values).tolist(), strict=True)
+    axes = Axes(title=title, x="incident angle, degrees", y="Top1, degrees", log=True, legend="lights:")
+    return line_chart([Series(str(number), angles, row) for number, row in rows], axes)
+
+
+def fine_json(result: FineResult) -> dict[str, Any]:
+    """Return the fine study by height; errors are null where the LEDs would be inside the window."""
+    light = result.light
+    return {
+        "height_mm": list(result.heights_mm),
+        "sat": [round(one.saturation, 6) for one in light],
+        "nsd": [round(one.nsd, 6) for one in light],
+        "normal_error_deg": _numbers(result.errors_deg("air", "each LED by itself, shadows dropped")[:, 0]),
+        "height_of_half_saturation_mm": _numbers(result.half_saturation_mm),
+        "variation": [round(one.variation, 6) for one in light],
+        "within_sigmas": [[round(share, 5) for share in one.within_sigmas] for one in light],
+        "mean_light": [round(one.mean / light[0].mean, 5) for one in light],
+        "errors_deg": {
+            medium: {
+                method: dict(zip(("mae", "top1"), map(_numbers, result.errors_deg(medium, method).T), strict=True))
+                for method in METHODS
+            }
+            for medium in result.errors_rad
+        },
+    }
+
+
+def fine_text(result: FineResult) -> str:
+    """Return a line for each height."""
+    lines = ["height mm    SAT    NSD   MAE one exposure   each LED alone   shadows dropped   (degrees)"]
+    for at, light in enumerate(result.light):
+        errors = [result.errors_deg("air", method)[at, 0] for method in METHODS]
+        lines.append(
+            f"{light.mounting_height_mm:9.1f} {light.saturation:6.1%} {light.nsd:6.2f} {errors[0]:18.2f} "
+            f"{errors[1]:16.3f} {errors[2]:17.3f}"
+        )
+    half = result.half_saturation_mm
+    where = f"at {half:.1f} mm" if isfinite(half) else "at none of these heights"
+    return "\n".join([*lines, f"SAT reaches 50 % {where} (disc of 35 mm, ideal colours)"])
+
+
+def fine_charts(result: FineResult) -> Files:
+    """Return SAT and NSD against height (figure 4e), and the error of the normals."""
+    heights = list(result.heights_mm)
+    saturation = Series("", heights, [100 * one.saturation for one in result.light])
+    deviation = Series("", heights, [one.nsd for one in result.light])
+    errors = [
+        Series(
+            f"{method} ({medium})", heights, result.errors_deg(medium, method)[:, 0].tolist(), medium == "window", at
+        )
+        for medium in result.errors_rad
+        for at, method in enumerate(METHODS)
+    ]
+    x = "mounting height, mm"
+    half = Axes(title="Figure 4e: SAT of a plane", x=x, y="SAT, %", levels=((50.0, "50 %"),))
+    return {
+        "saturation.svg": line_chart([saturation], half),
+        "deviation.svg": line_chart([deviation], Axes(title="Figure 4e: NSD of a plane", x=x, y="NSD")),
+        "error.svg": line_chart(errors, Axes(title="Error of the normals, benchmark", x=x, y="MAE, degrees", log=True)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class BallResult:
+    """The recommended calibration ball, and equation 8."""
+
+    choice: ball.BallChoice
+    elevation_rad: Mapping[float, Array]
+    """by press depth in mm: largest slope for each of `BALL_RADII_MM`, NaN where the press is deeper than the ball"""
+
+
+def ball_study(geometry: SensorGeometry, press_mm: float, radii_mm: Sequence[float] | None) -> BallResult:
+    """Return the best of the balls at hand (by default `BALL_RADII_MM`) for a press.
+
+    Raises InputError for radii that are not positive, a press deeper than the gel or the only ball, or no ball that
+    records the wanted slopes.
+    """
+    at_hand = np.array(sorted(radii_mm)) if radii_mm else BALL_RADII_MM
+    try:
+        if not (np.isfinite(at_hand).all() and at_hand.min() > 0):
+            raise ValueError(f"--radius {', '.join(f'{r:g}' for r in at_hand)}: give radii in mm, greater than 0")
+        if len(at_hand) == 1 and press_mm > at_hand[0]:
+            raise ValueError(
+                f"a press of {press_mm:g} mm is deeper than the ball of {at_hand[0]:g} mm radius: press less"
+            )
+        choice = ball.choose_ball(at_hand, geometry, press_depth_mm=press_mm)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    depths = sorted({0.5, 1.0, 1.5, 2.0, 2.5, 3.0, press_mm})
+    table = ball.elevation_table(BALL_RADII_MM, np.array(depths))
+    return BallResult(choice, dict(zip(depths, table.T, strict=True)))
+
+
+def ball_json(result: BallResult) -> dict[str, Any]:
+    """Return the recommendation and equation 8 as a table; null where the press is deeper than the ball."""
+    return {
+        "radius_mm": result.choice.radius_mm,
+        "press_mm": result.choice.press_depth_mm,
+        "elevation_deg": degrees(result.choice.elevation_rad),
+        "shadow_free_deg": _degrees(result.choice.shadow_free_rad),
+        "radii_mm": BALL_RADII_MM.tolist(),
+        "elevation_by_press_deg": {
+            f"{depth:g}": _numbers(np.degrees(curve)) for depth, curve in result.elevation_rad.items()
+        },
+    }
+
+
+def ball_text(choice: ball.BallChoice) -> str:
+    """Return the recommendation in words."""
+    return (
+        f"ball of {choice.radius_mm:g} mm radius, pressed {choice.press_depth_mm:g} mm deep: records slopes up to "
+        f"{degrees(choice.elevation_rad):.1f} degrees; in the middle of the gel slopes beyond "
+        f"{degrees(choice.shadow_free_rad):.1f} degrees lie in the shadow of an LED, whose light arrives behind the "
+        f"window at {90 - degrees(choice.shadow_free_rad):.1f} degrees from the normal"
+    )
+
+
+def ball_chart(result: BallResult) -> str:
+    """Return figure 3c as SVG."""
+    axes = Axes(
+        title="Figure 3c: equation 8",
+        x="radius of the ball, mm",
+        y="largest elevation angle, degrees",
+        levels=((degrees(ball.WANTED_ELEVATION_RAD), "wanted"),),
+        legend="press, mm:",
+    )
+    radii, curves = BALL_RADII_MM.tolist(), result.elevation_rad.items()
+    return line_chart([Series(f"{depth:g}", radii, np.degrees(curve).tolist()) for depth, curve in curves], axes)
+
+
+def _degrees(angles_rad: ArrayLike) -> Any:
+    """Return an angle or an array of angles for JSON."""
+    return np.round(np.degrees(angles_rad), 4).tolist()
+
+
+def _numbers(values: ArrayLike) -> Any:
+    """Return a number or (N,) numbers for JSON, None where they are not finite."""
+    rounded = [round(value, 5) if isfinite(value) else None for value in np.atleast_1d(values).tolist()]
+    return rounded if np.ndim(values) else rounded[0]

@@ -1,0 +1,248 @@
+"""A data set of simulated presses, for training other people's networks: `gellight simulate dataset`.
+
+The folder holds
+
+    dataset.json         the sensor, the light, what was asked for; what each field of a press is
+    reference.npz        images and light of the untouched gel
+    presses/000000.npz   one press each: images, light, depth_mm, normals, pressure_mpa, contact
+    index.csv            a row a press: file, object, depth_mm, x_mm, y_mm, force_n
+
+docs/dataset.md describes shapes and units. A press depends on the seed and its number alone, so a data set can be
+continued, extended, or made in parts on several machines, and is the same in the end.
+"""
+
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gellight
+from gellight.base.errors import InputError
+from gellight.base.writing import make_folder, write_file
+from gellight.lab.design.sweep import ResultStore, SweepOptions, Task, run_all
+from gellight.lab.simulator.gel_models import GelKind, gel_model
+from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
+from sim_reference.camera import WHITE, CameraResponse, digitise
+from sim_reference.deformation import Deformation
+from sim_reference.fem.gel import FemGel
+from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.imaging import normals
+from sim_reference.objects import OBJECT_NAMES
+from sim_reference.surface import Surface
+
+Array = NDArray[np.float64]
+FORMAT = "gellight-dataset 1"
+DEPTH_STEP_MM = 0.05
+"""between depths that are drawn, so that the gel is computed once for many presses"""
+REFERENCE_PICTURES = 8
+"""are averaged: the noise of the reference images is a third of that of a picture"""
+LightKind = Literal["ring", "singles"]
+"""one picture under the whole ring in its colours; or one a LED, all in white"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetRequest:
+    """What a data set holds. Lengths in mm."""
+
+    presses: int
+    objects: tuple[str, ...] = OBJECT_NAMES
+    shallowest_mm: float = 0.2
+    deepest_mm: float = 1.0
+    spread_mm: float = 6.0
+    """how far from the middle of the picture an object may be, along x and along y"""
+    light: LightKind = "ring"
+    gel: GelKind = "layer"
+    resolution_mm: float = 0.3
+    """of the finite elements"""
+    noise_grey: float = 1.0
+    seed: int = 0
+    geometry: SensorGeometry = field(default_factory=SensorGeometry)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be made."""
+        unknown = sorted(set(self.objects) - set(OBJECT_NAMES))
+        if unknown or not self.objects:
+            raise InputError(f"no object {', '.join(unknown) or 'given'}: choose from {', '.join(OBJECT_NAMES)}")
+        if not 0 < self.shallowest_mm <= self.deepest_mm <= self.geometry.deepest_press_mm:
+            raise InputError(
+                f"depths from {self.shallowest_mm:g} to {self.deepest_mm:g} mm cannot be pressed: give positive ones, "
+                f"the shallowest first, up to {self.geometry.deepest_press_mm:g} mm, 60 % of the gel's "
+                f"{self.geometry.gel_thickness_mm:g} mm"
+            )
+
+    def press(self, number: int) -> Press:
+        """Draw one press; it depends on the seed and its number alone."""
+        random = np.random.default_rng([self.seed, number])
+        name = self.objects[random.integers(len(self.objects))]
+        steps = np.arange(round(self.shallowest_mm / DEPTH_STEP_MM), round(self.deepest_mm / DEPTH_STEP_MM) + 1)
+        depth = float(np.clip(random.choice(steps) * DEPTH_STEP_MM, self.shallowest_mm, self.deepest_mm))
+        x, y = random.uniform(-self.spread_mm, self.spread_mm, 2).round(3).tolist()
+        return Press(name, round(depth, 4), x, y)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetReport:
+    """What was written."""
+
+    folder: str
+    presses: int
+    megabytes: float
+
+
+def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -> DatasetReport:
+    """Make the presses that are missing in `folder`, and the index; `options.store` is where `store_in` says.
+
+    Raises InputError for a folder with another data set or one that cannot be written, and for a mesh that does not
+    fit the memory, SweepIncomplete where other shards are missing, ValueError and NotConverged for what cannot be
+    simulated.
+    """
+    if request.gel == "fem" and options.scheduler is None:
+        check_memory(request.resolution_mm, request.geometry, options.workers)
+    try:
+        _describe(request, folder)
+        same = replace(request, presses=0)  # More presses do not change those that are there.
+        tasks = [Task(str(at), make_press, (str(folder.resolve()), same, at)) for at in range(request.presses)]
+        for at, task in enumerate(tasks):
+            if not _press_file(folder, at).exists():
+                options.store.path(task.key).unlink(missing_ok=True)
+        rows = run_all(tasks, options)
+        write_file(folder / "index.csv", _table(rows))
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
+    size = sum(path.stat().st_size for path in folder.rglob("*.npz"))
+    return DatasetReport(folder=str(folder), presses=len(rows), megabytes=size / 1e6)
+
+
+def store_in(folder: Path) -> ResultStore:
+    """Make the folder of a data set; return the store of what is done. Raises InputError if it cannot be written."""
+    try:
+        make_folder(folder / "presses")
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
+    return ResultStore(folder / "done")
+
+
+def make_press(folder: str, request: DatasetRequest, number: int) -> dict[str, Any]:
+    """Write one press; return its row of the index."""
+    press = request.press(number)
+    sensor = _sensor(request)
+    random = np.random.default_rng([request.seed, number, 1])
+    images, surface = sensor.pictures(press, random)
+    deformation = sensor.scene.deformation(press)
+    pressure_mpa = deformation.pressure * sensor.shear_modulus_mpa
+    path = _press_file(Path(folder), number)
+    _write(
+        path,
+        images=images,
+        light=np.float32(sensor.light),
+        depth_mm=np.float32(surface.depth_mm),
+        normals=np.float32(normals(surface.gradient_map)),
+        pressure_mpa=_on_pixels(pressure_mpa, deformation, request.geometry, press),
+        contact=surface.contact,
+    )
+    force_n = float(pressure_mpa.sum()) * deformation.spacing_mm**2
+    return {"file": f"presses/{path.name}", "object": press.object_name, "depth_mm": press.depth_mm,
+            "x_mm": press.x_mm, "y_mm": press.y_mm, "force_n": round(force_n, 5)}  # fmt: skip
+
+
+class _Sensor:
+    """The simulated sensor of a data set: its scene, and the lights of one series of pictures."""
+
+    def __init__(self, request: DatasetRequest) -> None:
+        response = CameraResponse(noise_grey=request.noise_grey)
+        self.scene = Scene(request.geometry, response, model=gel_model(request.gel, request.resolution_mm))
+        self.light = _lights(request.light, self.scene.light)
+        self.shear_modulus_mpa = FemGel().youngs_modulus_mpa / 2 / (1 + request.geometry.poisson_ratio)
+        brightest = max(float(self.scene.show(None, light)[0].max()) for light in self.light)
+        response = self.scene.response
+        self.scene.response = replace(response, exposure=response.exposure * BRIGHTEST_GREY / brightest)
+
+    def pictures(self, press: Press | None, random: np.random.Generator) -> tuple[NDArray[np.uint8], Surface]:
+        """(K, H, W, 3) uint8 one picture a light, each with noise of its own, and the gel's surface."""
+        shown = [self.scene.show(press, light) for light in self.light]
+        noise = self.scene.response.noise_grey
+        return np.stack([digitise(grey, noise, random) for grey, _ in shown]), shown[0][1]
+
+
+@lru_cache(maxsize=2)
+def _sensor(request: DatasetRequest) -> _Sensor:
+    return _Sensor(request)
+
+
+def _lights(kind: LightKind, ring: Array) -> Array:
+    """(K, N, 3) brightness of each LED in each picture, 0 to 1."""
+    if kind == "ring":
+        return ring[None]
+    return np.repeat(np.eye(len(ring))[:, :, None], 3, axis=2)
+
+
+def _on_pixels(pressure_mpa: Array, deformation: Deformation, geometry: SensorGeometry, press: Press) -> Any:
+    """(H, W) float32 pressure on the camera's pixels, of the nearest point of the object's grid."""
+    x, y = pixel_grid(geometry)
+    middle = (len(pressure_mpa) - 1) / 2
+    columns, rows = (
+        np.rint((at - centre) / deformation.spacing_mm + middle).astype(int)
+        for at, centre in ((x.ravel(), press.x_mm), (y.ravel(), press.y_mm))
+    )
+    inside = [(at >= 0) & (at < len(pressure_mpa)) for at in (rows, columns)]
+    result = np.zeros(geometry.image_shape, np.float32)
+    result[np.ix_(*inside)] = pressure_mpa[np.ix_(rows[inside[0]], columns[inside[1]])]
+    return result
+
+
+def _describe(request: DatasetRequest, folder: Path) -> None:
+    """Write dataset.json and the reference images; raises InputError where the folder holds another data set."""
+    described = {
+        "format": FORMAT,
+        "gellight": gellight.__version__,
+        "request": {name: value for name, value in asdict(request).items() if name != "presses"},
+        "pixel_size_mm": request.geometry.pixel_size_mm,
+    }
+    path = folder / "dataset.json"
+    if path.exists():
+        _check_same(path, json.loads(json.dumps(described)))
+    else:
+        write_file(path, json.dumps(described, indent=2).encode())
+    if not (folder / "reference.npz").exists():
+        sensor, random = _sensor(request), np.random.default_rng([request.seed, 0, 2])
+        taken = [sensor.pictures(None, random)[0] for _ in range(REFERENCE_PICTURES)]
+        mean = np.rint(np.mean(taken, axis=0)).clip(0, WHITE).astype(np.uint8)
+        _write(folder / "reference.npz", images=mean, light=np.float32(sensor.light))
+
+
+def _check_same(path: Path, described: dict[str, Any]) -> None:
+    try:
+        there = json.loads(path.read_bytes())
+        if there == described:
+            return
+        known = there.get("request", {}) if isinstance(there, dict) else {}
+        other = [name for name, value in described["request"].items() if known.get(name) != value]
+    except ValueError:
+        other = ["dataset.json"]
+    how = f"another {', '.join(other)}" if other else "made by another version"
+    raise InputError(f"{path.parent} holds another data set ({how}): choose another --out")
+
+
+def _press_file(folder: Path, number: int) -> Path:
+    return folder / "presses" / f"{number:06}.npz"
+
+
+def _write(path: Path, **fields: Any) -> None:
+    content = io.BytesIO()
+    np.savez_compressed(content, **fields)
+    write_file(path, content.getvalue())
+
+
+def _table(rows: list[dict[str, Any]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [])
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()

@@ -1,0 +1,253 @@
+"""Time the frame path: its stages and forms, against the network alone, and against what the processor can do.
+
+All in one run on the same frames, in turn, so that a busy machine slows all of them down. CPU is the processor time of
+the whole process: it also counts a second thread that a linear-algebra library keeps busy.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import CameraFrame
+from gellight.lab.evaluation.analytic_surfaces import Surface, smooth_cap
+from gellight.reconstruction.gelnet import BLOCK_ROWS
+from gellight.reconstruction.jacobian import constants_of, read_model
+from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.photometric.lights_file import FILE_NAME as LIGHTS
+from gellight.reconstruction.pipeline import Form, Reconstructor
+
+_GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
+_BALL_SHARE = 0.21
+_STEEP_PX = 53
+"""makes waves of 37 px, steep enough that one pixel in eight goes through the network by itself"""
+_BYTES_PER_PIXEL = 3 + 12 + 12 + 8 + 12 + 4 + 1
+"""picture, reference image, difference image, gradient, normal and depth map, contact: the least that a frame moves"""
+_JACOBIAN_ROWS = 3
+"""A row with its Jacobian costs the network three times: forwards, and backwards for each of two slopes."""
+NETWORK_ONE_BATCH, NETWORK_BLOCKS = "network alone, one batch", "network alone, blocks"
+
+
+@dataclass(frozen=True)
+class Times:
+    """The least over the rounds, ms."""
+
+    cpu_ms: float
+    wall_ms: float
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """The frame path on one scene in one size."""
+
+    scene: str
+    image_width_px: int
+    image_height_px: int
+    touched: float
+    """share of the pixels in touched cells"""
+    single: float
+    """share of the pixels that the network was asked for one by one; 0 where NumPy computes"""
+    computed_by: str
+    stages: dict[str, Times]
+    whole: Times
+    others: dict[str, Times]
+    """the other forms, and the network alone on rows of all pixels (difference, x and y stacked first)"""
+    ratios: dict[str, float]
+    """CPU of the others over that of the whole frame"""
+    peak_fraction: dict[str, float]
+    """`network`: its floating-point operations over what the gradient stage could do at the measured peak of one core;
+    `memory`: what a frame has to move over what one core copies in that time"""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What one core does at best."""
+
+    flops: float
+    """float32 operations a second, in a product of matrices"""
+    bytes_per_s: float
+    """read and written, in a copy beyond the caches"""
+
+
+def frame_times(
+    bundle: Bundle,
+    *,
+    rounds: int = 15,
+    threads: int = 1,
+    press: NDArray[np.uint8] | None = None,
+    untouched: NDArray[np.uint8] | None = None,
+) -> list[FrameTimes]:
+    """Time frames at rest, with 21 % of the view touched, with all of it, smooth and steep, and a picture of a press.
+
+    The scenes are tinted by their slopes, as under three coloured lights. In the size of the bundle and in half of it
+    along each axis, unless the bundle has a lens. threads: of the network. press: in the size of the bundle, or in any
+    with a picture of the same gel untouched.
+    """
+    machine = measure_machine()
+    tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
+    if press is not None:
+        tasks.append((bundle if untouched is None else over(bundle, untouched), {"press": press}))
+    times = []
+    for sized, pictures in tasks:
+        contest = _Contest(sized, threads, machine)
+        times += [contest.run(name, picture, rounds) for name, picture in pictures.items()]
+    return times
+
+
+def halved(bundle: Bundle) -> Bundle:
+    """Return a bundle for every other pixel; good for times, not for depths."""
+    return over(bundle, bundle.reference[::2, ::2])
+
+
+def over(bundle: Bundle, reference: NDArray[Any]) -> Bundle:
+    """Return a bundle with another (H, W, 3) reference image of any size; good for times, not for depths."""
+    height, width = reference.shape[:2]
+    size = {"image_width_px": width, "image_height_px": height}
+    files = {name: content for name, content in bundle.files.items() if name != LIGHTS}  # which are of its own size
+    other = replace(bundle, manifest=bundle.manifest.model_copy(update=size), files=files)
+    return other.with_reference(np.ascontiguousarray(reference, np.float32), frames=bundle.manifest.reference_frames)
+
+
+def scenes(bundle: Bundle) -> dict[str, NDArray[np.uint8]]:
+    """Return pictures that the sensor of a bundle could take, with its noise."""
+    height, width = shape = bundle.image_shape
+    # The mask is about 20 px wider than the cap.
+    diameter = max(8.0, 2 * np.sqrt(_BALL_SHARE * height * width / np.pi) - 20)
+    ball = smooth_cap(shape, diameter, (0.03 * width, 0.02 * height), height=diameter / 8)
+    y, x = np.indices(shape) / np.array([height, width]).reshape(2, 1, 1)
+    smooth, steep = (
+        Surface(x, size * np.stack([np.cos(n * (9 * x + 5 * y)), np.sin(n * (4 * x - 7 * y))], axis=2))
+        for n, size in ((1, 0.4), (width / _STEEP_PX, 0.8))
+    )
+    flat = Surface(x, np.zeros((*shape, 2)))
+    named = {"at rest": flat, "ball": ball, "all touched, smooth": smooth, "all touched, steep": steep}
+    return {name: _photograph(bundle, surface) for name, surface in named.items()}
+
+
+def _photograph(bundle: Bundle, surface: Surface) -> NDArray[np.uint8]:
+    noise = np.random.default_rng(0).normal(0, bundle.manifest.noise_grey, bundle.reference.shape)
+    image = bundle.reference + surface.gradient_map @ _GREY_PER_SLOPE.T + noise
+    return np.asarray(np.clip(np.round(image), 0, 255), np.uint8)
+
+
+def measure_machine() -> Machine:
+    """Multiply and copy, and take the best of some rounds."""
+    side, many = 512, 32_000_000
+    a, b = np.random.default_rng(0).random((2, side, side), np.float32)
+    source = np.zeros(many // 4, np.float32)
+    target = np.ones_like(source)
+    product = np.empty_like(a)
+    flops = 2 * side**3 / _least(lambda: np.matmul(a, b, out=product), 30).cpu_ms * 1e3
+    moved = 2 * many / _least(lambda: np.copyto(target, source), 10).cpu_ms * 1e3
+    return Machine(flops=flops, bytes_per_s=moved)
+
+
+def _least(run: Callable[[], object], rounds: int) -> Times:
+    """The least CPU and wall time of some rounds."""
+    seconds = [_timed(run) for _ in range(rounds)]
+    cpu, wall = np.min(seconds, axis=0) * 1e3
+    return Times(cpu_ms=round(float(cpu), 3), wall_ms=round(float(wall), 3))
+
+
+def _timed(run: Callable[[], object]) -> tuple[float, float]:
+    wall, cpu = time.perf_counter(), time.process_time()
+    run()
+    return time.process_time() - cpu, time.perf_counter() - wall
+
+
+class _Contest:
+    """Everything that is timed against each other, for images of one size."""
+
+    def __init__(self, bundle: Bundle, threads: int, machine: Machine) -> None:
+        self._machine = machine
+        self._row_flops = network_flops(bundle.network)
+        self._by_wall, self._by_cpu = (
+            Reconstructor(bundle, threads=threads, clock=clock) for clock in (time.perf_counter, time.process_time)
+        )
+        self._forms = {
+            f"form {form.value}": Reconstructor(bundle, threads=threads, form=form)
+            for form in (Form.CELLS, Form.PIXELS)
+        }
+        self._alone = {
+            NETWORK_ONE_BATCH: network_alone(bundle, threads, bundle.reference.shape[0] * bundle.reference.shape[1]),
+            NETWORK_BLOCKS: network_alone(bundle, threads, BLOCK_ROWS),
+        }
+
+    def run(self, scene: str, image: NDArray[np.uint8], rounds: int) -> FrameTimes:
+        frame = CameraFrame(image=image, time_s=0.0, sequence=0)
+        result = self._by_wall.reconstruct(frame)
+        runs: dict[str, Callable[[], object]] = {"": lambda: self._by_wall.reconstruct(frame)}
+        runs |= {name: lambda form=form: form.reconstruct(frame) for name, form in self._forms.items()}  # type: ignore[misc]
+        runs |= {name: lambda alone=alone: alone(result.difference) for name, alone in self._alone.items()}  # type: ignore[misc]
+        found = _in_turn(runs, rounds)
+        whole = found.pop("")
+        stages = self._stages(frame, rounds)
+        height, width = image.shape[:2]
+        return FrameTimes(
+            scene=scene,
+            image_width_px=width,
+            image_height_px=height,
+            touched=float(self._by_wall.touched(result.difference).mean()),
+            single=self._by_wall.network_rows.pixels / (height * width),
+            computed_by=str(self._by_wall.status()["computed_by"]),
+            stages=stages,
+            whole=whole,
+            others=found,
+            ratios={name: round(times.cpu_ms / whole.cpu_ms, 2) for name, times in found.items()},
+            peak_fraction=self._peak_fraction(stages, whole, height * width),
+        )
+
+    def _stages(self, frame: CameraFrame, rounds: int) -> dict[str, Times]:
+        cpu, wall = (
+            [reconstructor.reconstruct(frame).stage_seconds for _ in range(rounds)]
+            for reconstructor in (self._by_cpu, self._by_wall)
+        )
+        return {
+            stage: Times(*(round(min(seconds[stage] for seconds in times) * 1e3, 3) for times in (cpu, wall)))
+            for stage in cpu[0]
+        }
+
+    def _peak_fraction(self, stages: dict[str, Times], whole: Times, pixels: int) -> dict[str, float]:
+        rows = self._by_wall.network_rows
+        flops = self._row_flops * (rows.coarse + rows.pixels + _JACOBIAN_ROWS * rows.cells)
+        gradient_s, whole_s = stages["gradient"].cpu_ms / 1e3, whole.cpu_ms / 1e3
+        return {
+            "network": round(flops / gradient_s / self._machine.flops, 3) if gradient_s else 0.0,
+            "memory": round(_BYTES_PER_PIXEL * pixels / whole_s / self._machine.bytes_per_s, 3),
+        }
+
+
+def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Times]:
+    """Run all of them once in each round, and once before."""
+    for run in runs.values():
+        run()
+    seconds = {name: np.empty((rounds, 2)) for name in runs}
+    for turn in range(rounds):
+        for name, run in runs.items():
+            seconds[name][turn] = _timed(run)
+    least = {name: times.min(axis=0) * 1e3 for name, times in seconds.items()}
+    return {name: Times(cpu_ms=round(float(ms[0]), 3), wall_ms=round(float(ms[1]), 3)) for name, ms in least.items()}
+
+
+def network_flops(network: bytes) -> int:
+    """Return the multiplications and additions of one row."""
+    return sum(2 * weights.size for weights in constants_of(read_model(network)).values() if weights.ndim == 2)
+
+
+def network_alone(bundle: Bundle, threads: int, block: int) -> Callable[[NDArray[np.float32]], object]:
+    """What is done without this pipeline: stack difference, x and y of all pixels, run them in blocks of rows."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    session = onnxruntime.InferenceSession(bundle.network, options, providers=["CPUExecutionProvider"])
+    rows, columns = np.indices(bundle.image_shape, dtype=np.float32)
+
+    def run(difference: NDArray[np.float32]) -> Sequence[object]:
+        pixels = np.concatenate([difference.reshape(-1, 3), columns.reshape(-1, 1), rows.reshape(-1, 1)], axis=1)
+        return [session.run(None, {"pixels": pixels[at : at + block]}) for at in range(0, len(pixels), block)]
+
+    return run

@@ -1,0 +1,149 @@
+"""Photometric stereo against one-shot GelNet on the same simulated presses, with noise: `gellight bench photometric`.
+
+Every press is measured in three ways: from one picture under the whole ring (GelNet), from 4 exposures of a red, a
+green and a blue LED, and from 12 of one LED. Each picture has its own noise of the same standard deviation. The light
+model is that of the bundle, measured on noisy pictures of the untouched gel like on a real sensor.
+"""
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
+from gellight.daemon.modes import bright_exposure_of
+from gellight.frames.frames import CameraFrame, ExposureSeries
+from gellight.lab.evaluation.synthetic import NOISE_GREY, ball_presses
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
+from gellight.reconstruction.photometric.light_model import LightGroups
+from gellight.reconstruction.photometric.lights_file import read_lights
+from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
+from gellight.reconstruction.pipeline import Reconstructor
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import OBJECT_NAMES
+from sim_reference.surface import Surface
+
+SEED = 2024
+BALLS = 20
+FILLING_MM = 3.0
+"""how far from the middle objects are pressed that fill the view"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures(SurfaceErrors):
+    """Errors of one way to measure, means over presses."""
+
+    way: str
+    objects: str
+    presses: int
+    exposures: int
+    exposure_us: float
+    """of one picture"""
+    over_network: float
+    """error of the normals in contact, as a multiple of GelNet's on the same presses"""
+
+
+def compare_ways(bundle: Bundle) -> list[Figures]:
+    """Press balls of 4 mm radius 1 mm deep at random places, then each benchmark object once; return all figures.
+
+    Raises BundleError for a bundle that does not know its lights, InputError for one of another sensor.
+    """
+    bench = Bench(bundle, NOISE_GREY, SEED)
+    random = np.random.default_rng([SEED, 1])
+    result = bench.measure("4 mm ball", list(ball_presses(bench.geometry, BALLS, random)))
+    return result + bench.measure("10 objects", object_presses(random))
+
+
+def object_presses(random: np.random.Generator) -> list[Press]:
+    """Return a press of each object but the ball, about the middle."""
+    names = [name for name in OBJECT_NAMES if name != "BALL"]
+    places = random.uniform(-FILLING_MM, FILLING_MM, (len(names), 2)).tolist()
+    depths = random.uniform(0.6, 0.9, len(names)).round(2).tolist()
+    return [Press(name, depth, x, y) for name, depth, (x, y) in zip(names, depths, places, strict=True)]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A light and an exposure to measure a press with."""
+
+    name: str
+    kind: LightGroups | None
+    """None: GelNet under the whole ring"""
+    exposures: int
+    exposure_us: float
+
+
+class Bench:
+    """One simulated sensor, and the ways to measure what is pressed into it."""
+
+    def __init__(self, bundle: Bundle, noise_grey: float, seed: int) -> None:
+        """Prepare all ways; raises as `compare_ways`."""
+        self.geometry = SensorGeometry()
+        if bundle.image_shape != self.geometry.image_shape:
+            raise InputError(f"{bundle.source} is not of the simulated sensor: give 'synthetic'")
+        self._model = read_lights(bundle)
+        self._scene = Scene(self.geometry, CameraResponse(noise_grey=noise_grey))
+        self._base = self._scene.response
+        self._random = np.random.default_rng(seed)
+        self._network = Reconstructor(bundle)
+        self._stereo = {kind: PhotometricReconstructor(bundle, self._model, kind) for kind in LightGroups}
+        self._exposure_us = self._model.exposure_us or 8000.0
+
+    def measure(self, objects: str, presses: list[Press]) -> list[Figures]:
+        """Press all, measure each in every way, and return the means; the first way is GelNet's."""
+        ways = self._ways()
+        by_press = [[self._error(press, way) for way in ways] for press in presses]
+        means = [mean_errors(errors) for errors in zip(*by_press, strict=True)]
+        return [
+            Figures(
+                **asdict(mean),
+                way=way.name,
+                objects=objects,
+                presses=len(presses),
+                exposures=way.exposures,
+                exposure_us=way.exposure_us,
+                over_network=mean.contact_normal_deg / means[0].contact_normal_deg,
+            )
+            for way, mean in zip(ways, means, strict=True)
+        ]
+
+    def _ways(self) -> list[_Way]:
+        bright = bright_exposure_of(self._model)
+        counts = {kind: len(self._model.groups(kind)) for kind in (LightGroups.TRIPLES, LightGroups.SINGLES)}
+        return [
+            _Way("GelNet, one picture", None, 1, self._exposure_us),
+            *(
+                _Way(f"{count} exposures, {length}", kind, count, exposure_us)
+                for length, exposure_us in (("as long", self._exposure_us), ("longer", bright))
+                for kind, count in counts.items()
+            ),
+        ]
+
+    def _error(self, press: Press, way: _Way) -> SurfaceErrors:
+        if way.kind is None:
+            frame, surface = self._picture(press, self._model.colours, way.exposure_us)
+            return surface_errors(self._network.reconstruct(frame), surface)
+        groups = self._model.groups(way.kind)
+        taken = [self._picture(press, group, way.exposure_us) for group in (*groups, groups[0])]
+        frames = [frame for frame, _ in taken]
+        series = ExposureSeries(
+            image=frames[0].image,
+            time_s=0.0,
+            sequence=0,
+            groups=groups,
+            frames=tuple((frame,) for frame in frames[:-1]),
+            opening=frames[0],
+            closing=frames[-1],
+            exposure_us=way.exposure_us,
+        )
+        return surface_errors(self._stereo[way.kind].reconstruct(series), taken[0][1])
+
+    def _picture(self, press: Press, group: NDArray[np.uint8], exposure_us: float) -> tuple[CameraFrame, Surface]:
+        share = exposure_us / self._exposure_us
+        self._scene.response = replace(self._base, exposure=self._base.exposure * share)
+        grey, surface = self._scene.show(press, group / 255.0)
+        image = digitise(grey, self._base.noise_grey, self._random)
+        return CameraFrame(image=image, time_s=0.0, sequence=0, source="sim://"), surface

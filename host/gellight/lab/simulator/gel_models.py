@@ -1,0 +1,118 @@
+"""The models of the gel that a simulated sensor can have, and the presses of the slow one, kept on the disk.
+
+A press by finite elements takes a minute, so each is kept under a digest of all that it depends on: the object's
+heights, the depth, the gel, the model and the simulator's source. A press that is there is read in a few milliseconds.
+"""
+
+import hashlib
+import io
+import logging
+import zipfile
+import zlib
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import platformdirs
+
+import sim_reference
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+from gellight.lab.simulator.scene import Array
+from sim_reference import gel
+from sim_reference.deformation import Deformation, GelModel, NotConverged
+from sim_reference.fem.gel import FemGel
+from sim_reference.geometry import SensorGeometry
+
+logger = logging.getLogger(__name__)
+
+
+GelKind = Literal["layer", "fem"]
+"""how the gel is computed: as an elastic layer of small strain, a second a press; or by finite elements, a minute"""
+
+
+RESOLUTION_MM = 0.3
+"""of the finite elements"""
+DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
+"""what NumPy raises for an .npz that cannot be read, or lacks a field"""
+
+
+def gel_model(kind: GelKind, resolution_mm: float = RESOLUTION_MM) -> GelModel:
+    """Return the model; `resolution_mm` is that of the finite elements."""
+    return KeptPresses(FemGel(resolution_mm=resolution_mm)) if kind == "fem" else gel.press
+
+
+def kept_folder() -> Path:
+    """Return where presses are kept by default."""
+    return platformdirs.user_cache_path("gellight") / "presses"
+
+
+@dataclass(frozen=True)
+class KeptPresses:
+    """A `GelModel` that keeps what finite elements found."""
+
+    model: FemGel
+    folder: Path | None = None
+    """default: the user's cache"""
+
+    def __call__(
+        self, object_height_mm: Array, spacing_mm: float, press_depth_mm: float, geometry: SensorGeometry
+    ) -> Deformation:
+        """Return the press, computed if it is not there; see `deformation.GelModel`.
+
+        Raises InputError for what cannot be pressed or kept.
+        """
+        if press_depth_mm == 0:
+            return self.model(object_height_mm, spacing_mm, press_depth_mm, geometry)
+        folder = self.folder or kept_folder()
+        path = folder / f"{self.key(object_height_mm, spacing_mm, press_depth_mm, geometry)}.npz"
+        if path.exists():
+            return _read(path, spacing_mm)
+        logger.warning("the press of %g mm is computed by finite elements: this takes a minute, once", press_depth_mm)
+        try:
+            pressed = self.model(object_height_mm, spacing_mm, press_depth_mm, geometry)
+        except (ValueError, NotConverged) as error:
+            raise InputError(f"this press cannot be simulated: {error}") from error
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_file(path, _written(pressed))
+        except OSError as error:
+            raise InputError(f"the press cannot be kept in {folder} ({error.strerror}): make room there") from error
+        return pressed
+
+    def key(self, object_height_mm: Array, spacing_mm: float, press_depth_mm: float, geometry: SensorGeometry) -> str:
+        """Return the digest that names a press."""
+        shape = (
+            geometry.gel_diameter_mm,
+            geometry.gel_thickness_mm,
+            geometry.poisson_ratio,
+            geometry.coating_smoothing_mm,
+        )
+        said = f"{source_digest()} {asdict(self.model)} {shape} {spacing_mm!r} {press_depth_mm!r}"
+        return hashlib.sha256(said.encode() + np.ascontiguousarray(object_height_mm, np.float64).tobytes()).hexdigest()
+
+
+@cache
+def source_digest() -> str:
+    """Return the digest of the source that a press by finite elements depends on."""
+    folder = Path(sim_reference.__path__[0])
+    files = sorted([*(folder / "fem").glob("*.py"), folder / "gel.py"])
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def _written(pressed: Deformation) -> bytes:
+    content = io.BytesIO()
+    # A hundredth of a nanometre is lost, and half of the disk saved.
+    np.savez_compressed(content, depth_mm=np.float32(pressed.depth_mm), pressure=np.float32(pressed.pressure))
+    return content.getvalue()
+
+
+def _read(path: Path, spacing_mm: float) -> Deformation:
+    """Raises InputError for a damaged file."""
+    try:
+        with np.load(path) as kept:
+            return Deformation(kept["depth_mm"].astype(np.float64), kept["pressure"].astype(np.float64), spacing_mm)
+    except DAMAGED as error:
+        raise InputError(f"the kept press {path} cannot be read ({error}): remove it, it is made again") from error

@@ -1,0 +1,286 @@
+"""The simulated sensor: a camera that looks at a simulated gel, and a stage on which objects are pressed into it.
+
+`sim://` opens it. What it shows is computed by the reference simulator: the gel's deformation by elastic contact, its
+picture under the ring of LEDs with shadows, then the camera's crosstalk, gamma, noise and 8 bit. The ring is lit by the
+firmware's very image, emulated: what its data pin says, pulsed and seen by a rolling shutter. Frames come at the
+camera's rate while the scene rests; a scene that changes takes as long as it takes to compute, and the frames carry the
+time at which it was ready, so their age is true.
+
+Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board); and what makes one
+sensor differ from another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
+the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
+with `resolution` mm between vertices: a minute a press, kept on the disk.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from gellight.base.allowed import query_of
+from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.frames.timing import CameraTiming
+from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.simulator.gel_models import GelKind, gel_model
+from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.read_noise import ReadNoise
+from gellight.lab.simulator.scene import Array, Press, Scene
+from gellight.lab.simulator.selfcheck import SelfCheck
+from gellight.lab.simulator.shutter import Shutter, row_weights
+from gellight.lab.simulator.simulated_controls import SimulatedControls
+from gellight.lab.simulator.stage import Stage
+from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import open_transport
+from gellight.ring.wire import MOST_LEDS
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+
+logger = logging.getLogger(__name__)
+DARK_S = 5.0
+"""LEDs that the board has made dark are lit again within this time, or never"""
+
+CLOSE_S = 1.0
+"""as long `close` waits for a press that is computed ahead"""
+
+
+class SimulatedCamera(Camera):
+    """A camera on the simulated gel; a context manager like every camera."""
+
+    def __init__(self, scene: Scene, stage: Stage, *, ring: LightRing | None = None, url: str = "sim://",
+                 fps: float = 30.0, seed: int = 0) -> None:  # fmt: skip
+        """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
+
+        `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
+        steady.
+        """
+        self.url, self.ring = url, ring
+        self.stage: Stage = stage
+        self.image_shape = scene.geometry.image_shape
+        self._scene = scene
+        stage.prepare_ahead = scene.prepare_ahead
+        self._ahead: threading.Thread | None = None
+        self._left_out: set[Press] = set()
+        """presses of the programme that cannot be computed"""
+        self._press: Press | None = None
+        """what the newest frame shows"""
+        self._shutter = Shutter()
+        self._response = scene.response
+        self.controls = SimulatedControls(self._take_controls)
+        self._period_s = 1 / fps
+        self._noise = ReadNoise(np.random.default_rng(seed))
+        self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
+        self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
+        self._sequence = 0
+        self._set_s = -inf
+        self._due_s = time.monotonic()
+        self._closed = False
+
+    def close(self) -> None:
+        """Stop, with the LEDs dark; `read` raises CameraError from now on."""
+        self._closed = True
+        if self.ring is not None:
+            self.ring.close()
+        if self._ahead is not None:
+            self._ahead.join(CLOSE_S)  # Python ends with an abort while a thread is in a library's code
+
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
+        """Return the judge of what is reconstructed from these frames: the simulator that made them."""
+        return SelfCheck(self._scene, pixel_size_mm)
+
+    def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
+        """Expose for so long from the next frame on, each channel amplified; the noise is amplified with it."""
+        base = self._response
+        ratio = exposure_us / Shutter().exposure_us
+        rows = np.array(base.crosstalk) * np.array(channel_gain)[:, None]
+        self._scene.response = replace(
+            base,
+            exposure=base.exposure * ratio,
+            crosstalk=tuple(tuple(row) for row in rows.tolist()),
+            noise_grey=base.noise_grey * channel_gain[1],
+        )
+        self._shutter = replace(self._shutter, exposure_us=exposure_us)
+        self._set_s = time.monotonic()
+
+    @property
+    def timing(self) -> CameraTiming:
+        """When the rows are exposed; stamps are as good as the board's process tells its time."""
+        shutter = self._shutter
+        return CameraTiming(
+            exposure_s=shutter.exposure_us * 1e-6,
+            readout_s=shutter.readout_us * 1e-6,
+            period_s=max(self._period_s, shutter.exposure_us * 1e-6),
+            pulse_period_s=shutter.pulse_period_us * 1e-6,
+        )
+
+    def read(self) -> CameraFrame:
+        """Wait until the next frame is due, expose it and return it with its truth.
+
+        As from a real sensor, frames come that began after its controls were set and its ring was lit.
+        """
+        if self._closed:
+            raise CameraError(f"{self.url} is closed: open it again")
+        press = self._press = self._next_press()
+        begun_s, weights, colours = self._expose()
+        grey, truth = self._look(press, weights)
+        image = self._noise.digitise(grey, self._scene.response.noise_grey)
+        self._sequence += 1
+        return CameraFrame(image=image, time_s=begun_s, sequence=self._sequence, source=self.url, light=colours,
+                           truth=truth)  # fmt: skip
+
+    def _next_press(self) -> Press | None:
+        """Return what the next frame shows, computed; while a press of the programme is computed, what is there."""
+        press = self.stage.next_press()
+        if press is None or self._scene.is_ready(press):
+            self._scene.prepare(press)
+            return press
+        if self.stage.plays:
+            if press not in self._left_out and (self._ahead is None or not self._ahead.is_alive()):
+                self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=True)
+                self._ahead.start()
+            return self._press
+        with self.stage.computing(press):
+            self._scene.prepare(press)
+        return press
+
+    def _prepare_ahead(self, press: Press) -> None:
+        try:
+            with self.stage.computing(press):
+                self._scene.prepare_ahead(press)
+        except InputError as error:
+            self._left_out.add(press)
+            logger.warning("the programme leaves out %s, %g mm deep: %s", press.object_name, press.depth_mm, error)
+
+    def _expose(self) -> tuple[float, Array, NDArray[np.uint8]]:
+        """Return when the next frame that is due began, and its light as `_light_since` does."""
+        given_up_s = time.monotonic() + DARK_S
+        while time.monotonic() < given_up_s:
+            self._due_s = max(self._due_s + self._period_s, time.monotonic())
+            time.sleep(max(self._due_s - time.monotonic(), 0.0))
+            begun_s = time.monotonic() - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+            seen = self._light_since(begun_s)
+            lit_s = self.ring.lit_since_s() + self._shutter.pulse_period_us * 1e-6 if self.ring else 0.0
+            if begun_s >= max(self._set_s, lit_s):
+                return begun_s, *seen
+        raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
+
+    def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8]]:
+        """(12, 3) or (H, 12, 3) light of the exposure that began then, and the colours that were latched then."""
+        if self.ring is None:
+            return self._scene.light, np.round(self._scene.light * 255).astype(np.uint8)
+        source = self.ring.transport
+        assert isinstance(source, SimulatedBoard)
+        if not source.running:
+            raise CameraError(f"{self.url}: the board of the light ring is gone, and the gel is dark: start again")
+        start_us = source.virtual_us(begun_s)
+        lights = source.light_during(start_us - self._shutter.pulse_period_us, start_us + self._shutter.duration_us)
+        weights = row_weights(lights, start_us, self.image_shape[0], self._phases_us, self._shutter)
+        same = np.ptp(weights, axis=0).max() < 1e-9
+        return (weights[0] if same else weights), source.light_at(start_us)
+
+    def _look(self, press: Press | None, light: Array) -> tuple[NDArray[np.float32], GroundTruth]:
+        key = light.round(9).tobytes() + repr(self._scene.response).encode()
+        if self._shown is None or self._shown[:2] != (press, key):
+            grey, surface = self._scene.show(press, light)
+            truth = GroundTruth(
+                depth_mm=surface.depth_mm.astype(np.float32, copy=False),
+                gradient_map=surface.gradient_map.astype(np.float32, copy=False),
+                contact=surface.contact,
+                object_name=press.object_name if press else "",
+                press_depth_mm=press.depth_mm if press else 0.0,
+                place_mm=(press.x_mm, press.y_mm) if press else (0.0, 0.0),
+            )
+            self._shown = press, key, grey, truth
+        return self._shown[2], self._shown[3]
+
+
+class SimulatedUrl(BaseModel):
+    """The parameters of a `sim://` URL."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
+
+    fps: float = Field(30.0, gt=0, le=1000)
+    seed: int = Field(0, ge=0)
+    noise: float = Field(1.0, ge=0, le=50)
+    object_name: str = Field("", alias="object")
+    depth: float = Field(0.0, ge=0)
+    x: float = 0.0
+    y: float = 0.0
+    programme: bool = True
+    board: bool = True
+    crosstalk: float = Field(0.1, ge=0, le=0.5)
+    led_spread: float = Field(0.0, ge=0, le=0.5)
+    dim: float = Field(0.0, ge=0, le=0.9)
+    gel: GelKind = "layer"
+    resolution: float = Field(0.3, ge=0.1, le=2.5)
+
+    def response(self) -> CameraResponse:
+        """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
+        plain = CameraResponse(noise_grey=self.noise)
+        others = np.array(plain.crosstalk) * (1 - np.eye(3)) * (self.crosstalk / 0.1)
+        own = np.diag(1 - others.sum(axis=1))
+        rows = (others + own).tolist() if self.crosstalk != 0.1 else plain.crosstalk
+        return replace(plain, crosstalk=tuple(tuple(row) for row in rows))
+
+    def led_gain(self, count: int) -> Array:
+        """Return (count,) brightness of each LED as a share of the nominal: dimmed, and spread as the seed says."""
+        spread = self.led_spread * np.random.default_rng([self.seed, 2]).standard_normal(count)
+        return np.asarray((1 - self.dim) * np.maximum(1 + spread, 0.0))
+
+
+def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
+    """Open a simulated sensor as `url` says; `geometry` is how it differs from the default one.
+
+    Raises InputError for a parameter that is unknown or out of range and for finite elements that do not fit the
+    memory, ConfigError for a sensor that cannot be built.
+    """
+    wanted = query_of(url, SimulatedUrl)
+    sensor = built(geometry or {})
+    stage = Stage(sensor, programme=wanted.programme)
+    if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
+        stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
+    if wanted.gel == "fem":
+        check_memory(wanted.resolution, sensor)
+    model = gel_model(wanted.gel, wanted.resolution)
+    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
+    if wanted.board:
+        check_drivable(len(scene.light))
+    ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
+    return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
+
+
+def check_drivable(leds: int) -> None:
+    """Raise ConfigError for more LEDs than the board of the light ring can drive."""
+    if leds > MOST_LEDS:
+        raise ConfigError(
+            f"the sensor has {leds} LEDs, the board of the light ring drives {MOST_LEDS} at most: give fewer "
+            "led_colours, or use sim://?board=0 for steady light without a board"
+        )
+
+
+def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
+    """Start a simulated board with as many LEDs as (n, 3) `colours`, and light them."""
+    # A busy computer may keep the emulator from the processor for a while; a real board always answers.
+    ring = LightRing(open_transport(f"sim://?leds={len(colours)}"), timeout_s=1.0)
+    try:
+        ring.light(colours)
+    except BaseException:
+        ring.close()
+        raise
+    return ring
+
+
+def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:
+    """Return the default sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
+    try:
+        return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
+    except ValueError as error:
+        raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

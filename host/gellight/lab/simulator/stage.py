@@ -1,0 +1,153 @@
+"""What presses objects into a simulated gel: a visitor, or a programme while nobody else does."""
+
+import itertools
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from math import hypot
+
+import numpy as np
+
+from gellight.base.errors import InputError
+from gellight.lab.simulator.scene import Press
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
+
+RETURN_FRAMES = 300
+"""so long after a visitor's last touch the programme goes on"""
+OFFERED_DEPTH_MM = 0.8
+"""where the page's slider stands at first"""
+PROGRAMME = (
+    Press("BALL", 1.0, 0.0, 0.0),
+    Press("BALL", 1.5, -9.0, 4.0),
+    Press("TSTEP", 0.8, 0.0, 0.0),
+    Press("BALL", 0.7, 10.0, -5.0),
+    Press("SINWAVE", 0.9, 0.0, 0.0),
+    Press("CCONVEX", 0.9, 0.0, 0.0),
+)
+
+
+def programme_of_presses() -> Iterator[Press | None]:
+    """Yield what a virtual hand does in each frame, for ever: press in, hold, release, pause."""
+    for press in itertools.cycle(PROGRAMME):
+        ramp = _ramp(press)
+        yield from (step for step in ramp for _ in range(2))
+        yield from itertools.repeat(press, 90)
+        yield from (step for step in reversed(ramp[:-1]) for _ in range(2))
+        yield from itertools.repeat(None, 15)
+
+
+def presses_of_the_demo() -> list[tuple[str, float]]:
+    """Return object and depth of what the programme shows, and of each object as the page offers it at first."""
+    programme = {(step.object_name, step.depth_mm) for press in PROGRAMME for step in _ramp(press)}
+    return sorted(programme | {(name, OFFERED_DEPTH_MM) for name in OBJECT_NAMES})
+
+
+def _ramp(press: Press) -> list[Press]:
+    """Return the press at a fifth of its depth, two fifths and so on."""
+    return [replace(press, depth_mm=round(float(press.depth_mm * step), 3)) for step in np.linspace(0, 1, 6)[1:]]
+
+
+class Stage:
+    """Presses objects into the gel, on behalf of a visitor or of the programme."""
+
+    objects: tuple[str, ...] = OBJECT_NAMES
+    probes: tuple[str, ...] = PROBE_NAMES
+    """pressed as objects are, to calibrate"""
+
+    def __init__(self, geometry: SensorGeometry, *, programme: bool = True) -> None:
+        """Start with nothing in the gel; `programme` lets the virtual hand play while no visitor presses."""
+        self._geometry = geometry
+        self._lock = threading.Lock()
+        self._wanted: Press | None = None
+        self._programme = programme_of_presses() if programme else None
+        self._frames_until_programme = 0
+        self._preparing: list[str] = []
+        """objects whose press is being computed"""
+        self.prepare_ahead: Callable[[Press], None] = lambda press: None
+        """what computes a press, once there is a scene"""
+
+    @property
+    def max_depth_mm(self) -> float:
+        """Deepest press offered: the elastic layer is a small-strain model."""
+        return 0.4 * self._geometry.gel_thickness_mm
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Press `object_name` `depth_mm` into the gel at (x, y) from the image centre, until told otherwise.
+
+        Raises InputError for an unknown object, a depth outside 0..max_depth_mm, or a place off the gel.
+        """
+        self._want(self._checked(object_name, depth_mm, x_mm, y_mm))
+
+    def _checked(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> Press | None:
+        """Return the press, None for one that does not touch; InputError for one that cannot be."""
+        known = self.objects + self.probes
+        if object_name not in known:
+            raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
+        if not 0 <= depth_mm <= self.max_depth_mm:
+            raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
+        radius_mm = self._geometry.gel_diameter_mm / 2
+        if not hypot(x_mm, y_mm) <= radius_mm:
+            raise InputError(
+                f"a press at ({x_mm}, {y_mm}) mm is off the gel: stay within {radius_mm:g} mm of the centre"
+            )
+        return Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None
+
+    def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Compute a press, which takes up to some seconds, while frames go on. Raises as `press` does."""
+        press = self._checked(object_name, depth_mm, x_mm, y_mm)
+        if press is not None:
+            with self.computing(press):
+                self.prepare_ahead(press)
+
+    @contextmanager
+    def computing(self, press: Press) -> Iterator[None]:
+        """Say in the status that a press is computed."""
+        self._preparing.append(press.object_name)
+        try:
+            yield
+        finally:
+            self._preparing.remove(press.object_name)
+
+    def hold(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
+        """Press for good: no programme plays afterwards. Raises as `press` does."""
+        self.press(object_name, depth_mm, x_mm, y_mm)
+        self._programme = None
+
+    def release(self) -> None:
+        """Lift the object off the gel."""
+        self._want(None)
+
+    def take_over(self) -> None:
+        """Lift the object; no programme plays afterwards."""
+        self._want(None)
+        self._programme = None
+
+    def status(self) -> dict[str, object]:
+        """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays), and
+        preparing: the object whose press is being computed, "" for none."""
+        with self._lock:
+            press, visitor = self._wanted, self._frames_until_programme > 0
+        shown = asdict(press or Press("", 0.0))
+        preparing = next(iter(self._preparing), "")
+        return {"object": shown.pop("object_name"), **shown, "visitor": visitor, "preparing": preparing}
+
+    def next_press(self) -> Press | None:
+        """Return what is in the gel during the next frame."""
+        with self._lock:
+            if self._frames_until_programme > 0:
+                self._frames_until_programme -= self._wanted is None
+            elif self._programme is not None:
+                self._wanted = next(self._programme)
+            return self._wanted
+
+    @property
+    def plays(self) -> bool:
+        """Whether the programme presses, and not a visitor."""
+        return self._programme is not None and self._frames_until_programme == 0
+
+    def _want(self, press: Press | None) -> None:
+        with self._lock:
+            self._wanted = press
+            self._frames_until_programme = RETURN_FRAMES

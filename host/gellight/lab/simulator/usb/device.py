@@ -1,0 +1,227 @@
+"""The virtual sensor as a USB device: plugged into a kernel by a socket, unplugged, and plugged in elsewhere."""
+
+import logging
+import re
+import socket
+import struct
+import threading
+from collections.abc import Callable, Mapping
+from math import inf
+
+from gellight.base.allowed import query_of
+from gellight.base.errors import CameraError, InputError
+from gellight.base.settings import load_settings
+from gellight.frames.camera import Camera
+from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.simulator.usb import descriptors
+from gellight.lab.simulator.usb.cable import CablePulledError, UsbCable
+from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
+from gellight.lab.simulator.usb.serial_port import SerialFunction
+from gellight.lab.simulator.usb.usbip import Urb
+from gellight.lab.simulator.usb.video import VideoFunction, modes_of
+from gellight.ring import usb_numbers as numbers
+from gellight.ring.light_ring import LightRing
+from gellight.ring.wire import LED_COUNT
+
+logger = logging.getLogger(__name__)
+ANSWERS = {numbers.GET_STATUS: b"\0\0", numbers.GET_CONFIGURATION: b"\1", numbers.GET_INTERFACE: b"\0"}
+STANDARD, CLASS, INTERFACE_RECIPIENT = 0x00, 0x20, 1
+STOP_S = 10.0
+
+
+class UncommandedRing(LightRing):
+    """The ring of a board that another program commands: the one at the other end of the virtual USB cable."""
+
+    def __init__(self, board: SimulatedBoard) -> None:
+        """Hold the board without speaking to it."""
+        self.transport = board
+
+    def lit_since_s(self) -> float:
+        """Return -inf: whatever the other program lights is the light of every frame."""
+        return -inf
+
+    def close(self) -> None:
+        """Switch the board off."""
+        self.transport.close()
+
+
+class VirtualSensor:
+    """Camera and board of the light ring in one USB device. Close it, or use it in a `with` statement."""
+
+    def __init__(self, camera: Camera, *, serial_number: str, frame_rate: float = 30.0, has_board: bool = False,
+                 leds: int = LED_COUNT, faults: Faults = NO_FAULTS) -> None:  # fmt: skip
+        """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
+
+        `has_board`: while it has power, an emulated board with the same serial number and so many `leds` runs the
+        firmware's image.
+        """
+        self.serial_number = checked_serial(serial_number)
+        self.faults = faults
+        self.modes = modes_of(camera, frame_rate)
+        self.camera, self._has_board, self._leds = camera, has_board, leds
+        self.board: SimulatedBoard | None = None
+        self._cable: UsbCable | None = None
+        self._lock = threading.Lock()
+        self.unplugged = threading.Event()
+        """set while no cable is in"""
+        self.unplugged.set()
+        self._start_functions()
+
+    def _start_functions(self) -> None:
+        self.serial = SerialFunction(self.board.path if self.board else "")
+        self.video = VideoFunction(self.camera, self.modes, faults=self.faults, unplug=self.unplug)
+
+    def __enter__(self) -> "VirtualSensor":
+        """Return the sensor."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Pull the plug and switch off."""
+        self.close()
+
+    def inject(self, faults: Faults) -> None:
+        """Behave like this from the next picture on, after a replug too."""
+        self.faults = faults
+        self.video.inject(faults)
+
+    def plug(self, connection: socket.socket, *, greeting: bytes = b"") -> None:
+        """Power up and serve the kernel at the other end of a stream socket, in the background.
+
+        `greeting` is sent first, when the device is ready.
+
+        Raises InputError when the cable is in already, and BoardError when the board does not start.
+        """
+        with self._lock:
+            if not self.unplugged.is_set():
+                raise InputError(f"the virtual sensor {self.serial_number} is plugged in already: unplug it first")
+            self.unplugged.clear()
+        try:
+            self._power_on()
+            connection.sendall(greeting)
+        except BaseException:
+            self._power_off()
+            self.unplugged.set()
+            raise
+        self._start_functions()
+        cable = self._cable = UsbCable(connection)
+        jobs: list[Callable[[], None]] = [
+            lambda: cable.run(self._control, lambda urb: self.serial.write(urb.data)),
+            lambda: self.serial.run(cable),
+            lambda: self.video.run(cable),
+        ]
+        threads = [threading.Thread(target=self._work, args=(cable, job), daemon=True) for job in jobs]
+        for thread in [*threads, threading.Thread(target=self._settle, args=(threads,), daemon=True)]:
+            thread.start()
+
+    def unplug(self) -> None:
+        """Pull the plug, in mid-stream too; returns at once; `unplugged` is set when the power is gone."""
+        if self._cable is not None:
+            self._cable.pull()
+
+    def close(self) -> None:
+        """Pull the plug and switch off for good."""
+        self.unplug()
+        self.unplugged.wait(STOP_S)
+        self._power_off()
+        self.camera.close()
+
+    def _power_on(self) -> None:
+        if self._has_board:
+            self.board = SimulatedBoard(pty=True, unique_id=bytes.fromhex(self.serial_number), leds=self._leds)
+            self.camera.ring = UncommandedRing(self.board)
+
+    def _power_off(self) -> None:
+        """End the board, with its LEDs dark: the camera keeps the dead board until a new one starts."""
+        if self.board is not None:
+            self.board.close()
+        self.board = None
+
+    def _work(self, cable: UsbCable, job: Callable[[], None]) -> None:
+        try:
+            job()
+        except CablePulledError:
+            pass
+        except CameraError as error:
+            logger.error("the camera of the virtual sensor %s has failed: %s", self.serial_number, error)
+        finally:
+            cable.pull()
+
+    def _settle(self, threads: list[threading.Thread]) -> None:
+        for thread in threads:
+            thread.join()
+        self.serial.close()
+        self._power_off()
+        self.unplugged.set()
+
+    # ---- endpoint 0 ----
+
+    def _control(self, urb: Urb) -> bytes | None:
+        """Answer a control transfer; None: stall (USB 2.0, 9.4; UVC 1.1, 4; CDC PSTN 1.2, 6.3)."""
+        kind, code, value, index, _length = struct.unpack("<BBHHH", urb.setup)
+        if kind & 0x60 == STANDARD:
+            return self._standard(code, value, index)
+        if kind & 0x60 != CLASS or kind & 0x1F != INTERFACE_RECIPIENT:
+            return None
+        interface, unit = index & 0xFF, index >> 8
+        if interface == 0:
+            return self.serial.request(code, value, urb.data)
+        return self.video.request(interface, unit, value >> 8, code, urb.data)
+
+    def _standard(self, code: int, value: int, index: int) -> bytes | None:
+        if code == numbers.GET_DESCRIPTOR:
+            return self._descriptor(value >> 8, value & 0xFF)
+        if code == numbers.CLEAR_FEATURE and index == descriptors.VIDEO_ENDPOINT | 0x80:
+            self.video.negotiation.committed = None  # so a host ends the stream
+        return ANSWERS.get(code, b"")
+
+    def _descriptor(self, kind: int, index: int) -> bytes | None:
+        if kind == numbers.DEVICE:
+            return descriptors.device_descriptor()
+        if kind == numbers.CONFIGURATION and index == 0:
+            return descriptors.configuration_descriptor(self.modes)
+        return descriptors.string_descriptor(index, self.serial_number) if kind == numbers.STRING else None
+
+
+def checked_serial(text: str) -> str:
+    """Return a serial number as the firmware writes it, 16 hexadecimal digits; InputError for anything else."""
+    if not re.fullmatch("[0-9A-Fa-f]{1,16}", text):
+        raise InputError(f"serial number {text!r}: give up to 16 hexadecimal digits, as boards have")
+    return f"{int(text, 16):016X}"
+
+
+def open_virtual(
+    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
+) -> VirtualSensor:
+    """Build a virtual sensor from the simulated one of a `sim://` URL, with its emulated board.
+
+    With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises, and
+    InputError for a serial number that no board has.
+    """
+    number = checked_serial(serial_number)
+    if not url.startswith("sim://"):
+        raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
+    from gellight.lab.simulator.simulated_camera import SimulatedUrl, built, check_drivable, open_simulated
+
+    wanted, leds = query_of(url, SimulatedUrl), len(built(geometry).led_colours)
+    if wanted.board:
+        check_drivable(leds)
+    camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
+    camera.url = url
+    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, leds=leds,
+                         faults=faults)  # fmt: skip
+
+
+def sized_geometry(size: str | None) -> dict[str, float | int | str]:
+    """Return the settings' geometry with a picture of `size` ("160x120") that shows the same width of the gel.
+
+    Raises InputError for a size that is none, or that no camera of this kind has.
+    """
+    geometry = load_settings().geometry.overrides()
+    if size is None:
+        return geometry
+    match = re.fullmatch(r"(\d+)x(\d+)", size)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (16 <= width <= 4096 and 16 <= height <= 4096 and width % 2 == 0):
+        raise InputError(f"size {size!r}: give WIDTHxHEIGHT from 16 to 4096 pixels, an even width, for example 320x240")
+    shown_mm = float(geometry.get("pixel_size_mm", 0.0588)) * int(geometry.get("image_width_px", 640))
+    return {**geometry, "image_width_px": width, "image_height_px": height, "pixel_size_mm": shown_mm / width}

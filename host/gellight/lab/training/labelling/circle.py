@@ -1,0 +1,217 @@
+"""The contact circle of a ball press, to a fraction of a pixel, or the reason why there is none."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.lab.training.labelling.fitting import cost, without
+from gellight.lab.training.labelling.pattern import (
+    LEAST_GREY,
+    LEAST_QUALITY,
+    STEEPEST,
+    PressShape,
+    Window,
+    background,
+    check_clipped,
+    difference_image,
+    fitted,
+    free_response,
+    starts,
+    window,
+)
+from gellight.lab.training.labelling.search import Candidate, best_candidate, candidates
+from gellight.lab.training.presses import Ball
+
+Array = NDArray[np.float64]
+_LEAST_SHARE = 0.2
+_LEAST_RADIUS_PX = 6.0
+_LEAST_VIEW = 0.95
+_RIVAL = 0.3
+_PATIENCE = 16
+_FAINTEST = 0.05
+"""of the strongest place: what is left is dirt"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressCircle:
+    """Where the ball touches the gel."""
+
+    center_x_px: float
+    center_y_px: float
+    contact_radius_px: float
+    quality: float
+    """share of the difference image around the circle that the pattern of a ball explains, 0 to 1"""
+    contrast_grey: float
+    """root mean square of that pattern inside the circle, grey levels"""
+
+    def record(self) -> dict[str, float]:
+        """Return what the csv and JSON hold, rounded."""
+        names = ("center_x_px", "center_y_px", "contact_radius_px")
+        return {**{name: round(getattr(self, name), 2) for name in names}, "quality": round(self.quality, 3)}
+
+    def from_line(self, image_shape: tuple[int, int]) -> Array:
+        """Return the distance of each (H, W) pixel from the circle and from a cross at its centre, px."""
+        rows, columns = np.indices(image_shape, dtype=np.float64)
+        dx, dy = np.asarray(columns - self.center_x_px), np.asarray(rows - self.center_y_px)
+        return np.asarray(np.minimum(np.abs(np.hypot(dx, dy) - self.contact_radius_px), _from_cross(dx, dy)))
+
+
+def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
+    """Distance of each pixel from a cross at the centre, px."""
+    across = np.hypot(np.maximum(np.abs(dx) - arm, 0), dy)
+    down = np.hypot(dx, np.maximum(np.abs(dy) - arm, 0))
+    return np.asarray(np.minimum(across, down))
+
+
+def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball) -> PressCircle:
+    """Find the contact circle of the ball in one image, without any calibration of the light.
+
+    image: (H, W, 3) uint8 RGB of the press; reference: (H, W, 3) of the untouched gel, grey levels. The pattern of a
+    ball of known radius (`pattern`) is fitted to the difference image together with the unknown response of the light.
+
+    Raises InputError with the reason when there is no press, it is too shallow, off the image, clipped or dark, is
+    no ball of this size, or there are several.
+    """
+    difference = difference_image(image, reference)
+    _check_size(ball, image)
+    candidate = best_candidate(difference, ball.radius_px)
+    shape, circle = fit_circle(
+        difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
+    )
+    _check(circle, ball, image, reference)
+    _check_rivals(difference, candidate, shape, ball.radius_px)
+    return circle
+
+
+def find_circles(
+    image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball
+) -> Iterator[PressCircle | InputError]:
+    """Find the contact circles of several balls of one size in one image; otherwise as `find_circle`.
+
+    What looks like a ball and cannot be used is yielded as the error that says why. It ends after 16 such places in a
+    row, or where the pattern of a ball explains less than a twentieth of what it explained at the first place. Raises
+    InputError for an image or a ball that cannot be used at all.
+    """
+    difference = difference_image(image, reference)
+    _check_size(ball, image)
+    least_gain: float | None = None
+    found, in_vain = np.empty((0, 2)), 0
+    for candidate in candidates(difference, ball.radius_px):
+        least_gain = _FAINTEST * candidate.gain if least_gain is None else least_gain
+        if candidate.gain < least_gain or in_vain == _PATIENCE:
+            return
+        place = candidate.center_x, candidate.center_y
+        if (np.hypot(*(found - place).T) < 1.9 * ball.radius_px).any():
+            continue  # two balls are two radii apart
+        _, circle = fit_circle(difference, place, candidate.contact_radius, ball.radius_px)
+        try:
+            if np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) > 0.7 * ball.radius_px:
+                raise InputError("what is there is no ball by itself")
+            _check(circle, ball, image, reference)
+        except InputError as error:
+            in_vain += 1
+            yield InputError(f"near ({place[0]:.0f}, {place[1]:.0f}) px: {error}")
+        else:
+            found, in_vain = np.vstack([found, (circle.center_x_px, circle.center_y_px)]), 0
+            yield circle
+
+
+def _check(circle: PressCircle, ball: Ball, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
+    _check_press(circle, ball)
+    _check_view(circle, image.shape[:2])
+    _check_clipped(circle, image, reference)
+
+
+def _check_size(ball: Ball, image: NDArray[np.uint8]) -> None:
+    if ball.radius_px < 2 * _LEAST_RADIUS_PX or ball.radius_px > max(image.shape[:2]):
+        raise InputError(
+            f"the ball is {ball.radius_px:.1f} px in radius in an image of {image.shape[1]} x {image.shape[0]} px: "
+            "check the ball radius and the pixel size"
+        )
+
+
+def fit_circle(
+    difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float
+) -> tuple[PressShape, PressCircle]:
+    """Fit the pattern to the (H, W, 3) difference image around a first guess of the circle, px, with free response."""
+    pixels = window(difference, center, contact_radius, ball_radius)
+    residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
+    guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
+    shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
+    return shape, judged(shape, pixels, residual.left(shape), ball_radius)
+
+
+def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -> PressCircle:
+    """Say how well the pattern explains the colours; left: (N, 3) what it does not, grey levels."""
+    changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
+    pattern = changed - left
+    inside = np.hypot(pixels.x - shape.center_x, pixels.y - shape.center_y) < shape.contact_radius
+    return PressCircle(
+        center_x_px=shape.center_x,
+        center_y_px=shape.center_y,
+        contact_radius_px=shape.contact_radius,
+        quality=float(1 - (left**2).sum() / max((changed**2).sum(), 1e-12)),
+        contrast_grey=float(np.sqrt((pattern[inside] ** 2).mean())) if inside.any() else 0.0,
+    )
+
+
+def _check_press(circle: PressCircle, ball: Ball) -> None:
+    radius = circle.contact_radius_px
+    if circle.contrast_grey < LEAST_GREY:
+        raise InputError(
+            f"no press: the strongest pattern of a ball changes the colours by {circle.contrast_grey:.1f} grey levels, "
+            f"at least {LEAST_GREY:g} are needed: press the ball into the gel"
+        )
+    if circle.quality < LEAST_QUALITY:
+        raise InputError(
+            f"no single ball of {ball.radius_mm:g} mm: its pattern explains {100 * circle.quality:.0f} % of what "
+            f"changed, at least {100 * LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
+        )
+    least = max(_LEAST_SHARE * ball.radius_px, _LEAST_RADIUS_PX)
+    if radius < least:
+        raise InputError(
+            f"the press is too shallow: contact radius {radius:.1f} px, at least {least:.1f} px are needed: "
+            "press deeper"
+        )
+    if radius > 0.995 * STEEPEST * ball.radius_px:
+        raise InputError(
+            f"the contact is as wide as the ball itself ({ball.radius_px:.1f} px): "
+            "check the ball radius and the pixel size, or press less deep"
+        )
+
+
+def _check_view(circle: PressCircle, image_shape: tuple[int, ...]) -> None:
+    """Refuse a circle that is cut by the border of the image."""
+    height, width = image_shape[:2]
+    angle = np.linspace(0, 2 * np.pi, 360, endpoint=False)
+    x = circle.center_x_px + circle.contact_radius_px * np.cos(angle)
+    y = circle.center_y_px + circle.contact_radius_px * np.sin(angle)
+    seen = float(((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)).mean())
+    if seen < _LEAST_VIEW:
+        raise InputError(
+            f"the press is off the image: {100 * seen:.0f} % of the circle around ({circle.center_x_px:.0f}, "
+            f"{circle.center_y_px:.0f}) px is seen: press nearer to the middle"
+        )
+
+
+def _check_clipped(circle: PressCircle, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
+    rows, columns = np.indices(image.shape[:2])
+    distance = np.hypot(columns - circle.center_x_px, rows - circle.center_y_px)
+    check_clipped(image, reference, distance < circle.contact_radius_px, "in the circle")
+
+
+def _check_rivals(difference: Array, first: Candidate, shape: PressShape, ball_radius: float) -> None:
+    """Look for a second press in what is left when everything around the first is blanked."""
+    rows, columns = np.indices(difference.shape[:2])
+    distance = np.hypot(columns - shape.center_x, rows - shape.center_y)
+    # The skirt of the first press fades towards its surroundings, so that the cut makes no edge to be found.
+    kept = np.clip(distance / (2 * shape.contact_radius) - 0.75, 0, 1)
+    second = best_candidate(difference * kept[..., None], ball_radius)
+    if second.gain > _RIVAL * first.gain:
+        raise InputError(
+            f"several presses: at ({first.center_x:.0f}, {first.center_y:.0f}) and near ({second.center_x:.0f}, "
+            f"{second.center_y:.0f}) px: press one ball at a time, and take the reference without a touch"
+        )

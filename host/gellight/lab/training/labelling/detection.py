@@ -1,0 +1,192 @@
+"""Contacts in many images: what was found or why not, as the csv that training reads, and as pictures for a glance."""
+
+import csv
+import io
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+from gellight.frames.dots import Dots
+from gellight.frames.image_files import read_image
+from gellight.lab.report.pictures import write_png
+from gellight.lab.training.labelling.circle import PressCircle, find_circle, find_circles
+from gellight.lab.training.labelling.plate import PlateGrid, plate_grid
+from gellight.lab.training.labelling.prism import find_prism
+from gellight.lab.training.presses import COLUMNS, QUALITY, REFUSED, Ball
+
+Array = NDArray[np.float64]
+_INK = (255, 255, 255)
+_SHADOW = (0, 0, 0)
+
+
+class Contact(Protocol):
+    """Where an object touches the gel: a circle of a ball, or the edge of a prism."""
+
+    @property
+    def quality(self) -> float:
+        """Share of what changed that the pattern of the object explains."""
+
+    def record(self) -> dict[str, float]:
+        """Return what the csv and JSON hold, rounded."""
+
+    def from_line(self, image_shape: tuple[int, int]) -> Array:
+        """Return the distance of each (H, W) pixel from the lines that show it, px."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detection:
+    """What was found in one image: a contact, or the reason why it is not used."""
+
+    image: Path
+    contact: Contact | None
+    refused: str = ""
+
+    def record(self) -> dict[str, object]:
+        """Return the contact or the reason by name, rounded, ready for JSON."""
+        found = {"refused": self.refused} if self.contact is None else self.contact.record()
+        return {"image": str(self.image), **found}
+
+
+def detect(
+    images: Sequence[Path],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    dots: Dots | None = None,
+    progress: Callable[[int, int, float], None] = lambda done, total, quality: None,
+) -> list[Detection]:
+    """Look for the circle in each image; reference is (H, W, 3), grey levels. An image at fault is refused, not raised.
+
+    dots: the marker dots of the gel, which are filled in each image; the reference has none any more.
+
+    progress is called with (images done, images, quality of the last, 0 where it was refused).
+    """
+    return _detected(images, lambda image: find_circle(image, reference, ball=ball), dots, progress)
+
+
+def detect_prisms(
+    images: Sequence[Path], reference: NDArray[np.number], angle_rad: float, *, dots: Dots | None = None
+) -> list[Detection]:
+    """Look for the edge of a prism in each image; otherwise as `detect`.
+
+    angle_rad: between each face and the gel at rest.
+    """
+    return _detected(images, lambda image: find_prism(image, reference, angle_rad=angle_rad), dots, lambda *_: None)
+
+
+def _detected(
+    images: Sequence[Path],
+    find: Callable[[NDArray[np.uint8]], Contact],
+    dots: Dots | None,
+    progress: Callable[[int, int, float], None],
+) -> list[Detection]:
+    found = []
+    for number, path in enumerate(images, start=1):
+        try:
+            image = read_image(path)
+            detection = Detection(image=path, contact=find(dots.filled(image) if dots else image))
+        except InputError as error:
+            detection = Detection(image=path, contact=None, refused=str(error))
+        found.append(detection)
+        progress(number, len(images), detection.contact.quality if detection.contact else 0.0)
+    return found
+
+
+def detect_several(
+    images: Sequence[Path],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    dots: Dots | None = None,
+    pitch_mm: float | None = None,
+) -> tuple[list[Detection], PlateGrid | None]:
+    """Look for all balls in each image; otherwise as `detect`.
+
+    pitch_mm: distance of neighbours on a plate of balls; what is not in its grid is left out, and the grid of the
+    picture with most balls is returned.
+    """
+    found: list[Detection] = []
+    best: PlateGrid | None = None
+    for path in images:
+        try:
+            circles, grid = _balls(path, reference, ball, dots, pitch_mm)
+        except InputError as error:
+            found.append(Detection(image=path, contact=None, refused=str(error)))
+            continue
+        found += [Detection(image=path, contact=circle) for circle in circles]
+        if grid is not None and (best is None or len(grid.on_grid) > len(best.on_grid)):
+            best = grid
+    return found, best
+
+
+def _balls(
+    path: Path, reference: NDArray[np.number], ball: Ball, dots: Dots | None, pitch_mm: float | None
+) -> tuple[list[PressCircle], PlateGrid | None]:
+    """Return the circles of one image, and their grid where the pitch is known; InputError where there is none."""
+    image = read_image(path)
+    image = dots.filled(image) if dots else image
+    seen = list(find_circles(image, reference, ball=ball))
+    circles = [one for one in seen if isinstance(one, PressCircle)]
+    if not circles:
+        raise next((one for one in seen if isinstance(one, InputError)), InputError("no press: nothing has changed"))
+    if pitch_mm is None:
+        return circles, None
+    grid = plate_grid(circles, pitch_mm / ball.pixel_size_mm)
+    return [circle for circle, inside in zip(circles, grid.on_grid, strict=True) if inside], grid
+
+
+def write_presses(path: Path, detections: Sequence[Detection]) -> None:
+    """Write the csv that `presses.read_presses` or `prisms.read_prisms` reads, whole or not at all.
+
+    Refused images have a row too, with their reason and no contact, and are passed over when it is read. Names are
+    relative to the folder of the csv, which is made. Raises InputError where it cannot be written.
+    """
+    columns = next((one.contact.record() for one in detections if one.contact), dict.fromkeys((*COLUMNS[1:], QUALITY)))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [COLUMNS[0], *columns, REFUSED], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, text.getvalue().encode())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}): choose another place") from error
+
+
+def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
+    """Write NAME.png of each image that was found, with the contact drawn in; InputError where it cannot."""
+    contacts: dict[Path, list[Contact]] = {}
+    for detection in detections:
+        if detection.contact is not None:
+            contacts.setdefault(detection.image, []).append(detection.contact)
+    stems = [image.stem for image in {detection.image for detection in detections}]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for image, seen in contacts.items():
+            # Images of one name from two folders must not replace each other.
+            name = image.stem if stems.count(image.stem) == 1 else f"{image.parent.name}-{image.stem}"
+            target = folder / f"{name}.png"
+            if target.resolve() == image.resolve():
+                raise InputError(f"the overlay of {image} would replace it: give another folder to --overlay")
+            write_png(target, reduce(drawn, seen, read_image(image)))
+    except OSError as error:
+        raise InputError(
+            f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"
+        ) from error
+
+
+def drawn(image: NDArray[np.uint8], contact: Contact) -> NDArray[np.uint8]:
+    """Draw the lines of a contact into a copy of the (H, W, 3) image, white with a black edge."""
+    from_line = contact.from_line((image.shape[0], image.shape[1]))
+    picture = image.copy()
+    picture[from_line < 1.5] = _SHADOW
+    picture[from_line < 0.75] = _INK
+    return picture

@@ -1,0 +1,254 @@
+"""Circles corrected by what all presses of one sensor have in common.
+
+Circles that were drawn by hand are some pixels off, each in its own way, while the gel shows the same slope in the same
+colour in every image. So one response of the light, shared by all images, is fitted together with the circles, in
+turns: first the response to all other images, then each circle to that response. A circle is never fitted to a response
+that was learnt from its own image: such a response agrees with the circle as it is, right or wrong.
+
+Two things are held fixed. The radius of the ball is known and never fitted. The mean shift over all presses stays 0,
+because a common shift of all circles looks the same as another response of the light.
+
+The contact radius is the light's where it is sure: at the rim the slope falls in a step, which each image shows by
+itself. Circles that were drawn by hand lie outside it, on the first fall of the skirt; on a real sensor by 14 %, where
+the gel has two thirds of the slope that the ball would give it. Where less than half of the presses show a clear ball,
+the mean radius stays as labelled too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.lab.training.labelling.circle import fit_circle
+from gellight.lab.training.labelling.fitting import without
+from gellight.lab.training.labelling.pattern import (
+    LEAST_QUALITY,
+    STEEPEST,
+    PressShape,
+    Window,
+    background,
+    difference_image,
+    fitted,
+    response,
+    response_derivatives,
+    window,
+)
+from gellight.lab.training.presses import Ball, Press
+
+Array = NDArray[np.float64]
+_ROUNDS = 2
+_RIDGE = 1e-4
+_FARTHEST = 0.35
+"""in ball radii: a circle that would move farther keeps its label, and is named"""
+_LEAST_PRESSES = 5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refined:
+    """Refined presses, and what is needed to refine others of the same sensor."""
+
+    presses: list[Press]
+    kept: list[str]
+    """names of images whose circle stayed as labelled, because the fit would have moved it too far"""
+    rms_shift_px: float
+    """root mean square distance by which the centres moved"""
+    offset: Array
+    """(3,) mean of fitted minus labelled x, y, radius, px, that was taken off; 0 for a radius that the light decides"""
+    radius_share: float
+    """mean contact radius that the light shows over that of the labels"""
+    sure: int
+    """presses whose radius the light decides"""
+    coefficients: Array
+    """(K, 3) the shared response"""
+
+    def record(self) -> dict[str, object]:
+        """Return what a bundle says of it."""
+        return {
+            "rms_shift_px": round(self.rms_shift_px, 3),
+            "offset_px": [round(float(value), 3) for value in self.offset],
+            "radius_of_light_over_label": round(self.radius_share, 4),
+            "radius_by_light_images": self.sure,
+            "kept_images": self.kept,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    """One press while it is fitted."""
+
+    press: Press
+    pixels: Window
+    shape: PressShape
+    sure: bool
+    """whether the image alone shows one clear ball, and so the radius of its contact"""
+
+
+class FirstFits:
+    """Each press fitted by itself, from its label: what refinement begins with, the same in every fold."""
+
+    def __init__(self, reference: NDArray[np.number], ball: Ball) -> None:
+        """Compare with the (H, W, 3) reference, grey levels."""
+        self._reference, self._ball = reference, ball
+        self._known: dict[Press, _Fit] = {}
+
+    def of(self, press: Press) -> _Fit:
+        """Return the fit; InputError where the image is none of this sensor."""
+        if press not in self._known:
+            difference, ball_radius = difference_image(press.picture(), self._reference), self._ball.radius_px
+            center, radius = (press.center_x_px, press.center_y_px), press.contact_radius_px
+            shape, circle = fit_circle(difference, center, radius, ball_radius)
+            pixels = window(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball_radius)
+            self._known[press] = _Fit(press=press, pixels=pixels, shape=shape, sure=circle.quality >= LEAST_QUALITY)
+        return self._known[press]
+
+
+def refine(
+    presses: Sequence[Press], reference: NDArray[np.number], ball: Ball, *, first: FirstFits | None = None
+) -> Refined:
+    """Refit the circles of all presses together with the response of the light; reference is (H, W, 3), grey levels.
+
+    first: keeps the first fit of each press, which saves time when the same presses are refined again.
+    Raises InputError for fewer than 5 presses: too few to correct each other.
+    """
+    if len(presses) < _LEAST_PRESSES:
+        raise InputError(f"{len(presses)} presses cannot be refined: give at least {_LEAST_PRESSES}")
+    first = first or FirstFits(reference, ball)
+    fits = [first.of(press) for press in presses]
+    extent = _extent(reference)
+    for _ in range(_ROUNDS):
+        sums = [_normal_equations(fit, ball, extent) for fit in fits]
+        total = _sum(sums)
+        fits = [
+            _fitted_to(fit, _solve(total[0] - own[0], total[1] - own[1]), ball, extent)
+            for fit, own in zip(fits, sums, strict=True)
+        ]
+    coefficients = _solve(*_sum([_normal_equations(fit, ball, extent) for fit in fits]))
+    moves = np.array([_move(fit) for fit in fits])
+    near = np.hypot(*(moves[:, :2] - np.median(moves[:, :2], axis=0)).T) < _FARTHEST * ball.radius_px
+    offset = np.asarray(moves[near].mean(axis=0) if near.any() else np.zeros(3), np.float64)
+    sure, share = near & np.array([fit.sure for fit in fits]), _radius_share(fits, moves, near)
+    if decides := bool(2 * sure.sum() >= len(fits)):
+        share, offset[2] = _radius_share(fits, moves, sure), 0.0
+        moves[:, 2] = [move if one else (share - 1) * fit.press.contact_radius_px
+                       for fit, move, one in zip(fits, moves[:, 2], sure, strict=True)]  # fmt: skip
+    return Refined(
+        presses=[
+            _moved(replace(fit.press, found=decides or fit.press.found), move - offset, ball) if is_near else fit.press
+            for fit, move, is_near in zip(fits, moves, near, strict=True)
+        ],
+        kept=[fit.press.image.name for fit, is_near in zip(fits, near, strict=True) if not is_near],
+        rms_shift_px=float(np.sqrt((np.hypot(*(moves[near, :2] - offset[:2]).T) ** 2).mean())) if near.any() else 0.0,
+        offset=offset,
+        radius_share=share,
+        sure=int(sure.sum()) if decides else 0,
+        coefficients=coefficients,
+    )
+
+
+def refine_others(
+    refined: Refined,
+    presses: Sequence[Press],
+    reference: NDArray[np.number],
+    ball: Ball,
+    *,
+    first: FirstFits | None = None,
+) -> list[Press]:
+    """Refit circles that had no part in `refined`, by its response and its offset; nothing is learnt from them."""
+    first = first or FirstFits(reference, ball)
+    result = []
+    for press in presses:
+        move = _move(_fitted_to(first.of(press), refined.coefficients, ball, _extent(reference))) - refined.offset
+        near = np.hypot(*move[:2]) < _FARTHEST * ball.radius_px
+        result.append(_moved(press, move, ball) if near else press)
+    return result
+
+
+def _extent(reference: NDArray[np.number]) -> tuple[float, float]:
+    """(W, H) px"""
+    return float(reference.shape[1]), float(reference.shape[0])
+
+
+def _columns(pixels: Window, shape: PressShape, ball: Ball, extent: tuple[float, float]) -> Array:
+    """(N, K) the response at each pixel, changing linearly over the view."""
+    pattern = response(pixels.x, pixels.y, shape, ball.radius_px)
+    return np.concatenate([pattern * share[:, None] for share in _over_the_view(pixels, extent)], axis=1)
+
+
+def _over_the_view(pixels: Window, extent: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """(N,) what the response is at each pixel: a constant, and what changes across and down the view."""
+    return np.ones_like(pixels.x), pixels.x / extent[0] - 0.5, pixels.y / extent[1] - 0.5
+
+
+def _normal_equations(fit: _Fit, ball: Ball, extent: tuple[float, float]) -> tuple[Array, Array]:
+    """What one press says of the response; its own background is eliminated."""
+    drift = background(fit.pixels.x, fit.pixels.y, fit.shape, ball.radius_px)
+    columns = without(drift, _columns(fit.pixels, fit.shape, ball, extent))
+    return columns.T @ columns, columns.T @ fit.pixels.colour
+
+
+def _sum(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    square, right = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+    return np.asarray(square), np.asarray(right)
+
+
+def _solve(square: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), right), np.float64)
+
+
+def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, float]) -> _Fit:
+    """Fit the circle to a response that is given."""
+    residual = GivenResponse(pixels=fit.pixels, coefficients=coefficients, ball=ball, extent=extent)
+    return replace(fit, shape=fitted(residual, fit.shape, ball.radius_px))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GivenResponse:
+    """What a press leaves of the colours around it when the response of the light is given."""
+
+    pixels: Window
+    coefficients: Array
+    """(K, 3)"""
+    ball: Ball
+    extent: tuple[float, float]
+
+    def left(self, shape: PressShape) -> Array:
+        """(N, 3) grey levels."""
+        explained = _columns(self.pixels, shape, self.ball, self.extent) @ self.coefficients
+        return without(self._drift(shape), self.pixels.colour - explained)
+
+    def jacobian(self, shape: PressShape) -> Array:
+        """(6, 3, N) the derivative of `left` to each number of the shape."""
+        derivatives = response_derivatives(self.pixels.x, self.pixels.y, shape, self.ball.radius_px)
+        shares = _over_the_view(self.pixels, self.extent)
+        parts = zip(np.split(self.coefficients, len(shares)), shares, strict=True)
+        moved = np.sum([part.T @ derivatives * share for part, share in parts], axis=0)
+        left = without(self._drift(shape), -moved.reshape(-1, len(self.pixels.x)).T)
+        return left.T.reshape(moved.shape)
+
+    def _drift(self, shape: PressShape) -> Array:
+        return background(self.pixels.x, self.pixels.y, shape, self.ball.radius_px)
+
+
+def _move(fit: _Fit) -> Array:
+    """(3,) fitted minus labelled x, y and radius, px"""
+    shape, press = fit.shape, fit.press
+    fitted_circle = np.array([shape.center_x, shape.center_y, shape.contact_radius])
+    return fitted_circle - (press.center_x_px, press.center_y_px, press.contact_radius_px)
+
+
+def _radius_share(fits: list[_Fit], moves: Array, chosen: NDArray[np.bool_]) -> float:
+    """Mean fitted radius of the chosen presses over that of their labels; 1 where none is chosen."""
+    labelled = np.array([fit.press.contact_radius_px for fit in fits])[chosen]
+    return float(1 + moves[chosen, 2].sum() / labelled.sum()) if chosen.any() else 1.0
+
+
+def _moved(press: Press, move: Array, ball: Ball) -> Press:
+    x, y, radius = move.tolist()
+    return replace(
+        press,
+        center_x_px=press.center_x_px + x,
+        center_y_px=press.center_y_px + y,
+        contact_radius_px=min(press.contact_radius_px + radius, STEEPEST * ball.radius_px),
+    )

@@ -1,0 +1,186 @@
+"""From ball presses to a calibration bundle.
+
+GelNet is trained in a child process, `python -m gelnet.train`.
+"""
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.frames.camera import EndOfStream
+from gellight.frames.dots import Dots, find_dots
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
+from gellight.lab.training.child import Check, Progress, go_on, run_module, silent
+from gellight.lab.training.gel_at_rest import rest_of_presses
+from gellight.lab.training.labelling.refinement import refine as refinement_of
+from gellight.lab.training.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
+from gellight.lab.training.prisms import PrismPress, with_prisms
+from gellight.lab.training.trainer import TrainerName, checked_trainer
+from gellight.opening import open_camera
+from gellight.reconstruction.fine_pattern import pattern_match
+from gellight.reconstruction.image_noise import measure_noise, noise_of_one
+
+Floats = NDArray[np.float32]
+RECIPES = ("fast", "thorough", "paper")
+MATCHED_PRESSES = 9
+"""so many, evenly chosen, show how well the fine pattern of the unit can be seen"""
+HAND_DRAWN = TableOptions(rim_share=0.25)
+"""what is learnt from presses whose circles a hand may have drawn"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingOptions:
+    """How GelNet is trained; `python -m gelnet.train --help` describes each."""
+
+    recipe: str = "fast"
+    width: int = 32
+    seed: int = 0
+    epochs: int | None = None
+    threads: int = 1
+    trainer: TrainerName = "numpy"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """The untouched gel."""
+
+    image: Floats
+    """(H, W, 3) RGB mean of the frames, grey levels"""
+    frames: int
+    noise_grey: float
+    """of one frame, as `image_noise` measures it, grey levels"""
+    dots: Dots | None = None
+    """the marker dots of the gel, which are filled in `image`; None where it has none"""
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(H, W)"""
+        return self.image.shape[0], self.image.shape[1]
+
+
+def read_reference(source: str | Path) -> Reference:
+    """Read the untouched gel from one image, or the mean of a folder or pattern of images.
+
+    The noise is the spread between frames (`image_noise.measure_noise`), of a single frame `image_noise.noise_of_one`.
+    Marker dots are found and filled.
+    """
+    frames: list[NDArray[np.uint8]] = []
+    with open_camera(source) as camera:
+        while True:
+            try:
+                frames.append(camera.read().image)
+            except EndOfStream:
+                break
+    mean = np.asarray(np.mean(frames, axis=0, dtype=np.float32))
+    dots = find_dots(mean)
+    filled = dots.filled_grey(mean, dots.mask(mean)) if dots else mean
+    noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else noise_of_one(filled)
+    return Reference(image=filled, frames=len(frames), noise_grey=noise, dots=dots)
+
+
+def train(
+    table: PressTable, options: TrainingOptions, *, progress: Progress = silent, check: Check = go_on
+) -> tuple[bytes, Mapping[str, object]]:
+    """Train GelNet in a child process; TrainingError and interrupts as `run_module`.
+
+    Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, what
+    trained, losses, errors on the presses held out.
+    """
+    how = {name: getattr(options, name) for name in ("recipe", "width", "seed", "epochs")}
+    chosen = [f"--{name}={value}" for name, value in how.items() if value is not None]
+    with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
+        place = Path(folder)
+        np.savez(place / "table.npz", **table.arrays())  # type: ignore[arg-type]
+        run_module(
+            "gelnet.train",
+            ["--table", str(place / "table.npz"), "--out", folder, *chosen],
+            progress,
+            trainer=checked_trainer(options.trainer),
+            threads=options.threads,
+            check=check,
+        )
+        return (place / "network.onnx").read_bytes(), json.loads((place / "training.json").read_text())
+
+
+def fit(
+    presses: Sequence[Press],
+    reference: Reference,
+    ball: Ball,
+    out: Path,
+    *,
+    sensor: str,
+    options: TrainingOptions | None = None,
+    table_options: TableOptions | None = None,
+    prisms: Sequence[PrismPress] = (),
+    refine: bool = False,
+    view: View | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
+    extra_metrics: Mapping[str, object] | None = None,
+    overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
+) -> Bundle:  # fmt: skip
+    """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
+
+    The drift of the light is taken off each difference image where the light of the presses differs from the
+    reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
+    (`gel_at_rest`). prisms: presses of prisms that are learnt from too. refine: refit the circles together with the
+    light first (`labelling.refinement`); the metrics then say by how much. The rim of circles whose radius no light
+    decided weighs less, unless `table_options` say otherwise.
+    The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
+    view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
+    them, ready for JSON. Raises InputError, TrainingError or BundleError; then `out` is as it was.
+    """
+    steps = PictureSteps.of(reference.image_shape, view, reference.dots)
+    metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
+    if refine:
+        refined = refinement_of(presses, reference.image, ball)
+        presses, metrics["refinement"] = refined.presses, refined.record()
+    some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
+    metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
+    learnt = _learn(presses, prisms, reference, ball,
+                    table_options or HAND_DRAWN, options or TrainingOptions(), progress, check)  # fmt: skip
+    return write_bundle(
+        out, sensor=sensor, overwrite=overwrite,
+        reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
+        rest_grey=learnt.rest_grey, follow_light=learnt.follow_light, network=learnt.network,
+        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=learnt.table.arrays(),
+        metrics={**metrics, **learnt.metrics},
+        extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Learnt:
+    """What a bundle takes from its presses."""
+
+    network: bytes
+    table: PressTable
+    follow_light: bool
+    rest_grey: float
+    metrics: dict[str, object]
+
+
+def _learn(
+    presses: Sequence[Press],
+    prisms: Sequence[PrismPress],
+    reference: Reference,
+    ball: Ball,
+    table_options: TableOptions,
+    options: TrainingOptions,
+    progress: Progress,
+    check: Check,
+) -> _Learnt:
+    """Measure the light and the gel at rest, and train; errors as `fit`."""
+    drift = drift_of_presses(presses, reference.image)
+    follow = drift > reference.noise_grey
+    balls = build_table(presses, reference.image, ball, table_options, follow_light=follow)
+    table = with_prisms(balls, prisms, reference.image, table_options, follow_light=follow)
+    network, record = train(table, options, progress=progress, check=check)
+    rest = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
+    return _Learnt(network, table, follow, rest, {"light_drift_grey": drift, "prisms": len(prisms), "training": record})

@@ -1,0 +1,172 @@
+"""The error of a calibration bundle on labelled ball presses."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.lab.training.baselines import Baseline
+from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, distance_px, sphere_gradient
+from gellight.reconstruction.integration import angle_deg, integrate, normals
+from gellight.reconstruction.light_drift import difference_of
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.reconstruction.smoothing import Smoother
+from gellight.reconstruction.stages import Stages, tactile_frame
+
+Floats = NDArray[np.float32]
+_OWN = 2.0
+"""in contact radii: how far a contact patch that is compared with the circle may reach"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressError:
+    """The tactile frame of one press against its label."""
+
+    image: str
+    angle_deg: Floats
+    """(N,) angle between the measured and the true normal at each pixel inside the labelled circle"""
+    depth_mae_mm: float
+    """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
+    contact_iou: float
+    """overlap of the contact patch found with the circle: intersection over union"""
+
+    @property
+    def mean_deg(self) -> float:
+        """Mean angle."""
+        return float(self.angle_deg.mean())
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngleFigures:
+    """How angles are spread over pixels, deg."""
+
+    mean: float
+    median: float
+    p95: float
+
+    @classmethod
+    def of(cls, angle_deg: Floats) -> Self:
+        """Take the figures of (N,) angles."""
+        median, p95 = np.percentile(angle_deg, [50, 95])
+        return cls(mean=float(angle_deg.mean()), median=float(median), p95=float(p95))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Figures:
+    normal_error_deg: AngleFigures
+    """over the pixels inside the circles"""
+    depth_mae_mm: float
+    contact_iou: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageFigures(_Figures):
+    """The errors on one image."""
+
+    image: str
+    pixels: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressFigures(_Figures):
+    """The errors on several presses: every pixel counts the same, and for the contact patch every image."""
+
+    images: tuple[ImageFigures, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """Return the figures by name."""
+        return asdict(self)
+
+
+def evaluate(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> PressFigures:
+    """Measure a calibration on labelled presses with the frame path that the sensor runs.
+
+    Raises InputError for images of another size.
+    """
+    return summarised(press_errors(bundle, presses, ball))
+
+
+def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[PressError]:
+    """Reconstruct each press and compare it with its label."""
+    if not presses:
+        raise InputError("there are no presses to evaluate: give at least one")
+    # Without the mask: a pixel of the contact circle counts whether or not its colour changed. Over the picture, as the
+    # circles are drawn: with a lens, labels and slopes are distorted alike.
+    reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
+    found: list[PressError] = []
+    for _, one_image in groupby(presses, key=lambda press: press.image):
+        labelled = list(one_image)
+        frame = reconstructor.reconstruct(frame_of(labelled[0]))
+        found += [press_error(press, ball, frame) for press in labelled]
+    return found
+
+
+def frame_of(press: Press) -> CameraFrame:
+    """Return the image of a press as a camera frame."""
+    return CameraFrame(image=press.picture(), time_s=0.0, sequence=0, source=str(press.image))
+
+
+def frames_by(
+    baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
+) -> list[TactileFrame]:
+    """Reconstruct each press with the slopes of a baseline: drift, smoothing, depth, contact as in the frame path."""
+    frames, smoother, pixel_size_mm = [], Smoother(), (ball.pixel_size_mm, ball.pixel_size_mm)
+    for press in presses:
+        camera_frame = frame_of(press)
+        difference = difference_of(camera_frame.image, reference, follow_light=follow_light)
+        slopes, noise = smoother.narrow(baseline.gradient_map(difference))
+        depth_mm = np.asarray(integrate(slopes, pixel_size_mm), np.float32)
+        gradient_map = smoother.of_surface(depth_mm, pixel_size_mm, slopes, noise)
+        frames.append(tactile_frame(camera_frame, difference, gradient_map, depth_mm, pixel_size_mm, Stages()))
+    return frames
+
+
+def baseline_errors(
+    baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
+) -> list[PressError]:
+    """Do as `press_errors` with the slopes of a baseline."""
+    frames = frames_by(baseline, presses, reference, ball, follow_light=follow_light)
+    return [press_error(press, ball, frame) for press, frame in zip(presses, frames, strict=True)]
+
+
+def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
+    """Compare normals, depth and contact patch with a label."""
+    shape = (frame.depth_mm.shape[0], frame.depth_mm.shape[1])
+    inside = contact_circle(press, shape)
+    # Other balls in the same picture are not of this press.
+    patch = frame.contact.mask & (distance_px(press, shape) < _OWN * press.contact_radius_px)
+    true_normals = normals(sphere_gradient(press, ball, shape))
+    depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    return PressError(
+        image=press.image.name,
+        angle_deg=angle_deg(frame.normal_map[inside], true_normals[inside]),
+        depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
+        contact_iou=float((patch & inside).sum() / (patch | inside).sum()),
+    )
+
+
+def summarised(errors: Sequence[PressError]) -> PressFigures:
+    """Sum up the errors of several presses."""
+    images = tuple(
+        ImageFigures(
+            image=error.image,
+            pixels=len(error.angle_deg),
+            normal_error_deg=AngleFigures.of(error.angle_deg),
+            depth_mae_mm=error.depth_mae_mm,
+            contact_iou=error.contact_iou,
+        )
+        for error in errors
+    )
+    pixels = [image.pixels for image in images]
+    return PressFigures(
+        normal_error_deg=AngleFigures.of(np.concatenate([error.angle_deg for error in errors])),
+        depth_mae_mm=float(np.average([image.depth_mae_mm for image in images], weights=pixels)),
+        contact_iou=float(np.mean([image.contact_iou for image in images])),
+        images=images,
+    )

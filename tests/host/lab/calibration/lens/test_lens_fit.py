@@ -1,0 +1,167 @@
+"""Pictures of pin grids to a lens: right to a tenth of a pixel everywhere, or refused with the reason."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frames.frames import CameraFrame
+from gellight.lab.calibration.lens.lattice import find_lattice
+from gellight.lab.calibration.lens.lens_fit import LensFit, fit_lens, read_pins, spacing_px
+from gellight.lab.calibration.lens.pins import dimples, spots
+from gellight.lab.simulator.scene import Press as Pressed
+from gellight.lab.simulator.scene import Scene
+from gellight.reconstruction.lens.model import middle_px
+from gellight.reconstruction.pipeline import Reconstructor
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+from tests.helpers.distorted import (
+    PIXEL_MM,
+    SHAPE,
+    DivisionLens,
+    TrueLens,
+    dimple_picture,
+    map_error_px,
+    pin_picture,
+    untouched,
+)
+from tests.helpers.linear_sensor import linear_bundle
+
+BARREL = TrueLens(k1=-0.05, centre_px=(331.0, 230.0))
+DIVISION = DivisionLens(k1=-0.05, centre_px=(325.0, 247.0))
+
+
+SIZE_MM = (PIXEL_MM, PIXEL_MM)
+SPACING_PX = spacing_px(SIZE_MM, 2.0)
+
+
+def measured(*pictures: np.ndarray, pitch_mm: float = 2.0) -> LensFit:
+    lattices = [
+        read_pins(
+            spots(picture.astype(np.float32), spacing_px(SIZE_MM, pitch_mm)),
+            pixel_size_mm=SIZE_MM,
+            pitch_mm=pitch_mm,
+            source="grid.png",
+        )
+        for picture in pictures
+    ]
+    return fit_lens(lattices, SHAPE, pitch_mm)
+
+
+def felt(bundle: Bundle, reference: np.ndarray, picture: np.ndarray) -> LensFit:
+    """The lens by pins that press into the gel of a sensor."""
+    reconstructor = Reconstructor(bundle.with_reference(reference, frames=20))
+    depth = reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="")).depth_mm
+    lattice = read_pins(dimples(depth, SPACING_PX), pixel_size_mm=SIZE_MM, pitch_mm=2.0, source="grid.png")
+    return fit_lens([lattice], SHAPE, 2.0)
+
+
+def error_px(fit: LensFit, lens: TrueLens) -> float:
+    rows, columns = np.indices(lens.shape)
+    pixels = np.stack([columns, rows], axis=-1).astype(float)
+    return map_error_px(fit.lens.to_gel(pixels), lens.gel_of_pixels())
+
+
+@pytest.mark.parametrize(
+    ("lens", "how"),
+    [
+        (BARREL, {"noise": 3.0, "missing": 0.15, "seed": 5}),
+        (BARREL, {"noise": 3.0, "angle_deg": 44.0, "seed": 6}),
+        (BARREL, {"noise": 3.0, "depth": 60.0, "seed": 7}),
+        (TrueLens(k1=-0.08, k2=0.03, centre_px=(300.0, 252.0)), {"noise": 2.0, "seed": 8}),
+        (TrueLens(k1=0.05, pixel_mm=(0.0600, 0.0576)), {"noise": 2.0, "seed": 9}),
+        (DIVISION, {"noise": 2.0, "missing": 0.1, "seed": 10}),
+        (TrueLens(), {"noise": 2.0, "seed": 11}),
+    ],
+    ids=["barrel", "turned", "bright pins", "two coefficients", "pincushion, oblong", "other family", "no distortion"],
+)
+def test_the_map_is_right_to_a_tenth_of_a_pixel_over_the_whole_picture(lens: TrueLens, how: dict[str, float]) -> None:
+    fit = measured(pin_picture(lens, **how))
+    assert error_px(fit, lens) < 0.1
+    assert fit.rms_after_px < 0.1
+    assert fit.rms_before_px > (10 if lens.k1 else 0.99) * fit.rms_after_px
+
+
+def test_pins_that_press_into_the_gel_are_felt_by_the_network(tmp_path: Path) -> None:
+    linear = linear_bundle(tmp_path / "linear", SHAPE, pixel_size_mm=SIZE_MM)
+    fit = felt(linear, untouched(SHAPE), dimple_picture(BARREL, noise=2.0, seed=3))
+    assert fit.pins > 200
+    assert error_px(fit, BARREL) < 0.1
+
+
+def test_pins_are_found_to_a_tenth_of_a_pixel_though_light_comes_from_another_side_at_every_place() -> None:
+    scene = Scene(SensorGeometry(image_width_px=640, image_height_px=480, pixel_size_mm=PIXEL_MM), CameraResponse())
+    random = np.random.default_rng(0)
+    picture = digitise(scene.show(Pressed("PINS", 0.2, 0.3, -0.2))[0], 1.0, random)
+    fit = felt(load_bundle("synthetic"), scene.show(None)[0], picture)
+    assert fit.pins > 200
+    assert fit.rms_after_px < 0.1
+    assert error_px(fit, TrueLens()) < 0.1
+
+
+def test_pixels_in_the_middle_have_the_size_that_the_pitch_gives_them() -> None:
+    fit = measured(pin_picture(TrueLens(k1=-0.05, pixel_mm=(0.0600, 0.0576)), noise=2.0, seed=4))
+    assert fit.lens.mm_per_px == pytest.approx((0.0600, 0.0576), rel=1e-3)
+
+
+def test_two_pictures_of_half_a_grid_are_as_good_as_one_of_a_whole_one() -> None:
+    left = pin_picture(BARREL, only=(-np.inf, 1.0), seed=1, noise=2.0)
+    right = pin_picture(BARREL, only=(-1.0, np.inf), seed=2, noise=2.0, angle_deg=-9.0, shift_mm=(0.1, 0.6))
+    with pytest.raises(InputError, match="of 16 parts of the view hold no pin"):
+        measured(left)
+    assert error_px(measured(left, right), BARREL) < 0.1
+
+
+def test_the_lens_and_its_inverse_agree() -> None:
+    lens = measured(pin_picture(BARREL)).lens
+    gel = np.random.default_rng(0).uniform(-15, 15, (50, 2)) * (1, 0.7)
+    np.testing.assert_allclose(lens.to_gel(lens.to_picture(gel)), gel, atol=1e-9)
+    np.testing.assert_allclose(lens.to_gel(middle_px(lens.image_shape)), 0, atol=1e-9)
+    step = 1e-5
+    by_steps = [(lens.to_picture(gel + move) - lens.to_picture(gel - move)) / (2 * step) for move in np.eye(2) * step]
+    np.testing.assert_allclose(lens.jacobian(gel), np.stack(by_steps, axis=-1), atol=1e-5)
+
+
+def test_a_grid_is_followed_round_gaps_and_strays_are_left_out() -> None:
+    places = np.array([(i, j) for i in range(12) for j in range(9) if (i, j) not in {(4, 4), (4, 5), (7, 2)}])
+    turn = np.array([[0.9, -0.3], [0.3, 0.9]])
+    strays = np.array([[150.0, 152.0], [30.0, 203.0]])
+    lattice = find_lattice(np.concatenate([places @ turn.T * 30 + 50, strays]))
+    assert len(lattice.points) == len(places)
+    assert lattice.strays == 2
+    columns = np.column_stack([lattice.places, np.ones(len(places))])
+    matrix = np.linalg.lstsq(columns, lattice.points, rcond=None)[0]
+    np.testing.assert_allclose(columns @ matrix, lattice.points, atol=1e-9)
+    assert np.linalg.det(matrix[:2]) > 0
+
+
+def test_a_picture_without_a_grid_is_refused() -> None:
+    with pytest.raises(InputError, match="no grid of pins"):
+        measured(pin_picture(BARREL, depth=0.0, noise=3.0))
+
+
+def test_a_grid_of_another_pitch_is_refused() -> None:
+    with pytest.raises(InputError, match=r"a pitch of 2.4 mm would be 40.8 px at the pixel size"):
+        measured(pin_picture(BARREL, noise=2.0), pitch_mm=2.4)
+
+
+def test_an_irregular_grid_is_refused() -> None:
+    with pytest.raises(InputError, match=r"from where any lens would show them|no row and column"):
+        measured(pin_picture(BARREL, noise=2.0, jitter_mm=0.15))
+
+
+def test_spots_in_disorder_are_refused() -> None:
+    random = np.random.default_rng(3)
+    picture = untouched(SHAPE)
+    rows, columns = np.indices(SHAPE)
+    for x, y in random.uniform(20, 460, (120, 2)) * (1.3, 1):
+        picture -= 50 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 40)[..., None]
+    with pytest.raises(InputError, match=r"no grid of pins|no row and column"):
+        measured(picture)
+
+
+def test_too_few_pins_are_refused() -> None:
+    with pytest.raises(InputError, match="24 are needed"):
+        measured(pin_picture(BARREL, pitch_mm=6.5, pin_mm=0.9), pitch_mm=6.5)

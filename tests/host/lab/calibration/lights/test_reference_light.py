@@ -1,0 +1,146 @@
+"""The light model from pictures of the untouched gel: what the simulated camera does to light is found again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, ConfigError
+from gellight.lab.calibration.lights.reference_light import check_places, fit_pattern, light_model
+from gellight.reconstruction.photometric.light_model import LightGroups, signals_of, unmixing
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.ring.light_groups import single_leds
+from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
+
+
+@pytest.fixture(scope="module")
+def gel() -> Gel:
+    return Gel()
+
+
+def test_crosstalk_is_what_other_channels_show_of_a_colour(gel: Gel) -> None:
+    true = np.array(gel.base.crosstalk)
+    np.testing.assert_allclose(gel.model().crosstalk, true / np.diag(true), atol=0.003)
+
+
+def test_the_light_of_every_led_is_known_at_every_pixel(gel: Gel) -> None:
+    model = gel.model(8)
+    for kind in LightGroups:
+        found = model.references(kind)
+        for led, (group, channel) in enumerate(zip(single_leds(RING.colours), RING.channels, strict=True)):
+            true = gel.exact(None, group)[..., channel]
+            assert np.quantile(np.abs(found[led] - true), 0.99) < 0.2
+            assert abs((found[led] / true).mean() - 1) < 0.003
+
+
+def test_the_pattern_misses_nothing_of_the_sensor_of_the_paper(gel: Gel) -> None:
+    exact = np.stack(
+        [gel.exact(None, g)[..., c] for g, c in zip(single_leds(RING.colours), RING.channels, strict=True)]
+    )
+    _, residual = fit_pattern(exact)
+    assert residual < 1e-4
+
+
+@pytest.mark.parametrize("gamma", [1.0, 1.8, 2.2])
+def test_gamma_is_what_makes_light_add_up(gamma: float) -> None:
+    assert Gel(gamma=gamma).model().gamma == pytest.approx(gamma, abs=0.02)
+
+
+def test_black_is_what_the_dark_shows() -> None:
+    model = Gel(black_grey=16.0).model(frames=2)
+    np.testing.assert_allclose(model.black_grey, 16.0, atol=0.5)
+    assert model.gamma == pytest.approx(1.0, abs=0.02)
+
+
+def test_linear_and_grey_are_inverses() -> None:
+    model = replace(Gel(noise_grey=0).model(1), gamma=2.2, black_grey=np.array([5.0, 16.0, 0.0]))
+    image = np.random.default_rng(0).integers(16, 256, (*model.image_shape, 3)).astype(np.uint8)
+    assert (model.grey(model.linear(image), model.image_shape) == image).all()
+
+
+def test_signals_are_the_light_of_single_leds_whatever_shone_together(gel: Gel) -> None:
+    model = gel.model()
+    single, triple = (
+        signals_of([[gel.picture(None, g)] for g in model.groups(kind)], model.groups(kind), model, 1.0)
+        for kind in (LightGroups.SINGLES, LightGroups.TRIPLES)
+    )
+    assert abs((single.grey - triple.grey).mean()) < 0.05
+    assert (single.grey - triple.grey).std() == pytest.approx(
+        np.sqrt((single.deviation**2 + triple.deviation**2).mean()), rel=0.05
+    )
+    whole = model.linear(gel.picture(None, RING.colours))
+    assert abs((triple.light - whole).mean()) < 0.2
+    assert triple.valid.all()
+
+
+def test_averaged_frames_have_less_noise(gel: Gel) -> None:
+    model, groups = gel.model(), gel.model().groups(LightGroups.TRIPLES)
+    four = signals_of([[gel.picture(None, g) for _ in range(4)] for g in groups], groups, model, 1.0)
+    one = signals_of([[gel.picture(None, g)] for g in groups], groups, model, 1.0)
+    np.testing.assert_allclose(four.deviation * 2, one.deviation)
+    true = np.concatenate([model.references(LightGroups.TRIPLES).reshape(12, -1)])
+    assert (four.grey - true).std() < 0.6 * (one.grey - true).std()
+
+
+def test_clipped_pixels_and_dark_ones_are_left_out(gel: Gel) -> None:
+    model, groups = gel.model(), gel.model().groups(LightGroups.TRIPLES)
+    pictures = [[gel.picture(None, g)] for g in groups]
+    pictures[1][0][10:20, 10:20] = 255
+    pictures[2][0][100:140, 100:140] = 0
+    valid = signals_of(pictures, groups, model, 1.0).valid.reshape(12, *model.image_shape)
+    for group, (rows, columns) in ((1, (slice(10, 20),) * 2), (2, (slice(103, 137),) * 2)):
+        lit = groups[group].any(axis=1)
+        assert not valid[lit][:, rows, columns].any()
+        assert valid[~lit][:, rows, columns].all()
+
+
+def test_two_leds_of_one_colour_cannot_be_told_apart(gel: Gel) -> None:
+    both = np.zeros((12, 3), np.uint8)
+    both[:2, 0] = 255
+    with pytest.raises(ValueError, match=r"LEDs \[0, 1\] .* same colour"):
+        unmixing(both, RING, gel.model().crosstalk)
+
+
+def test_a_ring_that_is_turned_is_told(gel: Gel) -> None:
+    model = gel.model()
+    turned = {kind: np.roll(pattern, 1, axis=0) for kind, pattern in model.patterns.items()}
+    with pytest.raises(BundleError, match=r"LED 0 shines as if it were in the place of LED 11 \(12 of 12"):
+        check_places(replace(model, patterns=turned), PIXEL_MM)
+
+
+def test_a_dead_led_is_told(gel: Gel) -> None:
+    pictures = gel.references(1)
+    singles = (*pictures.singles[:5], pictures.dark, *pictures.singles[6:])
+    with pytest.raises(BundleError, match=r"LED 5 alone shows .* in its own channel G: is it lit"):
+        light_model(replace(pictures, singles=singles), RING, RING.colours, PIXEL_MM)
+
+
+def test_pictures_of_different_exposures_are_told(gel: Gel) -> None:
+    pictures = gel.references(1)
+    with pytest.raises(BundleError, match="no camera curve explains"):
+        light_model(replace(pictures, whole=pictures.whole * 0.05), RING, RING.colours, PIXEL_MM)
+
+
+def test_a_clipped_picture_is_told(gel: Gel) -> None:
+    pictures = gel.references(1)
+    with pytest.raises(BundleError, match="reaches 255 of 255 grey levels: shorten the exposure"):
+        light_model(replace(pictures, whole=pictures.whole * 0 + 255), RING, RING.colours, PIXEL_MM)
+
+
+def test_an_object_in_the_gel_is_told() -> None:
+    from gellight.lab.simulator.scene import Press
+
+    gel = Gel()
+    for_good = gel.exact
+    gel.exact = lambda press, group: for_good(Press("CCONVEX", 0.8), group)  # type: ignore[method-assign]
+    with pytest.raises(BundleError, match="is something touching it"):
+        gel.model(1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"mounting_height_mm": 41.0}, "above the gel"), ({"led_colours": "RRRGGG"}, "red, green and blue")],
+)
+def test_a_ring_that_cannot_be_is_refused(changes: dict[str, float | str], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        RingGeometry.from_overrides(changes)

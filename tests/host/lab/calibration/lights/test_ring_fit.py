@@ -1,0 +1,73 @@
+"""The ring from its light: place, height, tilt and beam of the LEDs without being told."""
+
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, InputError
+from gellight.base.settings import Settings
+from gellight.bundle.bundle import load_bundle
+from gellight.lab.calibration.lights.adding import add_lights
+from gellight.lab.calibration.lights.ball_check import confirm_ring
+from gellight.lab.calibration.lights.ring_fit import coarse_points, fit_ring, flat_light
+from gellight.lab.simulator.scene import Press
+from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
+from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from sim_reference.imaging import led_irradiance
+from sim_reference.surface import untouched
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.simulated_gel import PIXEL_MM, RING, SMALL, Gel
+
+WRONG = replace(RING, ring_radius_mm=22.8, mounting_height_mm=18.6, incident_angle_rad=radians(20.0), centre_x_mm=0.5)
+
+
+@pytest.fixture(scope="module")
+def model() -> LightModel:
+    return Gel(seed=8).model(16)
+
+
+def test_light_on_flat_gel_is_that_of_the_reference_simulator() -> None:
+    flat = untouched(SMALL)
+    found = flat_light(*coarse_points(SMALL.image_shape, PIXEL_MM), RING)
+    for led in (0, 5):
+        true = led_irradiance(flat, SMALL, led)[::16, ::16].ravel()
+        np.testing.assert_allclose(found[led] / found[led, 0], true / true[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("start", [RING, WRONG])
+def test_the_ring_is_found_from_noisy_pictures_wherever_one_begins(model: LightModel, start: RingGeometry) -> None:
+    fit = fit_ring(replace(model, ring=start), PIXEL_MM)
+    assert fit.ring.ring_radius_mm == pytest.approx(21.5, abs=0.15)
+    assert fit.ring.height_mm == pytest.approx(20.0, abs=0.15)
+    assert fit.ring.incident_angle_rad == pytest.approx(radians(29.0), abs=radians(1.5))
+    assert (fit.ring.centre_x_mm, fit.ring.centre_y_mm) == pytest.approx((0.0, 0.0), abs=0.05)
+    assert fit.misfit < 0.01
+    assert fit.as_json()["ring_radius_mm"] == pytest.approx(21.5, abs=0.15)
+
+
+def test_a_ball_confirms_the_right_ring_and_refuses_a_low_one(model: LightModel, tmp_path: Path) -> None:
+    """A fit from the flat gel alone was accepted 24 degrees off."""
+    gel = Gel(seed=9)
+    linear_bundle(tmp_path / "b", SMALL.image_shape)
+    plain = load_bundle(tmp_path / "b")
+    manifest = plain.manifest.model_copy(update={"pixel_size_mm": PIXEL_MM})
+    bundle = replace(plain, manifest=manifest).with_reference(gel.mean(RING.colours, 8), frames=8)
+    pictures = gel.series(LightGroups.SINGLES, Press("BALL", 1.0, 0.0, 0.0)).pictures
+    assert confirm_ring(model, bundle, pictures, 4.0) == pytest.approx(4.0, rel=0.08)
+    low = replace(model, ring=replace(RING, ring_radius_mm=32.0, mounting_height_mm=26.0))
+    with pytest.raises(BundleError, match=r"feels the ball of 4 mm as one of .* measure the ring"):
+        confirm_ring(low, bundle, pictures, 4.0)
+
+
+def test_the_fit_from_the_flat_gel_alone_refuses_itself(tmp_path: Path) -> None:
+    linear_bundle(tmp_path / "b", SMALL.image_shape)
+    with pytest.raises(InputError, match="a ball has to confirm the fit: give --ball-radius-mm"):
+        add_lights(load_bundle(tmp_path / "b"), Settings(), tmp_path / "out", frames=1, ring_from_light=True)
+
+
+def test_the_middle_of_the_ring_moves_all_leds() -> None:
+    moved = replace(RING, centre_x_mm=1.5, centre_y_mm=-0.5).positions_mm() - RING.positions_mm()
+    np.testing.assert_allclose(moved, np.tile([1.5, -0.5, 0.0], (12, 1)), atol=1e-12)

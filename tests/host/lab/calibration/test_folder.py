@@ -1,0 +1,161 @@
+"""The state of a calibration on disk: what survives, what is refused, and what is never touched."""
+
+import errno
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, GellightError, InputError
+from gellight.lab.calibration.folder import Folder
+from gellight.lab.calibration.records import Circle, PinGrid
+from gellight.lab.calibration.state import discard, unfinished
+from tests.helpers.begun_calibration import begun_in, identity
+
+CIRCLE = Circle(center_x_px=100.0, center_y_px=80.0, contact_radius_px=20.0)
+PICTURE = np.zeros((24, 32, 3), np.uint8)
+GRID = PinGrid(pictures=0)
+
+
+def test_the_state_of_a_calibration_survives_a_loss_of_power(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path / "state")
+    reference = np.full((24, 32, 3), 120.5, np.float32)
+    folder.finish(GRID)
+    folder.keep_reference(reference)
+    folder.add_press(PICTURE, CIRCLE)
+    folder.add_press(PICTURE, CIRCLE)
+    folder.drop_press(1)
+    assert unfinished(tmp_path / "state") == identity()
+    again = begun_in(tmp_path / "state")
+    assert again.state == folder.state
+    assert again.figures(PinGrid) == GRID
+    assert [record.number for record in again.state.presses] == [2]
+    assert again.presses()[0].image.is_file()
+    assert np.array_equal(again.reference(), reference)
+
+
+def test_a_press_whose_picture_was_not_written_is_dropped(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path)
+    for _ in range(2):
+        folder.add_press(PICTURE, CIRCLE)
+    (tmp_path / "presses/press-002.png").unlink()
+    assert [record.number for record in begun_in(tmp_path).state.presses] == [1]
+
+
+def test_the_state_of_another_sensor_is_refused_and_left_alone(tmp_path: Path) -> None:
+    begun_in(tmp_path).finish(GRID)
+    before = (tmp_path / "state.json").read_bytes()
+    with pytest.raises(InputError, match="begun with sensor A17, not b"):
+        begun_in(tmp_path, identity("b"))
+    assert (tmp_path / "state.json").read_bytes() == before
+
+
+def spoilt(place: Path, spoil: Callable[[Any], Any]) -> bytes:
+    begun_in(place.parent).finish(GRID)
+    place.write_text(json.dumps(spoil(json.loads(place.read_text()))))
+    return place.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "error", "words"),
+    [
+        (lambda state: {**state, "steps": {"lens": 7}}, BundleError, r"state\.json is damaged at steps\.lens"),
+        (lambda state: {**state, "presses": [{"number": 1, "file": "../a.png"}]}, BundleError, r"at presses\.0"),
+        (lambda state: {**state, "schema_version": 9}, BundleError, "schema version 9, this program reads 1"),
+        (lambda state: [1, 2], InputError, "is not the state of a calibration: give a new folder"),
+        (lambda state: {"finished": False}, InputError, "is not the state of a calibration: give a new folder"),
+    ],
+)
+def test_a_damaged_or_foreign_state_is_named_and_left_alone(
+    tmp_path: Path, spoil: Callable[[Any], Any], error: type[GellightError], words: str
+) -> None:
+    before = spoilt(tmp_path / "state.json", spoil)
+    for use in (lambda: begun_in(tmp_path), lambda: unfinished(tmp_path), lambda: discard(tmp_path)):
+        with pytest.raises(error, match=words):
+            use()
+    assert (tmp_path / "state.json").read_bytes() == before
+
+
+def test_a_state_that_is_no_json_is_named(tmp_path: Path) -> None:
+    (tmp_path / "state.json").write_text("{")
+    with pytest.raises(BundleError, match=r"state\.json cannot be read .*: move .* away and begin again"):
+        begun_in(tmp_path)
+
+
+def test_a_folder_with_pictures_of_somebody_else_is_refused_and_nothing_is_changed(tmp_path: Path) -> None:
+    mine = tmp_path / "presses/press-001.png"
+    mine.parent.mkdir()
+    mine.write_bytes(b"a picture of my own")
+    with pytest.raises(InputError, match="holds 'presses' and no calibration: give a new or an empty folder"):
+        begun_in(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["presses"]
+    assert mine.read_bytes() == b"a picture of my own"
+
+
+def foreign_pictures(folder: Folder) -> list[Path]:
+    """Pictures that somebody put beside those of a calibration, under names that it would use."""
+    pictures = [folder.path / kind / "press-002.png" for kind in ("presses", "checks", "grids")]
+    for picture in pictures:
+        picture.write_bytes(b"a picture of my own")
+    return pictures
+
+
+def test_pictures_that_a_calibration_did_not_take_are_neither_removed_nor_overwritten(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path)
+    folder.add_press(PICTURE, CIRCLE)
+    mine = foreign_pictures(folder)
+    again = begun_in(tmp_path)
+    assert again.add_press(PICTURE, CIRCLE).file == "presses/press-003.png"
+    discard(tmp_path)
+    assert [picture.read_bytes() for picture in mine] == [b"a picture of my own"] * 3
+    assert sorted(path.name for path in (tmp_path / "presses").iterdir()) == ["press-002.png"]
+    assert not (tmp_path / "state.json").exists()
+
+
+def test_discarding_a_calibration_leaves_nothing_of_it(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path / "state")
+    folder.add_press(PICTURE, CIRCLE)
+    folder.add_grid(PICTURE)
+    folder.keep_reference(np.zeros((24, 32, 3), np.float32))
+    discard(tmp_path / "state")
+    assert list(tmp_path.iterdir()) == []
+    discard(tmp_path / "state")
+
+
+def test_a_finished_calibration_is_not_taken_up_again(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path)
+    folder.finish(GRID)
+    old = tmp_path / folder.add_press(PICTURE, CIRCLE).file
+    folder.close()
+    assert unfinished(tmp_path) is None
+    again = begun_in(tmp_path, identity("b"))
+    assert again.done("lens") is None
+    assert not old.exists()
+
+
+def test_a_full_disk_is_told_and_what_was_measured_before_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    folder = begun_in(tmp_path)
+    folder.finish(GRID)
+    monkeypatch.setattr("gellight.lab.calibration.folder.write_png", refuse)
+    with pytest.raises(BundleError, match=r"No space left on device.: free some space and go on"):
+        folder.add_press(PICTURE, CIRCLE)
+    monkeypatch.setattr("gellight.lab.calibration.folder.write_file", refuse)
+    for keep in (
+        lambda: folder.finish(PinGrid(pictures=1)),
+        lambda: folder.keep_reference(np.zeros((4, 4, 3), np.float32)),
+        lambda: folder.add_press(PICTURE, CIRCLE),
+    ):
+        with pytest.raises(BundleError, match=r"No space left on device.: free some space and go on"):
+            keep()
+    monkeypatch.undo()
+    again = begun_in(tmp_path)
+    assert (again.figures(PinGrid), again.state.presses) == (GRID, [])
+    assert not (tmp_path / "reference.npy").exists()

@@ -1,0 +1,226 @@
+"""The parts of the calibration routine, each by itself: light, gel, coverage, live error, ball."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.bundle.limits import Limits
+from gellight.frames.frames import CameraFrame
+from gellight.lab.calibration.ball_radius import likely_radius_mm
+from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.coverage import advice, coverage
+from gellight.lab.calibration.display import Display
+from gellight.lab.calibration.live_error import LiveError
+from gellight.lab.calibration.preparing import full_colours, led_settings
+from gellight.lab.calibration.sensing import TouchDetector, check_light, wait_free, wait_press
+from gellight.lab.calibration.uniformity import contour_picture, of_image, uniformity
+from gellight.lab.calibration.untouched import foreign_share
+from gellight.lab.simulator.scene import Press as GelPress
+from gellight.lab.simulator.scene import Scene
+from gellight.lab.simulator.virtual_hand import spread
+from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+
+GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.1176)
+BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1176)
+SHAPE = (240, 320)
+
+
+def at(x: float, y: float, radius: float = 20.0) -> Press:
+    return Press(image=Path(), center_x_px=x, center_y_px=y, contact_radius_px=radius)
+
+
+def frame(image: np.ndarray) -> CameraFrame:
+    return CameraFrame(image=image, time_s=0.0, sequence=0)
+
+
+def photograph(press: Press, ball: Ball, reference: np.ndarray, seed: int) -> np.ndarray:
+    """A matt ball in the contact circle, under a light for each channel that comes from its own side."""
+    gradient = np.nan_to_num(sphere_gradient(press, ball, SHAPE))
+    lights = np.array([[0.9, 0.0], [-0.45, 0.8], [-0.45, -0.8]])
+    upright = 1 / np.sqrt(1 + (gradient**2).sum(axis=2, keepdims=True))
+    lit = reference * (1 + gradient @ lights.T * 0.5) * upright
+    image = np.where(contact_circle(press, SHAPE)[..., None], lit, reference)
+    noise = np.random.default_rng(seed).normal(0, 1, image.shape)
+    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+
+
+REFERENCE = np.full((*SHAPE, 3), 120.0, np.float32)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(GEOMETRY, CameraResponse())
+
+
+def test_a_normal_distribution_has_its_shares_within_one_two_and_three_sigma() -> None:
+    found = uniformity(np.random.default_rng(0).normal(159.02, 6.67, (400, 500)).astype(np.float32))
+    assert (found.mean_grey, found.sigma_grey) == pytest.approx((159.02, 6.67), rel=0.01)
+    shares = found.within_1_sigma, found.within_2_sigma, found.within_3_sigma
+    assert shares == pytest.approx((0.6827, 0.9545, 0.9973), abs=0.004)
+
+
+def test_the_average_of_opposite_colours_is_evener_than_each() -> None:
+    ramp = np.linspace(50, 150, 320, dtype=np.float32)[None, :].repeat(240, axis=0)
+    figures = of_image(np.stack([ramp, 200 - ramp, ramp * 0 + 100], axis=2))
+    assert figures.average.sigma_grey < 0.01
+    assert figures.red.sigma_grey == pytest.approx(100 / np.sqrt(12), rel=0.01)
+
+
+def test_contours_separate_bright_from_dark() -> None:
+    ramp = np.linspace(50, 150, 320, dtype=np.float32)[None, :].repeat(240, axis=0)
+    picture = contour_picture(ramp)
+    assert picture.shape == (240, 320, 3)
+    assert picture[120, 310].sum() > picture[120, 10].sum() + 100
+
+
+def test_a_touch_is_seen_and_a_change_of_all_the_light_is_not() -> None:
+    reference = np.full((*SHAPE, 3), 100, np.float32)
+    detector = TouchDetector(reference, 1.0)
+    brighter = np.full((*SHAPE, 3), 104, np.uint8)
+    assert detector.look(frame(brighter)).free
+    brighter[100:130, 100:130] += 10
+    assert not detector.look(frame(brighter)).free
+
+
+def test_what_moves_between_two_frames_is_not_still() -> None:
+    detector = TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0)
+    here, there = (np.full((*SHAPE, 3), 100, np.uint8) for _ in range(2))
+    here[100:130, 100:130] += 20
+    there[100:130, 110:140] += 20
+    looks = [detector.look(frame(image)).still for image in (here, here, there, there)]
+    assert looks == [False, True, False, True]
+
+
+def test_a_clipped_and_a_dark_picture_are_told_apart() -> None:
+    with pytest.raises(InputError, match="clipped at 255"):
+        check_light(np.full((*SHAPE, 3), 255, np.uint8), "the press")
+    with pytest.raises(InputError, match="the press is dark"):
+        check_light(np.full((*SHAPE, 3), 3, np.uint8), "the press")
+
+
+def test_the_untouched_gel_is_smooth_light_and_a_hand_on_it_is_not(scene: Scene) -> None:
+    assert foreign_share(scene.show(None)[0]) == 0
+    assert foreign_share(scene.show(GelPress("CYLINDER", 0.5))[0]) > 0.03
+
+
+def test_the_missing_edge_is_named_with_how_many_presses_it_needs() -> None:
+    presses = [at(x, y, 30) for x in range(110, 320, 30) for y in range(10, 240, 30)]
+    found = coverage(presses, BALL, SHAPE)
+    words = advice(found, len(presses), 100, settled=False)
+    empty = sum(count == 0 for row in found.places for count in row[:2])
+    assert words.startswith(f"{empty} places are empty on the left edge: about "), "as many as the map shows"
+    assert 2 <= int(words.split()[-3]) <= min(empty, 12)
+
+
+def test_enough_is_enough_when_every_place_is_covered_and_the_error_rests() -> None:
+    presses = [at(x, y, 30) for x in range(10, 320, 30) for y in range(10, 240, 30)]
+    found = coverage(presses, BALL, SHAPE)
+    assert advice(found, 50, 80, settled=True) == "enough"
+    assert advice(found, 50, 80, settled=False) == "30 more presses anywhere"
+    shallow = coverage([at(p.center_x_px, p.center_y_px, 10) for p in presses for _ in range(3)], BALL, SHAPE)
+    assert advice(shallow, 50, 80, settled=True).startswith("press deeper")
+
+
+def test_the_live_error_of_a_matt_ball_is_small_and_a_slipped_circle_stands_out() -> None:
+    live = LiveError(REFERENCE, BALL)
+    places = [(60 + 20 * (i % 10), 60 + 30 * (i // 10)) for i in range(20)]
+    for number, (x, y) in enumerate(places):
+        press = at(x, y, 18 + number % 5)
+        live.add(number, photograph(press, BALL, REFERENCE, number), press)
+    live.update()
+    assert live.history[-1][1] < 1.5
+    assert live.outliers() == []
+    wrong = at(places[7][0] + 12, places[7][1], 20)
+    live.add(7, photograph(at(*places[7]), BALL, REFERENCE, 7), wrong)
+    live.update()
+    assert live.outliers() == [7]
+
+
+@pytest.mark.parametrize("named_mm", [3.0, 4.0, 6.0])
+def test_the_light_says_which_radius_the_ball_has(named_mm: float) -> None:
+    presses = [at(60 + 20 * i, 60 + 10 * i, 16 + i) for i in range(10)]
+    images = [photograph(press, BALL, REFERENCE, number) for number, press in enumerate(presses)]
+    named = Ball(radius_mm=named_mm, pixel_size_mm=0.1176)
+    assert likely_radius_mm(images, presses, REFERENCE, named) == pytest.approx(4.0, rel=0.06)
+
+
+def test_pictures_that_no_matt_ball_explains_say_nothing_of_a_radius() -> None:
+    presses = [at(60 + 20 * i, 60 + 10 * i, 20) for i in range(10)]
+    images = [np.random.default_rng(i).integers(60, 200, (*SHAPE, 3)).astype(np.uint8) for i in range(10)]
+    assert likely_radius_mm(images, presses, REFERENCE, BALL) is None
+
+
+def test_the_places_of_the_virtual_hand_fill_the_view_evenly() -> None:
+    points = np.array([spread(0, number) for number in range(40)])
+    counts = np.histogramdd(points[:, :2], bins=(4, 4), range=((0, 1), (0, 1)))[0]
+    assert counts.min() >= 1
+    assert counts.max() <= 4
+
+
+def test_the_noise_of_the_camera_does_not_look_like_a_touch(scene: Scene) -> None:
+    grey, random = scene.show(None)[0], np.random.default_rng(0)
+    detector = TouchDetector(grey, 1.0)
+    looks = [detector.look(frame(digitise(grey, 1.0, random))) for _ in range(5)]
+    assert all(look.free for look in looks)
+    assert all(look.still for look in looks[1:])
+
+
+class DarkAtFirst:
+    """Stands for a run whose LEDs are dark for some frames, and lit again by the ring itself."""
+
+    hand = None
+
+    def __init__(self, dark: int, *, pressed: bool = False) -> None:
+        self.display = Display()
+        self.dark, self.taken = dark, 0
+        self.lit = np.full((*SHAPE, 3), 100, np.uint8)
+        if pressed:
+            self.lit[: SHAPE[0] // 3, : SHAPE[1] // 3] = 60
+
+    def frame(self) -> CameraFrame:
+        self.taken += 1
+        return frame(self.lit if self.taken > self.dark else np.zeros_like(self.lit))
+
+
+def test_leds_that_are_dark_for_a_while_are_waited_for() -> None:
+    run = DarkAtFirst(9)
+    wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
+    assert run.taken == 9 + 2
+    assert run.display.problem == ""
+
+
+def test_leds_that_stay_dark_are_told() -> None:
+    run = DarkAtFirst(10)
+    with pytest.raises(InputError, match="the gel is dark: check the LEDs"):
+        wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
+
+
+def test_the_dark_is_no_press() -> None:
+    run = DarkAtFirst(20, pressed=True)
+    untouched = np.full((*SHAPE, 3), 100, np.float32)
+    capture = wait_press(run, TouchDetector(untouched, 1.0), lambda: False)  # type: ignore[arg-type]
+    assert capture is not None
+    assert capture.image.min() == 60
+
+
+@pytest.mark.parametrize("limit", [float("nan"), -0.01, 0.0])
+def test_a_limit_that_no_calibration_could_reach_is_refused(limit: float) -> None:
+    with pytest.raises(InputError, match="give a limit greater than 0"):
+        Limits(depth_mm=limit)
+
+
+@pytest.mark.parametrize("colours", ["RGBRGBRGBRGB", "BBBBGGGGRRRR", "RGB", "RGBBBBGR", "RGB" * 8])
+def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
+    lit = full_colours(RoutineOptions(out=Path("b"), led_colours=colours).led_colours, (1.0, 0.5, 0.2))
+    assert [led.colour for led in led_settings(lit.tolist())] == list(colours)
+    assert {tuple(rgb) for rgb in lit.tolist()} == {(255, 0, 0), (0, 128, 0), (0, 0, 51)}
+
+
+@pytest.mark.parametrize("colours", ["RG", "RRRRRRRRRRRR", "RRRRGGGGBBBW", "RGB" * 9])
+def test_a_ring_that_cannot_be_is_refused(colours: str) -> None:
+    with pytest.raises(InputError, match="give a letter for each LED of the ring"):
+        RoutineOptions(out=Path("b"), led_colours=colours)

@@ -1,0 +1,115 @@
+"""What a calibration says of itself: the true error first, and in words what is taken off another."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.lab.calibration.choices import Limits
+from gellight.lab.calibration.records import CheckErrors, PrismVerification, Verification
+from gellight.lab.calibration.report import Example, depth_tiles, section_profile
+from gellight.lab.calibration.verifying import verdict_on
+from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle
+
+BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
+SHAPE = (60, 80)
+PRESS = Press(image=Path("a.png"), center_x_px=40.0, center_y_px=30.0, contact_radius_px=15.0)
+
+
+def errors(depth_um: float, true_um: float | None) -> CheckErrors:
+    true_mm = None if true_um is None else true_um / 1000
+    return CheckErrors(
+        depth_mm=depth_um / 1000, normal_deg=0.9, indentation_mm=1.0, picture_grey=1.0, true_depth_mm=true_mm
+    )
+
+
+def mean_of(each: list[CheckErrors]) -> Verification:
+    true = [one.true_depth_mm for one in each if one.true_depth_mm is not None]
+    return Verification(
+        presses=len(each),
+        second_opinions={},
+        depth_mm=float(np.mean([one.depth_mm for one in each])),
+        normal_deg=0.9,
+        indentation_mm=1.0,
+        picture_grey=1.0,
+        true_depth_mm=float(np.mean(true)) if true else None,
+    )
+
+
+def test_the_headline_is_the_true_error_with_its_worst_press_and_not_the_one_without_its_mean() -> None:
+    each = [errors(3.5, 7.9), errors(11.1, 26.4), errors(6.6, 32.3)]
+    first, second = depth_tiles(mean_of(each), each)
+    assert first[0] == "22 µm"
+    assert "against the simulator's truth" in first[1]
+    assert "worst press 32 µm" in first[1]
+    assert second[0] == "7 µm"
+    assert "the mean error of each press is taken off" in second[1]
+
+
+def test_without_a_truth_the_headline_says_what_is_taken_off() -> None:
+    each = [errors(3.5, None), errors(11.1, None)]
+    ((value, words),) = depth_tiles(mean_of(each), each)
+    assert value == "7 µm"
+    assert "shape of the depth" in words
+    assert "the mean error of each press is taken off" in words
+    assert "worst press 11 µm" in words
+
+
+def test_the_verdict_leads_with_the_true_error_and_judges_it() -> None:
+    figures = mean_of([errors(5.0, 12.6)])
+    verdict = verdict_on(figures, Limits())
+    assert (verdict.passed, verdict.depth_um) == (True, 12.6)
+    assert "depth off by 13 µm on average in contact (5 µm with the mean error of each press taken off)" in verdict.text
+    assert not verdict_on(figures, Limits(depth_mm=0.01)).passed
+    assert not verdict_on(mean_of([errors(12.6, 5.0)]), Limits(depth_mm=0.01)).passed
+    assert "shape of the depth off by 5 µm with the mean" in verdict_on(mean_of([errors(5.0, None)]), Limits()).text
+
+
+def test_a_prism_is_judged_by_its_normals_and_its_depth_is_told() -> None:
+    ball = mean_of([errors(5.0, None)])
+    felt = PrismVerification(
+        presses=3, angle_deg=45, felt_deg=43.2, normal_deg=2.5, depth_mm=0.2, indentation_mm=1.0, picture_grey=2.0
+    )
+    good = verdict_on(ball.model_copy(update={"prism": felt}), Limits())
+    assert (good.passed, good.normal_deg) == (True, 0.9)
+    assert "3 presses of the prism of 45 degrees: it feels like 43.2" in good.text
+    assert "shape of the depth off by 200 µm; normals of its faces off by 2.50 degrees" in good.text
+    steep = felt.model_copy(update={"normal_deg": 8.0})
+    bad = verdict_on(ball.model_copy(update={"prism": steep}), Limits())
+    assert not bad.passed
+    assert "check the angle of the prism" in bad.text
+    assert "prism" not in verdict_on(ball, Limits(depth_mm=0.001)).text
+
+
+def example(raised_mm: float) -> Example:
+    """A press that feels as the ball, its rim so deep."""
+    cap = np.nan_to_num(cap_depth_mm(PRESS, BALL, SHAPE))
+    depth = np.where(contact_circle(PRESS, SHAPE), cap + raised_mm, 0).astype(np.float32)
+    image = np.zeros((*SHAPE, 3), np.uint8)
+    felt = TactileFrame(
+        camera_frame=CameraFrame(image=image, time_s=0.0, sequence=0),
+        difference=np.zeros((*SHAPE, 3), np.float32),
+        gradient_map=np.zeros((*SHAPE, 2), np.float32),
+        normal_map=np.zeros((*SHAPE, 3), np.float32),
+        depth_mm=depth,
+        contact=Contact(mask=depth > 0, area_mm2=1.0, indentation_mm=float(depth.max()), centroid_mm=(0.0, 0.0)),
+    )
+    return Example(image, PRESS, PRESS, felt, BALL)
+
+
+def highest(svg: str) -> list[float]:
+    """Smallest y of each curve in the drawing: how high it reaches."""
+    curves = re.findall(r'<path d="(M[^"]+)" fill="none"', svg)
+    return [min(float(y) for y in re.findall(r"[ML][-\d.]+ ([-\d.]+)", curve)) for curve in curves]
+
+
+@pytest.mark.parametrize("raised_mm", [0.0, 0.33])
+def test_the_section_shows_the_ball_as_measured_and_says_by_how_much_it_is_raised(raised_mm: float) -> None:
+    svg = section_profile(example(raised_mm))
+    assert "ball, its rim at depth 0" in svg
+    assert f"ball, raised by {1000 * raised_mm:.0f} µm" in svg
+    felt, unraised, raised = highest(svg)
+    assert raised == pytest.approx(felt, abs=0.2)
+    assert (unraised - felt > 50) is (raised_mm > 0)

@@ -1,0 +1,295 @@
+"""The calibration routine from end to end on the simulated sensor."""
+
+import json
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.bundle.bundle import extend_bundle, load_bundle
+from gellight.bundle.limits import Limits
+from gellight.bundle.store import BundleStore
+from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.frames import CameraFrame
+from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.evaluation.object_errors import object_errors, summary
+from gellight.lab.report.pictures import write_png
+from gellight.lab.simulator.simulated_camera import SimulatedCamera
+from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.opening import open_camera
+from gellight.reconstruction.lens.lens_file import read_record
+from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
+
+
+class Remembering(CameraWrapper):
+    """Remembers what it adopted last: so a sensor is set and lit again after it was unplugged."""
+
+    adopted: tuple[dict[str, float], list[list[int]]] | None = None
+
+    def adopt(self, controls: Mapping[str, float], colours: np.ndarray | None) -> None:
+        super().adopt(controls, colours)
+        assert colours is not None
+        self.adopted = dict(controls), colours.tolist()
+
+    def read(self) -> CameraFrame:
+        return self._camera.read()
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A calibration by the virtual hand, with the light ring; installed bundles are listed."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    tools = options(folder, pin_pitch_mm=2.0)
+    installed: list[str] = []
+    with Remembering(camera(LIT)) as sensor:
+        assert sensor.stage is not None
+        hand = VirtualHand(sensor.stage)
+        routine = Routine(
+            sensor, tools, folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
+        )
+        snapshot = finished(routine)
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    return folder, {**snapshot, "installed": installed, "adopted": sensor.adopted}
+
+
+def test_the_routine_calibrates_the_simulated_sensor_by_itself(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    _, snapshot = calibrated
+    assert snapshot["verdict"]["passed"]
+    figures = snapshot["figures"]["verify"]
+    assert figures["true_normal_deg"] < 0.4
+    assert figures["depth_mm"] < 0.02
+    assert all(step["state"] == "done" for step in snapshot["steps"])
+    json.dumps(snapshot)
+
+
+def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    figures = calibrated[1]["figures"]
+    assert figures["reference"]["noise_grey"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.05)
+    assert figures["pixel_size"]["pixel_size_mm"] == pytest.approx(0.1176, rel=0.004)
+    leds = figures["prepare"]["lights"]["leds"]
+    assert "".join(led["seen_colour"] for led in leds) == "RRRRGGGGBBBB"
+    turned = [(led["azimuth_deg"] - 30 * led["led"] + 180) % 360 - 180 for led in leds]
+    assert max(map(abs, turned)) < 12
+
+
+def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path) -> None:
+    """A short rehearsal: board, LED check, light and bundle go by led_colours, whose colours are not equally many."""
+    ring = {**GEOMETRY, "led_colours": "RRRGGGBB"}
+    with open_camera(LIT, geometry=ring) as sensor:
+        assert isinstance(sensor, SimulatedCamera)
+        tools = options(tmp_path, led_colours="RRRGGGBB")
+        routine = Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage), install=lambda _: None)
+        snapshot = finished(routine)
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    assert snapshot["verdict"]["passed"]
+    lights = snapshot["figures"]["prepare"]["lights"]
+    assert "".join(led["seen_colour"] for led in lights["leds"]) == "RRRGGGBB"
+    assert [group["leds"] for group in lights["groups"]] == [[0, 3, 6], [1, 4, 6], [2, 5, 7]]
+    bundle = load_bundle(tmp_path / "bundle")
+    assert [led.colour for led in bundle.manifest.led] == list("RRRGGGBB")
+
+
+def test_a_board_of_another_number_of_leds_is_told(tmp_path: Path) -> None:
+    with open_camera(LIT, geometry={**GEOMETRY, "led_colours": "RRRGGGBB"}) as sensor:
+        assert isinstance(sensor, SimulatedCamera)
+        hand = VirtualHand(sensor.stage)
+        snapshot = finished(Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand, install=lambda _: None))
+    assert "the board drives 8 LEDs, led_colours = 'RRRRGGGGBBBB' has 12" in snapshot["problem"]
+
+
+def test_a_sensor_that_is_unplugged_later_comes_back_as_it_was_prepared(
+    calibrated: tuple[Path, dict[str, Any]],
+) -> None:
+    prepared = calibrated[1]["figures"]["prepare"]
+    assert calibrated[1]["adopted"] == (prepared["camera"], prepared["led"])
+
+
+def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    uniformity = calibrated[1]["figures"]["prepare"]["uniformity"]
+    means = [uniformity[colour]["mean_grey"] for colour in ("red", "green", "blue")]
+    assert max(means) - min(means) < 0.015 * np.mean(means)
+    assert 150 < max(uniformity[colour]["brightest_grey"] for colour in ("red", "green", "blue")) < 230
+
+
+def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    folder, snapshot = calibrated
+    bundle = load_bundle(folder / "bundle")
+    assert snapshot["installed"] == [str(folder / "bundle")]
+    assert len(bundle.manifest.led) == 12
+    assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
+    report = BundleStore(folder / "store").add(bundle).report().decode()
+    assert "Section through the centre of the ball" in report
+    assert report.count("<img") >= 10
+    # Without the pictures: four letters come by chance in so many.
+    words = re.sub(r'"data:image/png;base64,[^"]*"', "", report)
+    assert "http" not in words.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_a_pin_grid_tells_the_lens_to_a_tenth_of_a_pixel_and_the_bundle_knows_it(
+    calibrated: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, snapshot = calibrated
+    lens = snapshot["figures"]["lens"]
+    assert lens["pins"] > 200
+    assert lens["rms_after_px"] < 0.1
+    assert lens["corner_moves_px"] < 1.0
+    bundle = load_bundle(folder / "bundle")
+    assert read_record(bundle).learnt_from_circles
+    assert bundle.metrics["lens"]["pins"] == lens["pins"]
+    assert "off this lens" in bundle.files["report.html"].decode()
+
+
+def test_its_objects_are_measured_under_the_light_it_was_made_with(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    errors = object_errors(str(calibrated[0] / "bundle"), LIT, GEOMETRY, 0.2)
+    assert len(errors) == 10
+    assert summary(errors).normal_deg < 1.5
+
+
+def test_what_exists_is_not_overwritten_unasked(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    folder = calibrated[0]
+    with camera() as sensor:
+        with pytest.raises(InputError, match="exists: choose another name"):
+            Routine(sensor, options(folder), tmp_path)
+        with pytest.raises(BundleError, match="the bundle of sensor 'one', not of 'two'"):
+            Routine(sensor, RoutineOptions(out=folder / "bundle", sensor="two", overwrite=True), tmp_path)
+
+
+def test_a_bundle_needs_the_controls_it_was_made_with(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", np.zeros((240, 320, 3), np.uint8))
+    with pytest.raises(CameraError, match="no control 'exposure_us'"):
+        open_camera(tmp_path / "a.png", bundle=load_bundle(calibrated[0] / "bundle"))
+
+
+class Person:
+    """A user of the guided routine: goes on when asked, presses and lifts on the stage."""
+
+    def __init__(self, routine: Routine, sensor: Camera) -> None:
+        assert sensor.stage is not None
+        self.routine, self.stage = routine, sensor.stage
+        self.presses = 0
+
+    def go_on(self, step: str) -> None:
+        wait_for(self.routine, lambda s: s["step"] == step and "next" in s["actions"])
+        self.routine.act("next")
+
+    def press(self, tool: str, depth_mm: float, x: float, y: float) -> dict[str, Any]:
+        before = wait_for(self.routine, lambda s: s["awaiting"] == "press")
+        self.stage.press(tool, depth_mm, x, y)
+        old = before["press"], before["problem"]
+        told = wait_for(self.routine, lambda s: s["press"] not in (None, old[0]) or s["problem"] not in ("", old[1]))
+        self.stage.release()
+        return told
+
+    def press_grid(self) -> None:
+        wait_for(self.routine, lambda s: s["awaiting"] == "press" and s["step"] == "lens")
+        self.stage.press("PINS", 0.2, 0.3, -0.2)
+        wait_for(self.routine, lambda s: "pins" in s["pictures"])
+        self.stage.release()
+
+
+def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None:
+    with camera() as sensor:
+        tools = options(tmp_path, pin_pitch_mm=2.0)
+        routine = Routine(sensor, tools, tmp_path / "state")
+        with pytest.raises(InputError, match="choose start"):
+            routine.act("next")
+        routine.act("start")
+        user = Person(routine, sensor)
+        user.go_on("prepare")
+        user.go_on("reference")
+        for place in ((0.0, 0.0), (3.0, 2.0)):
+            user.press("CYLINDER", 0.3, *place)
+        assert "no grid of pins" in user.press("BALL", 1.0, 5.0, 3.0)["problem"]
+        user.press_grid()
+        first = user.press("BALL", 1.0, 5.0, 3.0)["press"]
+        assert (first["center_x_px"], first["center_y_px"]) == pytest.approx((202.0, 145.0), abs=0.5)
+        routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=15.0)
+        corrected = wait_for(routine, lambda s: s["press"] and s["press"]["state"] == "corrected")["press"]
+        assert corrected["center_x_px"] == 200.0
+        routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=50.0)
+        assert "is it a ball of 4 mm" in wait_for(routine, lambda s: s["problem"] != "")["problem"]
+        user.press("BALL", 1.2, -5.0, 3.0)
+        routine.act("drop")
+        wait_for(routine, lambda s: s["progress"]["done"] == 1)
+        routine.act("next")
+        assert "press at least 7 more times" in wait_for(routine, lambda s: "too few" in s["problem"])["problem"]
+        routine.act("abort")
+        routine.join(20)
+        assert routine.snapshot()["step"] == "aborted"
+        with pytest.raises(InputError, match=r"begun with pin_pitch_mm 2.0, not None: give the same again"):
+            Routine(sensor, options(tmp_path), tmp_path / "state")
+        again = Routine(sensor, tools, tmp_path / "state")
+        again.act("start")
+        resumed = wait_for(again, lambda s: s["step"] == "presses" and s["progress"].get("done") == 1)
+        assert resumed["figures"]["pixel_size"]["presses"] == 2
+        assert resumed["figures"]["lens"] == {"pictures": 1, "pitch_mm": 2.0}
+        again.stop()
+        again.join(20)
+        goes_on_without_a_grid(Routine(sensor, tools, forgetful(tmp_path / "state")), sensor)
+
+
+def goes_on_without_a_grid(routine: Routine, sensor: Camera) -> None:
+    routine.act("start")
+    Person(routine, sensor).go_on("lens")
+    assert wait_for(routine, lambda s: s["step"] == "presses")["figures"]["lens"] == {"pictures": 0}
+    routine.stop()
+    routine.join(20)
+
+
+def forgetful(state: Path) -> Path:
+    """The state as if the power had failed before the grid was pressed."""
+    kept = json.loads((state / "state.json").read_text())
+    del kept["steps"]["lens"]
+    (state / "state.json").write_text(json.dumps({**kept, "grids": []}))
+    return state
+
+
+def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
+    calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    shutil.copytree(calibrated[0] / "state", tmp_path / "state")
+    place = tmp_path / "state/state.json"
+    state = json.loads(place.read_text())
+    place.write_text(json.dumps({**state, "finished": False, "checks": []}))
+    with camera(LIT) as sensor:
+        assert sensor.stage is not None
+        strict = options(tmp_path, limits=Limits(depth_mm=1e-5), pin_pitch_mm=2.0)
+        hand = VirtualHand(sensor.stage)
+        snapshot = finished(Routine(sensor, strict, tmp_path / "state", hand=hand, install=lambda bundle: 1 / 0))
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    assert not snapshot["verdict"]["passed"]
+    assert "Nothing was replaced" in snapshot["verdict"]["text"]
+    assert snapshot["bundle"] == ""
+    assert not (tmp_path / "bundle").exists()
+    state = json.loads(place.read_text())
+    assert state["extra_presses"] > 0
+    assert "fit" not in state["steps"]
+
+
+def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    shutil.copytree(calibrated[0] / "state", tmp_path / "state")
+    place = tmp_path / "state/state.json"
+    place.write_text(json.dumps({**json.loads(place.read_text()), "finished": False}))
+    draft = load_bundle(tmp_path / "state/draft")
+    draft = replace(draft, manifest=draft.manifest.model_copy(update={"bulge": 0.7}))
+    draft = extend_bundle(draft, tmp_path / "state/draft", {"notes.json": b"{}"}, overwrite=True)
+    with camera(LIT) as sensor:
+        assert sensor.stage is not None
+        tools = options(tmp_path, pin_pitch_mm=2.0)
+        snapshot = finished(Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage)))
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    bundle = load_bundle(tmp_path / "bundle")
+    changed = {"metrics.json", "report.html"}
+    assert {name for name, content in bundle.files.items() if draft.files.get(name) != content} == changed
+    assert set(bundle.files) == {*draft.files, "report.html"}
+    fields = {"files", "created", "led", "camera"}
+    assert bundle.manifest.model_dump(exclude=fields) == draft.manifest.model_dump(exclude=fields)
+    assert bundle.metrics["training"] == draft.metrics["training"]

@@ -1,0 +1,106 @@
+"""What the calibration routine refuses: a hand in the way, a wrong press, a dead LED, a wrong ball, old pictures."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CameraError, GellightError
+from gellight.frames.image_files import ImageCamera
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.report.pictures import write_png
+from gellight.lab.simulator.simulated_camera import SimulatedCamera
+from gellight.lab.simulator.virtual_hand import VirtualHand
+from tests.helpers.calibration_routine import LIT, URL, camera, finished, options
+
+
+class Clumsy(VirtualHand):
+    """A hand that presses as it is told by the test."""
+
+    ball_press: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    at_rest = False
+    last = "BALL"
+
+    def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
+        """Press the ball always in the same way."""
+        self._stage.press("BALL", *self.ball_press)
+
+    def lift(self) -> None:
+        """Lift, or forget to."""
+        if not self.at_rest:
+            super().lift()
+
+
+def refused(tmp_path: Path, prepare: Callable[[Clumsy, SimulatedCamera], None], url: str = URL, **changes: Any) -> str:
+    """Run a routine that is disturbed by `prepare`; returns the reason of its end."""
+    with camera(url) as sensor:
+        assert isinstance(sensor, SimulatedCamera)
+        hand = Clumsy(sensor.stage)
+        routine = Routine(sensor, options(tmp_path, **changes), tmp_path / "state", hand=hand)
+        prepare(hand, sensor)
+        snapshot = finished(routine)
+    assert snapshot["step"] == "failed"
+    assert isinstance(routine.error, GellightError)
+    assert not (tmp_path / "bundle").exists()
+    return str(snapshot["problem"])
+
+
+def test_a_hand_on_the_gel_during_the_reference_is_noticed(tmp_path: Path) -> None:
+    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        sensor.stage.press("CYLINDER", 0.5, 2.0, 1.0)
+
+    assert "something lies on it" in refused(tmp_path, press)
+
+
+def test_a_press_that_is_too_shallow_or_off_the_picture_is_told(tmp_path: Path) -> None:
+    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        hand.ball_press = (0.5, 18.5, 0.0)
+
+    assert "press nearer to the middle" in refused(tmp_path, press, presses=8)
+
+
+def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
+    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        hand.at_rest = True
+
+    assert "lift the tool" in refused(tmp_path, press)
+
+
+def test_a_dead_led_is_named(tmp_path: Path) -> None:
+    def unsolder(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        sensor._scene.led_gain[5] = 0.0
+
+    assert "LED 5 stays dark" in refused(tmp_path, unsolder, LIT)
+
+
+def test_leds_in_the_wrong_order_are_named(tmp_path: Path) -> None:
+    def swap(hand: Clumsy, sensor: SimulatedCamera) -> None:
+        sensor._response = sensor._scene.response = type(sensor._response)(
+            exposure=sensor._response.exposure, crosstalk=((0, 1, 0), (1, 0, 0), (0, 0, 1))
+        )
+
+    assert "shines in another colour: check the colour order" in refused(tmp_path, swap, LIT)
+
+
+def test_a_ball_of_another_radius_is_noticed_and_the_right_one_named(tmp_path: Path) -> None:
+    with camera() as sensor:
+        assert sensor.stage is not None
+        routine = Routine(
+            sensor, options(tmp_path, ball_radius_mm=3.0), tmp_path / "state", hand=VirtualHand(sensor.stage)
+        )
+        snapshot = finished(routine)
+    assert snapshot["step"] == "failed"
+    assert "named as 3 mm" in snapshot["problem"]
+    fits = float(snapshot["problem"].split("about ")[1].split(" mm")[0])
+    assert fits == pytest.approx(4.0, rel=0.1)
+
+
+def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", np.full((240, 320, 3), 120, np.uint8))
+    routine = Routine(ImageCamera([tmp_path / "a.png"]), options(tmp_path), tmp_path / "state")
+    routine.act("start")
+    routine.join(10)
+    assert isinstance(routine.error, CameraError)
+    assert "a calibration needs a camera that goes on delivering" in str(routine.error)

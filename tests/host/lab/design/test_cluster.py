@@ -1,0 +1,54 @@
+"""A Dask cluster computes what the processes of this machine compute."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distributed import LocalCluster
+from typer.testing import CliRunner
+
+from gellight.base.errors import InputError
+from gellight.cli.main import app
+from gellight.lab.design import studies
+from gellight.lab.design.sweep import ResultStore, SweepOptions, run, run_study
+from sim_reference.geometry import SensorGeometry
+from sim_reference.optimizer.exposing import LightGroups
+
+GROUPS = LightGroups(numbers=(3, 12), angles_rad=tuple(np.radians([21.0, 29.0, 37.0])))
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as started:
+        yield started
+
+
+def setup() -> studies.Setup:
+    return replace(studies.setup_of(SensorGeometry(), 0.9, 1.0, 48), names=("TSTEP", "WAVE"))
+
+
+def test_a_cluster_gives_the_results_of_this_machine(cluster: LocalCluster, tmp_path: Path) -> None:
+    far = SweepOptions(store=ResultStore(tmp_path / "far"), scheduler=cluster.scheduler_address)
+    near = SweepOptions(store=ResultStore(tmp_path / "near"))
+    on_cluster = run_study(studies.coarse_study(setup(), GROUPS), far)
+    here = run_study(studies.coarse_study(setup(), GROUPS), near)
+    np.testing.assert_array_equal(on_cluster.errors_rad, here.errors_rad)
+
+
+def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) -> None:
+    store = ResultStore(tmp_path)
+    first = run_study(
+        studies.coarse_study(setup(), GROUPS), SweepOptions(store=store, scheduler=cluster.scheduler_address)
+    )
+    again = run_study(studies.coarse_study(setup(), GROUPS), SweepOptions(store=store, scheduler="tcp://127.0.0.1:1"))
+    np.testing.assert_array_equal(again.errors_rad, first.errors_rad, "nothing was missing, so no cluster was asked")
+
+
+def test_a_cluster_that_is_not_there_is_named(tmp_path: Path) -> None:
+    options = SweepOptions(store=ResultStore(tmp_path), scheduler="tcp://127.0.0.1:1")
+    result = CliRunner().invoke(app, ["optimize", "coarse", "--scheduler", "tcp://127.0.0.1:1", "--size", "32"])
+    assert isinstance(result.exception, InputError)
+    assert "no Dask scheduler at tcp://127.0.0.1:1" in str(result.exception)
+    assert run([], options) == []

@@ -1,0 +1,126 @@
+"""The report: it holds everything, and judges the statements of the paper by the numbers."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.lab.design import all_studies, comparison, comparison_coarse, gel_comparison, output, report, studies
+from gellight.lab.design.sweep import (
+    SweepOptions,
+    run_study,
+)
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import BENCHMARK_NAMES
+from sim_reference.optimizer import sensitivity
+from sim_reference.optimizer.coarse import CoarseResult
+from sim_reference.optimizer.exposing import LightGroups
+from tests.helpers.studies import FEW, setup
+
+
+def test_the_report_holds_everything_and_decides_by_the_numbers(
+    options: SweepOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = sensitivity.variants(SensorGeometry())[:2]
+    monkeypatch.setattr(sensitivity, "variants", lambda geometry, groups: first)
+    monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=32))
+    six = replace(setup(48, FEW), geometry=SensorGeometry(led_colours="RRGGBB"))
+    monkeypatch.setattr(gel_comparison, "COARSE_MM", 2.5)
+    results = all_studies.run_all_studies(six, options, timed=False, gels=True, numbers=(6,))
+    path = report.write_report(results, tmp_path / "out")
+    text = path.read_text()
+    answer = report.report_json(results, path)
+    assert answer["chosen"]["leds"] == 6, "as many as the given sensor has"
+    assert [gain["step"] for gain in answer["gains"]] == [
+        "shadowed observations dropped",
+        "refraction and Fresnel losses known",
+        "2 exposures of three LEDs",
+        "angle, height and exposure searched together",
+    ]
+    assert min(gain["factor"] for gain in answer["gains"]) >= 1
+    assert all(f"<td>{gain.factor:.2f}×" in text for gain in results.gains())
+    assert {row["reproduced"] for row in answer["statements"]} == {True, False}
+    assert all(row["why"] for row in answer["statements"] if not row["reproduced"])
+    assert text.count("<svg") >= 20
+    assert not re.findall(r'(?:src|href)="(?!data:)', text)
+    assert text.count(comparison.summary(results.judgements())) == 2, "it is the first line, and heads the table"
+    assert len(answer["statements"]) == 20
+    assert all(len(row["readings"]) >= 2 for row in answer["statements"])
+    assert "314.863 degrees" in text
+    assert [row["object_name"] for row in answer["gel"]] == list(FEW)
+    assert f"<td>{results.gel[1].height_um:.1f} µm" in text
+    assert (tmp_path / "out/chosen/strip.dxf").exists()
+    assert (tmp_path / "out/given/gellight.toml").exists()
+
+
+def test_the_heights_stay_above_the_gel_of_a_low_camera() -> None:
+    rows = comparison.saturation_table(SensorGeometry(camera_height_mm=10.0, mounting_height_mm=1.0))
+    assert all(0 < row.at_20_mm < 1 for row in rows)
+
+
+def test_a_beam_as_the_papers_is_one_reading_and_not_two() -> None:
+    assert len(comparison.fine_readings(SensorGeometry())) == 6
+    readings = comparison.fine_readings(SensorGeometry(beam_angle_rad=np.radians(160)))
+    assert [reading.split("; ")[1] for reading in readings] == ["beam of 160°"] * 3
+
+
+def test_objects_that_are_level_are_among_the_first_alike() -> None:
+    errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
+    level = CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
+    verdicts = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(level)}
+    assert verdicts["SCROWN and SINWAVE have a large blue region"]
+    assert not verdicts["a simple form with a sharp step, TSTEP, has a large error"]
+
+
+def test_the_best_angle_is_said_to_be_tuned_where_it_is_given() -> None:
+    errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
+    result = CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
+    assert output.coarse_json(result)["best_angle_is"].startswith("tuned")
+    text = output.coarse_text(result)
+    assert re.search(r"best angle with 12 lights: \d+ degrees \(tuned: the measures of the objects", text)
+
+
+def test_without_noise_the_mean_of_the_best_angles_is_the_papers(options: SweepOptions) -> None:
+    groups = LightGroups(numbers=(3, 6, 12))
+    as_in_the_report = studies.setup_of(SensorGeometry(), 0.9, 1.0, 128)
+    readings = run_study(studies.coarse_readings(as_in_the_report, groups), options)
+    assert list(readings) == [
+        "noise of 1 grey level", "noise of 1 grey level; CCONVEX as prisms", "no noise",
+        "no noise; CCONVEX as prisms",
+    ]  # fmt: skip
+    assert np.degrees(readings["no noise"].mean_best_angle_rad()) == pytest.approx(32.2)
+    assert np.degrees(readings["noise of 1 grey level"].best_angle_rad()) == pytest.approx(29)
+    by_rule = comparison_coarse.coarse_judgements(readings)[0].by_reading
+    rule = "; the step nearest to the mean of the best angles"
+    assert not by_rule["noise of 1 grey level" + rule].reproduced, "34.6° is nearer to 37° than to 29°"
+    assert by_rule["no noise" + rule].reproduced
+    assert "29° is nearest to 32.2°" in by_rule["no noise" + rule].measured
+    others = [name != "CCONVEX" for name in BENCHMARK_NAMES]
+    solids, prisms = (readings[name].errors_rad for name in list(readings)[2:])
+    np.testing.assert_array_equal(solids[others], prisms[others])
+    assert (solids != prisms).any()
+
+
+def test_a_judgement_counts_the_readings_under_which_it_holds() -> None:
+    def row(claim: str, *holds: bool) -> comparison.Judgement:
+        one = {str(at): comparison.Statement(section="1", claim=claim, measured="", holds_if="", reproduced=hold)
+               for at, hold in enumerate(holds)}  # fmt: skip
+        return comparison.Judgement(one)
+
+    rows = [row("a", True, False), row("b", False, True), row("c", False, True), row("d", False, False)]
+    assert rows[1].holds_under == ["1"]
+    text = comparison.summary(rows)
+    assert text.startswith("3 of 4 statements")
+    assert "2 under one and the same reading of each stage (1), 1 under that of the defaults" in text
+
+
+def test_a_statement_that_does_not_hold_is_not_reproduced(options: SweepOptions) -> None:
+    result = run_study(studies.coarse_study(setup(48), LightGroups()), options)
+    honest = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(result)}
+    turned = replace(result, errors_rad=result.errors_rad[:, :, ::-1])
+    other = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(turned)}
+    claim = "the incident angle is 29°, closest to the average minimum"
+    assert honest[claim]
+    assert not other[claim]

@@ -1,0 +1,114 @@
+"""Charts and pictures of the reports: what they show is where the numbers say, and nothing is drawn of what is not."""
+
+import re
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+
+from gellight.lab.report.charts import Axes, Series, heat_colour, heat_map, line_chart, picture
+from gellight.lab.report.pictures import encode_png, round_step
+
+AXES = Axes(title="<title>", x="x", y="y")
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def curves(chart: str) -> list[str]:
+    """Return the paths of the curves, legend apart."""
+    paths = ElementTree.fromstring(chart).iter(f"{SVG}path")
+    return [path.attrib["d"] for path in paths if path.attrib.get("fill") == "none"]
+
+
+def texts(chart: str, kind: str) -> list[str]:
+    return [text.text or "" for text in ElementTree.fromstring(chart).iter(f"{SVG}text") if text.get("class") == kind]
+
+
+def points(curve: str) -> np.ndarray:
+    return np.array([[float(value) for value in point.split()] for point in re.split("[ML]", curve)[1:]])
+
+
+def test_a_curve_lies_where_its_ticks_say() -> None:
+    chart = line_chart([Series("a", [0, 2, 4], [0.0, 50.0, 100.0])], AXES)
+    assert texts(chart, "tick")[:6] == ["0", "20", "40", "60", "80", "100"]
+    (curve,) = curves(chart)
+    assert points(curve).tolist() == [[50, 222], [205, 124], [360, 26]]
+
+
+def test_a_logarithmic_axis_has_equal_steps_for_equal_factors() -> None:
+    chart = line_chart([Series("", [0, 1, 2], [0.1, 1.0, 10.0])], Axes(title="t", x="x", y="y", log=True))
+    assert texts(chart, "tick")[:5] == ["0.1", "0.3", "1", "3", "10"]
+    y = points(curves(chart)[0])[:, 1]
+    assert y[0] - y[1] == pytest.approx(y[1] - y[2])
+
+
+@pytest.mark.parametrize(("log", "gap"), [(False, float("nan")), (True, float("nan")), (True, 0.0), (True, -1.0)])
+def test_a_curve_is_interrupted_where_it_has_no_value(log: bool, gap: float) -> None:
+    axes = Axes(title="t", x="x", y="y", log=log)
+    (curve,) = curves(line_chart([Series("a", [0, 1, 2, 3], [1.0, gap, 3.0, 2.0])], axes))
+    assert [part.count("L") + 1 for part in curve.split("M")[1:]] == [1, 2]
+
+
+def test_a_curve_without_any_value_leaves_an_empty_chart() -> None:
+    nothing = [float("nan")] * 2
+    assert curves(line_chart([Series("a", [0, 1], nothing)], AXES)) == [""]
+    assert curves(line_chart([], AXES)) == []
+
+
+def test_reference_lines_stand_at_their_values() -> None:
+    axes = Axes(title="t", x="x", y="y", marks=((1, "here"),), levels=((50, "half"),))
+    chart = line_chart([Series("", [0, 2], [0, 100])], axes)
+    marks = [
+        path.attrib["d"] for path in ElementTree.fromstring(chart).iter(f"{SVG}path") if path.get("class") == "mark"
+    ]
+    assert marks == ["M205.0 26.0V222.0", "M50.0 124.0H360.0"]
+    assert {"here", "half"} <= set(texts(chart, "tick"))
+
+
+def test_a_legend_that_is_too_long_takes_another_row() -> None:
+    def height(label: str) -> float:
+        return float(ElementTree.fromstring(line_chart([Series(label, [0], [1])] * 2, AXES)).attrib["height"])
+
+    assert height("a" * 40) - height("a") == 16
+    assert height("a") - height("") == 16
+
+
+def test_titles_and_labels_cannot_break_the_page() -> None:
+    chart = line_chart([Series("a & b", [0, 1], [0, 1])], AXES)
+    assert texts(chart, "title") == ["<title>"]
+    assert "a & b" in texts(chart, "axis")
+    assert ElementTree.fromstring(chart).attrib["aria-label"] == "<title>"
+
+
+def test_a_heat_map_shows_each_value_and_frames_the_smallest_of_each_row() -> None:
+    table = [[1.0, 40.0], [9.996, 2.0]]
+    chart = heat_map(table, ["3", "6"], ["5", "13"], AXES, largest=30)
+    assert texts(chart, "cell") == ["1.00", "40.0", "10.0", "2.00"]
+    cells = list(ElementTree.fromstring(chart).iter(f"{SVG}rect"))
+    assert ["stroke" in cell.attrib for cell in cells] == [True, False, False, True]
+    assert cells[1].attrib["fill"] == heat_colour(2) == "#a50f26"
+    assert "stroke=" not in heat_map(table, ["3", "6"], ["5", "13"], AXES, largest=30, mark=False)
+
+
+def test_colours_go_from_blue_to_red() -> None:
+    assert [heat_colour(share) for share in (-1, 0, 0.1, 1)] == ["#3160b4", "#3160b4", "#5286c2", "#a50f26"]
+
+
+@pytest.mark.parametrize("shape", [(7, 5, 3), (7, 5)])
+def test_a_png_holds_the_image(shape: tuple[int, ...]) -> None:
+    image = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
+    read = cv2.imdecode(np.frombuffer(encode_png(image), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert ((read[..., ::-1] if len(shape) == 3 else read) == image).all()
+
+
+def test_a_picture_needs_nothing_from_outside() -> None:
+    figure = picture(np.zeros((2, 2), np.uint8), 'a "name"', 60)
+    assert 'alt="a &quot;name&quot;"' in figure
+    assert 'src="data:image/png;base64,' in figure
+
+
+@pytest.mark.parametrize(
+    ("span", "most", "step"), [(1000, 10, 100), (100, 6, 20), (0.03, 6, 0.005), (7, 6, 2), (1, 10, 0.1), (500, 10, 50)]
+)
+def test_steps_are_round(span: float, most: int, step: float) -> None:
+    assert round_step(span, most) == pytest.approx(step)

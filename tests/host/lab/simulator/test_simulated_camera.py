@@ -1,0 +1,245 @@
+"""The simulated sensor: what is pressed is what is seen, and rubbish is refused."""
+
+import itertools
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.frames.camera import Camera
+from gellight.lab.simulator.scene import Press
+from gellight.lab.simulator.simulated_camera import SimulatedCamera
+from gellight.lab.simulator.stage import PROGRAMME, RETURN_FRAMES, Stage, programme_of_presses
+from gellight.opening import open_camera
+from sim_reference.geometry import SensorGeometry
+
+
+def open_quiet(parameters: str = "") -> SimulatedCamera:
+    camera = open_camera(f"sim://?programme=0&fps=1000{parameters}")
+    assert isinstance(camera, SimulatedCamera)
+    return camera
+
+
+def test_it_is_a_camera_like_every_other() -> None:
+    with open_quiet() as camera:
+        assert isinstance(camera, Camera)
+        frame = camera.read()
+    assert frame.image.shape == (480, 640, 3)
+    assert frame.image.dtype == np.uint8
+    assert camera.image_shape == (480, 640)
+    assert frame.light is not None
+    assert frame.light[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 255, 0], [0, 0, 255]]
+
+
+def test_the_untouched_gel_is_still_but_for_noise() -> None:
+    with open_quiet("&noise=1.5") as camera:
+        frames = [camera.read() for _ in range(6)]
+    stack = np.array([frame.image for frame in frames], dtype=np.float32)
+    assert [frame.sequence for frame in frames] == [1, 2, 3, 4, 5, 6]
+    assert stack.std(axis=0, ddof=1).mean() == pytest.approx(np.sqrt(1.5**2 + 1 / 12), rel=0.06)
+    assert all(later.time_s > earlier.time_s for earlier, later in itertools.pairwise(frames))
+    assert not frames[0].truth.depth_mm.any()
+
+
+def test_a_press_is_in_the_very_next_frame_and_gone_after_release() -> None:
+    with open_quiet() as camera:
+        camera.stage.press("BALL", 0.7, 4.0, -2.0)
+        pressed = camera.read()
+        camera.stage.release()
+        released = camera.read()
+    assert pressed.truth.depth_mm.max() == pytest.approx(0.7, abs=0.01)
+    row, column = np.unravel_index(pressed.truth.depth_mm.argmax(), (480, 640))
+    assert ((column - 319.5) * 0.0588, (row - 239.5) * 0.0588) == pytest.approx((4.0, -2.0), abs=0.06)
+    assert np.abs(pressed.image.astype(int) - released.image).max() > 30
+    assert not released.truth.contact.any()
+
+
+def test_two_sensors_with_one_seed_are_one() -> None:
+    with open_quiet("&seed=7") as one, open_quiet("&seed=7") as twin, open_quiet("&seed=8") as other:
+        image = one.read().image
+        assert (image == twin.read().image).all()
+        assert (image != other.read().image).any()
+
+
+def test_a_press_held_by_the_url_stays() -> None:
+    with open_quiet("&object=SCROWN&depth=0.5&x=1&y=2") as camera:
+        assert all(camera.read().truth.depth_mm.max() > 0.45 for _ in range(3))
+        assert camera.stage.status() == {"object": "SCROWN", "depth_mm": 0.5, "x_mm": 1.0, "y_mm": 2.0, "visitor": True,
+                                         "preparing": ""}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ("&colour=red", r"unknown parameter colour: choose one of fps, seed, noise, object"),
+        ("&crosstlk=0.2", r"unknown parameter crosstlk: did you mean crosstalk\?"),
+        ("&crosstalk=loud", "crosstalk = loud is not allowed: give a number at least 0 and at most 0.5"),
+        ("&depth=-1", "depth = -1 is not allowed: give a number at least 0"),
+        ("&depth=nan", "depth = nan is not allowed"),
+        ("&x=1e9", "off the gel"),
+        ("&depth=9", "choose 0 to 2 mm"),
+        ("&object=CUBE&depth=1", "no object 'CUBE': choose one of BALL"),
+        ("&fps=0", "fps"),
+    ],
+)
+def test_a_wrong_url_says_which_parameter(parameters: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        open_quiet(parameters)
+
+
+@pytest.mark.parametrize(
+    ("press", "words"),
+    [
+        (("CUBE", 1.0, 0.0, 0.0), "no object 'CUBE'"),
+        (("BALL", 2.1, 0.0, 0.0), "press depth 2.1 mm: choose 0 to 2 mm"),
+        (("BALL", float("nan"), 0.0, 0.0), "press depth nan"),
+        (("BALL", 1.0, 30.0, 0.0), "off the gel"),
+        (("BALL", 1.0, 0.0, float("inf")), "off the gel"),
+    ],
+)
+def test_an_impossible_press_is_refused_and_changes_nothing(press: tuple[str, float, float, float], words: str) -> None:
+    stage = Stage(SensorGeometry(), programme=False)
+    stage.press("BALL", 0.5, 1.0, 1.0)
+    with pytest.raises(InputError, match=words):
+        stage.press(*press)
+    assert stage.next_press() == Press("BALL", 0.5, 1.0, 1.0)
+
+
+def test_a_closed_camera_gives_no_frame() -> None:
+    with open_quiet() as camera:
+        pass
+    with pytest.raises(CameraError, match="closed"):
+        camera.read()
+
+
+def test_the_programme_presses_everything_on_its_list_and_lets_go_in_between() -> None:
+    presses = list(itertools.islice(programme_of_presses(), 2000))
+    deepest = [p for p, n in itertools.groupby(presses) if len(list(n)) > 50]
+    assert deepest[: len(PROGRAMME)] == list(PROGRAMME)
+    assert None in presses
+
+
+def test_a_visitor_stops_the_programme_and_it_returns_when_the_visitor_is_gone() -> None:
+    stage = Stage(SensorGeometry())
+    stage.press("TSTEP", 0.6, 0.0, 0.0)
+    assert {stage.next_press() for _ in range(3 * RETURN_FRAMES)} == {Press("TSTEP", 0.6)}
+    assert stage.status()["visitor"]
+    stage.release()
+    assert {stage.next_press() for _ in range(RETURN_FRAMES)} == {None}
+    assert not stage.status()["visitor"]
+    assert stage.next_press() is not None
+
+
+def test_the_picture_is_lit_by_what_the_pin_of_the_board_says() -> None:
+    with open_quiet() as camera:
+        steady = open_quiet("&board=0").read().image.astype(int)
+        lit = camera.read()
+        assert lit.light is not None
+        assert np.abs(lit.image.astype(int) - steady).mean() < 2.0, "the ring as designed, pulsed, is the steady ring"
+        ring = camera.ring
+        assert ring is not None
+        blue = np.zeros((12, 3), np.uint8)
+        blue[8:] = (0, 0, 255)
+        ring.wait_for_light(ring.set_leds(blue).light_id)
+        time.sleep(0.05)
+        changed = camera.read()
+        assert (changed.light == blue).all()
+        assert changed.image[..., 2].mean() > 50
+        assert changed.image[..., 0].mean() < 8, "what is left of red is crosstalk"
+        ring.blank()
+        time.sleep(0.1)
+        dark = camera.read()
+    assert dark.light is not None
+    assert not dark.light.any()
+    assert dark.image.mean() < 1.0
+
+
+def test_a_change_of_light_in_mid_exposure_is_seen_row_by_row() -> None:
+    with open_quiet("&noise=0") as camera:
+        assert camera.ring is not None
+        torn = 0
+        for attempt in range(100):
+            level = 100 if attempt % 2 else 20
+            camera.ring.set_leds(np.full((12, 3), level, np.uint8))
+            time.sleep(0.005 + 0.001 * (attempt % 25))
+            rows = camera.read().image.mean(axis=(1, 2))
+            torn += bool(rows[:10].mean() / rows[-10:].mean() > 2 or rows[-10:].mean() / rows[:10].mean() > 2)
+            if torn == 2:
+                break
+    assert torn == 2, "the gel is as bright at the top as at the bottom: only a change in between can do that"
+
+
+def test_a_board_that_is_gone_is_told_instead_of_a_dark_picture() -> None:
+    with open_quiet() as camera:
+        assert camera.ring is not None
+        camera.ring.transport._process.kill()  # as when somebody pulls the plug
+        camera.ring.transport._process.wait()
+        with pytest.raises(CameraError, match="board of the light ring is gone"):
+            camera.read()
+
+
+def test_closing_the_camera_darkens_and_ends_the_board() -> None:
+    with open_quiet() as camera:
+        ring = camera.ring
+    assert ring is not None
+    with pytest.raises(BoardError):
+        ring.set_leds(np.zeros((12, 3), np.uint8))
+
+
+def test_it_adopts_the_controls_and_the_colours_of_a_calibration() -> None:
+    with open_quiet("&noise=0") as camera:
+        green = np.zeros((12, 3), np.uint8)
+        green[4:8, 1] = 200
+        camera.adopt({"exposure_us": 4000}, green)
+        assert camera.controls.read("exposure_us") == 4000
+        assert camera.ring.still.tolist() == green.tolist()
+        with pytest.raises(CameraError, match="no control 'focus', which the calibration needs"):
+            camera.adopt({"gain": 2.0, "focus": 1}, None)
+        assert camera.controls.read("gain") == 1, "what is refused changes nothing"
+        assert camera.ring.still.tolist() == green.tolist()
+        camera.adopt({}, None)
+        assert camera.ring.still is None
+
+
+def test_a_press_that_was_computed_ahead_is_shown_at_once_and_says_meanwhile_what_it_is() -> None:
+    with open_quiet("&board=0") as camera:
+        said = []
+        computed = camera.stage.prepare_ahead
+
+        def watched(press: Press) -> None:
+            said.append(camera.stage.status()["preparing"])
+            assert camera.read().truth is not None, "frames go on"
+            computed(press)
+
+        camera.stage.prepare_ahead = watched
+        camera.stage.prepare("WAVE", 0.3, 0.0, 0.0)
+        assert said == ["WAVE"]
+        assert camera.stage.status()["preparing"] == ""
+        assert camera.stage.status()["object"] == "", "it is not pressed yet"
+        assert camera._scene.is_ready(Press("WAVE", 0.3))
+        camera.stage.press("WAVE", 0.3, 0.0, 0.0)
+        ahead = camera.read().truth
+    with open_quiet("&board=0") as camera:
+        camera.stage.press("WAVE", 0.3, 0.0, 0.0)
+        at_once = camera.read().truth
+    assert ahead is not None
+    assert at_once is not None
+    assert np.array_equal(ahead.depth_mm, at_once.depth_mm)
+
+
+def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
+    with open_camera("sim://?board=0&fps=1000") as camera:
+        assert isinstance(camera, SimulatedCamera)
+        may_go_on = threading.Event()
+        compute = camera._scene.prepare_ahead
+        camera._scene.prepare_ahead = lambda press: may_go_on.wait(10) and compute(press)  # type: ignore[method-assign,func-returns-value]
+        frames = [camera.read() for _ in range(5)]
+        assert all(frame.truth is not None and not frame.truth.contact.any() for frame in frames)
+        assert camera.stage.status()["preparing"] == "BALL"
+        may_go_on.set()
+        deadline_s = time.monotonic() + 20
+        while time.monotonic() < deadline_s and not camera.read().truth.contact.any():  # type: ignore[union-attr]
+            pass
+        assert time.monotonic() < deadline_s, "the press is shown when it is computed"

@@ -1,0 +1,135 @@
+"""What makes one simulated sensor differ from another: its controls, its LEDs, its colour filters, its probe."""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import CameraError, InputError
+from gellight.frames.camera import Camera
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.lab.simulator.simulated_camera import SimulatedUrl
+from gellight.opening import open_camera
+from gellight.reconstruction.integration import normals
+from sim_reference.camera import CameraResponse
+
+GEOMETRY = {"image_width_px": 64, "image_height_px": 48, "pixel_size_mm": 0.588}
+PLAIN = "sim://?board=0&programme=0&fps=1000&noise=0"
+
+
+def camera(more: str = "") -> Camera:
+    return open_camera(PLAIN + more, geometry=GEOMETRY)
+
+
+def mean(sensor: Camera) -> np.ndarray:
+    return np.asarray(sensor.read().image.mean(axis=(0, 1)))
+
+
+def test_without_parameters_the_camera_is_the_plain_one() -> None:
+    assert SimulatedUrl().response() == CameraResponse()
+    assert np.array_equal(SimulatedUrl().led_gain(12), np.ones(12))
+
+
+def test_the_picture_is_proportional_to_the_exposure() -> None:
+    with camera() as sensor:
+        assert sensor.controls is not None
+        before = mean(sensor)
+        assert sensor.controls.set("exposure_us", 4000) == 4000
+        assert mean(sensor) == pytest.approx(before / 2, rel=0.01)
+
+
+def test_gain_brightens_and_white_balance_moves_red_against_blue() -> None:
+    with camera() as sensor:
+        assert sensor.controls is not None
+        before = mean(sensor)
+        sensor.controls.set("gain", 1.2)
+        assert mean(sensor) == pytest.approx(1.2 * before, rel=0.02)
+        sensor.controls.set("gain", 1.0)
+        sensor.controls.set("white_balance_k", 6000)
+        red, green, blue = mean(sensor) / before
+        assert red > 1.1 > green > 0.99
+        assert blue == pytest.approx(1 / red, rel=0.02)
+
+
+def test_controls_at_their_defaults_leave_the_picture_as_it_was() -> None:
+    with camera() as sensor:
+        assert sensor.controls is not None
+        before = sensor.read().image
+        for name in sensor.controls.names():
+            sensor.controls.set(name, sensor.controls.read(name))
+        assert np.array_equal(sensor.read().image, before)
+
+
+def test_a_value_out_of_range_and_an_unknown_control_are_refused() -> None:
+    with camera() as sensor:
+        assert sensor.controls is not None
+        with pytest.raises(InputError, match=r"gain = 99: choose 1 to 8"):
+            sensor.controls.set("gain", 99)
+        with pytest.raises(CameraError, match="no control 'focus'"):
+            sensor.controls.read("focus")
+
+
+def test_dimmed_leds_darken_the_picture_in_proportion() -> None:
+    with camera() as bright, camera("&dim=0.1") as dim:
+        assert mean(dim) == pytest.approx(0.9 * mean(bright), rel=0.01)
+
+
+def test_the_spread_of_the_leds_is_as_wide_as_asked_and_the_same_each_time() -> None:
+    gains = np.concatenate([SimulatedUrl(led_spread=0.05, seed=seed).led_gain(12) for seed in range(40)])
+    assert gains.std() == pytest.approx(0.05, rel=0.1)
+    assert np.array_equal(SimulatedUrl(led_spread=0.05).led_gain(12), SimulatedUrl(led_spread=0.05).led_gain(12))
+
+
+def test_crosstalk_is_the_share_of_the_other_colours() -> None:
+    rows = np.array(SimulatedUrl(crosstalk=0.2).response().crosstalk)
+    assert rows.sum(axis=1) == pytest.approx(1)
+    assert 1 - rows[0, 0] == pytest.approx(0.2)
+
+
+def test_the_self_check_follows_controls_and_leds() -> None:
+    with camera("&led_spread=0.1&dim=0.2") as sensor:
+        judge = sensor.selfcheck((0.588, 0.588))
+        assert judge is not None
+        assert sensor.controls is not None
+        sensor.controls.set("exposure_us", 6000)
+        assert judge.compare(perfect(sensor.read())).picture_error_grey < 1.5
+        stranger = camera().selfcheck((0.588, 0.588))
+        assert stranger is not None
+        assert stranger.compare(perfect(sensor.read())).picture_error_grey > 10, "a sensor with other LEDs"
+
+
+def perfect(frame: CameraFrame) -> TactileFrame:
+    """What a reconstruction without any error makes of a frame."""
+    truth = frame.truth
+    assert truth is not None
+    return TactileFrame(
+        camera_frame=frame,
+        difference=np.zeros((*truth.depth_mm.shape, 3), np.float32),
+        gradient_map=truth.gradient_map,
+        normal_map=normals(truth.gradient_map),
+        depth_mm=truth.depth_mm,
+        contact=Contact(mask=truth.contact, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
+    )
+
+
+def test_the_camera_keeps_no_judge_that_nobody_uses_any_more() -> None:
+    with camera() as sensor:
+        judge = sensor.selfcheck((0.588, 0.588))
+        gone = weakref.ref(judge)
+        del judge
+        gc.collect()
+        assert gone() is None
+
+
+def test_the_cylinder_presses_a_flat_round_end() -> None:
+    with camera() as sensor:
+        assert sensor.stage is not None
+        sensor.stage.press("CYLINDER", 0.5, 0.0, 0.0)
+        truth = sensor.read().truth
+        assert truth is not None
+        area_mm2 = truth.contact.sum() * 0.588**2
+        assert area_mm2 == pytest.approx(np.pi * 16, rel=0.06)
+        flat = truth.depth_mm[truth.contact & (np.hypot(*np.indices((48, 64)) - [[[23.5]], [[31.5]]]) < 4)]
+        assert np.ptp(flat) < 0.01
+        assert "CYLINDER" not in sensor.stage.objects

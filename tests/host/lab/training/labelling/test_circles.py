@@ -1,0 +1,149 @@
+"""Contact circles without clicks: found to a fraction of a pixel, or refused with the reason."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.frames.image_files import read_image
+from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling.circle import PressCircle, find_circles
+from gellight.lab.training.labelling.pattern import PressShape, free_response, profile, response, window
+from gellight.lab.training.labelling.plate import plate_grid
+from gellight.lab.training.presses import Ball
+from tests.helpers.derivatives import slope
+from tests.helpers.places import REAL_IMAGES
+
+SHAPE = (200, 260)
+BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
+LIGHTS = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
+"""(3, 2) grey levels per component of the normal: three lights 120 degrees apart"""
+DATA = REAL_IMAGES
+
+
+def reference() -> np.ndarray:
+    y, x = np.indices(SHAPE) / 200
+    return np.stack([110 + 20 * x, 120 - 15 * y, 115 + 10 * x * y], axis=2)
+
+
+def photograph(*places: tuple[float, float, float], noise: float = 1.0, strength: float = 1.0) -> np.ndarray:
+    """A picture of balls pressed at (x, y) with a contact radius, px."""
+    y, x = (axis.ravel().astype(float) for axis in np.indices(SHAPE))
+    colour = np.zeros((x.size, 3))
+    for place in places:
+        shape = PressShape(center_x=place[0], center_y=place[1], contact_radius=place[2], skirt_length=20.0)
+        colour += strength * response(x, y, shape, BALL.radius_px)[:, :3] @ np.vstack([LIGHTS.T, [-30, -20, -25]])
+    image = reference() + colour.reshape(*SHAPE, 3) + np.random.default_rng(0).normal(0, noise, (*SHAPE, 3))
+    return np.clip(np.round(image), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("place", [(130.3, 100.7, 24.0), (60.0, 140.2, 30.5), (200.9, 70.0, 16.0)])
+def test_the_circle_is_found_to_a_fraction_of_a_pixel(place: tuple[float, float, float]) -> None:
+    circle = find_circle(photograph(place), reference(), ball=BALL)
+    assert np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) < 0.3
+    assert circle.contact_radius_px == pytest.approx(place[2], abs=0.6)
+    assert circle.quality > 0.95
+
+
+def test_the_slope_is_that_of_the_ball_inside_and_the_depth_is_its_integral() -> None:
+    shape = PressShape(center_x=0, center_y=0, contact_radius=25.0)
+    r = np.linspace(0, 120, 2401)
+    slope, depth = profile(r, shape, 40.0)
+    np.testing.assert_allclose(slope[r < 25], r[r < 25] / np.sqrt(1600 - r[r < 25] ** 2))
+    np.testing.assert_allclose(-np.gradient(depth, r)[r != 25], slope[r != 25], atol=0.02)
+
+
+STEEP = PressShape(
+    center_x=131.2, center_y=99.4, contact_radius=30.0, step_share=0.7, step_length=3.0, skirt_length=80.0
+)
+
+
+@pytest.mark.parametrize("shape", [PressShape(center_x=129.3, center_y=101.4, contact_radius=20.0), STEEP])
+def test_the_jacobian_of_the_fit_is_that_of_finite_differences(shape: PressShape) -> None:
+    difference = photograph((130.3, 100.7, 24.0)) - reference()
+    residual = free_response(window(difference, (130, 100), 24.0, BALL.radius_px), BALL.radius_px)
+    at = shape.vector()
+    differences = [slope(lambda vector: residual.left(PressShape.of(vector)).T, at, one) for one in np.eye(len(at))]
+    np.testing.assert_allclose(residual.jacobian(shape), differences, atol=1e-6)
+
+
+REFUSED = {
+    "no press": (photograph(), "no press"),
+    "too faint": (photograph((130, 100, 24), strength=0.05), "no press"),
+    "too shallow": (photograph((130, 100, 5), strength=2), "too shallow"),
+    "off the image": (photograph((8, 100, 24)), "off the image"),
+    "several presses": (photograph((70, 100, 24), (190, 100, 24)), "several presses"),
+    "clipped": (photograph((130, 100, 24), strength=6), "clipped"),
+    "dark": (np.zeros((*SHAPE, 3), np.uint8), "dark"),
+    "another size": (np.zeros((100, 100, 3), np.uint8), "one camera setting"),
+}
+
+
+@pytest.mark.parametrize(("image", "reason"), REFUSED.values(), ids=REFUSED)
+def test_what_is_no_usable_press_is_refused_with_the_reason(image: np.ndarray, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        find_circle(image, reference(), ball=BALL)
+
+
+def test_several_balls_in_one_picture_are_each_found() -> None:
+    places = [(60.0, 55.0, 24.0), (190.0, 60.0, 22.0), (70.0, 150.0, 20.0), (200.0, 145.0, 26.0)]
+    found = list(find_circles(photograph(*places), reference(), ball=BALL))
+    circles = [one for one in found if isinstance(one, PressCircle)]
+    assert len(circles) == 4
+    for x, y, radius in places:
+        nearest = min(circles, key=lambda one: np.hypot(one.center_x_px - x, one.center_y_px - y))
+        assert np.hypot(nearest.center_x_px - x, nearest.center_y_px - y) < 1.0
+        assert nearest.contact_radius_px == pytest.approx(radius, abs=1.5)
+
+
+def test_a_turned_grid_of_balls_is_told_from_what_is_not_in_it() -> None:
+    turn = np.radians(7)
+    axes = 50 * np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    points = [100 + np.array([i, j]) @ axes for i in range(4) for j in range(3)] + [np.array([117.0, 128.0])]
+    circles = [
+        PressCircle(center_x_px=x, center_y_px=y, contact_radius_px=9, quality=0.9, contrast_grey=20) for x, y in points
+    ]
+    grid = plate_grid(circles, 54)
+    assert grid.pitch_px == pytest.approx(50, abs=1e-6)
+    assert grid.on_grid == (True,) * 12 + (False,)
+    with pytest.raises(InputError, match="in no grid of about 90 px"):
+        plate_grid(circles, 90)
+
+
+def test_an_object_that_is_no_ball_is_refused() -> None:
+    image = reference()
+    image[60:140, 120:124] += 60
+    image[60:64, 120:200] -= 60
+    with pytest.raises(InputError, match="no single ball"):
+        find_circle(image.astype(np.uint8), reference(), ball=BALL)
+
+
+@pytest.mark.real_images
+def test_on_a_real_sensor_every_press_is_found_where_a_hand_put_it() -> None:
+    folder = DATA / "gelsight_mini_ball"
+    ball, untouched = Ball(radius_mm=2.35, pixel_size_mm=0.05107), read_image(folder / "background.png")
+    apart = []
+    for line in (folder / "presses.csv").read_text().splitlines()[1:]:
+        name, x, y, _ = line.split(",")
+        circle = find_circle(read_image(folder / name), untouched, ball=ball)
+        apart.append(np.hypot(circle.center_x_px - float(x), circle.center_y_px - float(y)))
+    assert len(apart) == 33
+    assert np.median(apart) < 4
+    assert max(apart) < 9
+
+
+@pytest.mark.real_images
+@pytest.mark.parametrize(("sensor", "x", "y"), [(1, 243, 188), (2, 283, 173)])
+def test_it_is_found_under_white_light_too(sensor: int, x: float, y: float) -> None:
+    folder = DATA / f"ninedtact/sensor_{sensor}/depth_calibration"
+    image, untouched = (read_image(folder / f"rectify_crop_{name}.png") for name in ("sample", "ref"))
+    circle = find_circle(image, untouched, ball=Ball(radius_mm=4.0, pixel_size_mm=0.0505))
+    assert np.hypot(circle.center_x_px - x, circle.center_y_px - y) < 5
+
+
+def test_a_picture_read_from_a_file_has_its_colours_in_order(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), photograph((130, 100, 24))[..., ::-1])
+    circle = find_circle(read_image(tmp_path / "a.png"), reference(), ball=BALL)
+    assert circle.center_x_px == pytest.approx(130, abs=0.3)

@@ -1,0 +1,190 @@
+"""Labelled presses: the slopes of a ball, and everything that can be wrong with a label."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.lab.training.presses import (
+    Ball,
+    Press,
+    TableOptions,
+    build_table,
+    cap_depth_mm,
+    contact_circle,
+    images_of,
+    read_presses,
+    sphere_gradient,
+)
+
+SHAPE = (120, 160)
+BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
+HEADER = "image,center_x_px,center_y_px,contact_radius_px\n"
+
+
+def press(x: float = 80.0, y: float = 50.0, radius: float = 20.0, name: str = "a.png") -> Press:
+    return Press(image=Path(name), center_x_px=x, center_y_px=y, contact_radius_px=radius)
+
+
+def write_image(path: Path, value: int = 100, shape: tuple[int, int] = SHAPE) -> np.ndarray:
+    image = np.full((*shape, 3), value, np.uint8)
+    image[..., 0] += np.arange(shape[1], dtype=np.uint8) // 2
+    cv2.imwrite(str(path), image[..., ::-1])
+    return image
+
+
+def write_csv(folder: Path, *lines: str, header: str = HEADER) -> Path:
+    path = folder / "presses.csv"
+    path.write_text(header + "\n".join(lines) + "\n")
+    return path
+
+
+def test_the_ball_is_deepest_in_the_middle_and_its_rim_is_at_zero() -> None:
+    depth = cap_depth_mm(press(), BALL, SHAPE)
+    assert np.nanargmax(depth) == 50 * SHAPE[1] + 80
+    assert depth[50, 80] == pytest.approx(4.0 - np.sqrt(16 - 4), abs=1e-6)
+    assert depth[50, 100] == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan(depth[119, 0])
+
+
+def test_the_slopes_are_the_derivatives_of_the_depth() -> None:
+    depth = cap_depth_mm(press(), BALL, SHAPE).astype(np.float64)
+    gradient = sphere_gradient(press(), BALL, SHAPE)
+    inside = contact_circle(press(), SHAPE)
+    along_y, along_x = np.gradient(depth, BALL.pixel_size_mm)
+    np.testing.assert_allclose(gradient[inside, 0], along_x[inside], atol=1e-3)
+    np.testing.assert_allclose(gradient[inside, 1], along_y[inside], atol=1e-3)
+
+
+def test_left_of_the_middle_the_depth_grows_to_the_right() -> None:
+    gradient = sphere_gradient(press(), BALL, SHAPE)
+    assert gradient[50, 70, 0] > 0 > gradient[50, 90, 0]
+    assert gradient[40, 80, 1] > 0 > gradient[60, 80, 1]
+    np.testing.assert_array_equal(gradient[50, 80], 0)
+
+
+def test_the_contact_circle_has_the_area_of_a_circle() -> None:
+    assert contact_circle(press(80.3, 50.6), SHAPE).sum() == pytest.approx(np.pi * 400, rel=0.02)
+
+
+def test_good_presses_are_read(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        write_image(tmp_path / name)
+    path = write_csv(tmp_path, "a.png,80.5,50,20", "b.png,10,100,39.9")
+    first, second = read_presses(path, ball=BALL, image_shape=SHAPE)
+    assert (first.image, first.center_x_px, first.contact_radius_px) == (tmp_path / "a.png", 80.5, 20.0)
+    assert second.center_y_px == 100.0
+
+
+WRONG = {
+    "ball too small": ("a.png,80,50,40", "line 2: contact_radius_px is 40, but .* radius 4 mm is only 40.00 px"),
+    "no radius": ("a.png,80,50,0", "line 2: contact_radius_px is 0: give a radius greater than 0"),
+    "nan": ("a.png,nan,50,20", "line 2: center_x_px is 'nan': give a number"),
+    "text": ("a.png,80,middle,20", "line 2: center_y_px is 'middle'"),
+    "short line": ("a.png,80,50", "line 2: contact_radius_px is None"),
+    "outside": ("a.png,160,50,20", r"line 2: .*centre \(160, 50\) px is outside the image of 160 x 120 px"),
+    "above": ("a.png,80,-1,20", r"centre \(80, -1\) px is outside"),
+    "no image": ("c.png,80,50,20", "line 2: image .*c.png does not exist"),
+    "no name": (",80,50,20", "line 2: column image is empty"),
+    "twice": ("a.png,80,50,20\na.png,81,50,20", "line 3: image a.png is already in line 2"),
+    "broken image": ("broken.png,80,50,20", "line 2: .*broken.png is not an image"),
+    "other size": ("small.png,50,40,20", "line 2: image small.png is 100 x 80 px, the reference image is 160 x 120"),
+    "nothing": ("", "has no presses"),
+}
+
+
+@pytest.mark.parametrize(("lines", "message"), WRONG.values(), ids=WRONG)
+def test_a_wrong_label_is_named_with_its_line_and_value(lines: str, message: str, tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    write_image(tmp_path / "small.png", shape=(80, 100))
+    (tmp_path / "broken.png").write_bytes(b"no picture")
+    with pytest.raises(InputError, match=message):
+        read_presses(write_csv(tmp_path, lines), ball=BALL, image_shape=SHAPE)
+
+
+def test_a_file_without_the_columns_is_refused(tmp_path: Path) -> None:
+    path = write_csv(tmp_path, "a.png,1,2", header="image,center_x_px,radius\n")
+    with pytest.raises(InputError, match="has no column center_y_px, contact_radius_px"):
+        read_presses(path, ball=BALL, image_shape=SHAPE)
+    with pytest.raises(InputError, match="cannot be opened"):
+        read_presses(tmp_path / "none.csv", ball=BALL, image_shape=SHAPE)
+    path.write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(InputError, match="not a csv file"):
+        read_presses(path, ball=BALL, image_shape=SHAPE)
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_ball_has_a_size(radius: float) -> None:
+    with pytest.raises(InputError, match="radius_mm"):
+        Ball(radius_mm=radius, pixel_size_mm=0.1)
+
+
+def test_the_table_holds_colour_place_and_slope_of_the_same_pixel(tmp_path: Path) -> None:
+    image = write_image(tmp_path / "a.png")
+    reference = np.full((*SHAPE, 3), 90.25, np.float32)
+    only = Press(image=tmp_path / "a.png", center_x_px=80, center_y_px=50, contact_radius_px=20)
+    options = TableOptions(inset_px=2, flat_share=0.5, flat_distance=2.0)
+    table = build_table([only], reference, BALL, options)
+    x, y = table.rows[:, 3].astype(int), table.rows[:, 4].astype(int)
+    np.testing.assert_array_equal(table.rows[:, :3], image[y, x] - reference[y, x])
+    distance = np.hypot(x - 80, y - 50)
+    contact = distance < 18
+    np.testing.assert_array_equal(table.rows[contact, 5:], sphere_gradient(only, BALL, SHAPE)[y[contact], x[contact]])
+    assert (table.rows[~contact, 5:] == 0).all()
+    assert distance[~contact].min() > 40
+    assert contact.sum() == pytest.approx(np.pi * 18**2, rel=0.02)
+    assert (~contact).sum() == round(0.5 * contact.sum())
+    assert table.image_size == (160, 120)
+
+
+def test_each_row_knows_its_press(tmp_path: Path) -> None:
+    places = (("a.png", 40.0), ("b.png", 120.0))
+    presses = []
+    for name, x in places:
+        write_image(tmp_path / name)
+        presses.append(Press(image=tmp_path / name, center_x_px=x, center_y_px=60, contact_radius_px=15))
+    table = build_table(presses, np.zeros((*SHAPE, 3), np.float32), BALL, TableOptions(flat_share=0.0))
+    for number, (_, x) in enumerate(places):
+        assert np.abs(table.rows[table.image == number, 3] - x).max() < 15
+
+
+def test_a_circle_that_its_inset_swallows_is_refused(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    tiny = Press(image=tmp_path / "a.png", center_x_px=80, center_y_px=50, contact_radius_px=3)
+    with pytest.raises(InputError, match="no pixel is left of a contact circle of 3 px"):
+        build_table([tiny], np.zeros((*SHAPE, 3), np.float32), BALL, TableOptions(inset_px=3))
+
+
+def test_several_presses_of_one_image_are_learnt_from_and_divided_by_image(tmp_path: Path) -> None:
+    image = np.full((120, 160, 3), 100, np.uint8)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(tmp_path / name), image)
+    one, other, third = (
+        Press(image=tmp_path / name, center_x_px=x, center_y_px=60.0, contact_radius_px=15.0)
+        for name, x in (("a.png", 40.0), ("a.png", 110.0), ("b.png", 60.0))
+    )
+    np.testing.assert_array_equal(images_of([one, other, third]), [0, 0, 1])
+    np.testing.assert_array_equal(images_of([one, other]), [0, 1])  # of one picture alone, each by itself
+    ball = Ball(radius_mm=4, pixel_size_mm=0.1)
+    table = build_table([one, other, third], image.astype(np.float32), ball, TableOptions(flat_share=1.0))
+    assert set(table.image.tolist()) == {0, 1}
+    flat = (table.rows[:, 5:] == 0).all(axis=1) & (table.image == 0)
+    assert flat.sum() > 500
+    for press in (one, other):  # what is flat for one press is not in the contact of the other
+        away = np.hypot(table.rows[flat, 3] - press.center_x_px, table.rows[flat, 4] - press.center_y_px)
+        assert np.sort(away)[2] > 1.9 * 15  # but for the middles of the balls, which are level
+
+
+def test_the_rim_of_a_circle_that_a_hand_drew_weighs_less(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    write_image(tmp_path / "b.png")
+    path = write_csv(tmp_path, "a.png,80,50,30,", "b.png,80,50,30,0.97", header=HEADER.strip() + ",quality\n")
+    drawn, found = read_presses(path, ball=BALL, image_shape=SHAPE)
+    options = TableOptions(flat_share=0.0, inset_px=0.0, rim_share=0.25)
+    table = build_table([drawn, found], np.zeros((*SHAPE, 3), np.float32), BALL, options)
+    distance = np.hypot(table.rows[:, 3] - 80, table.rows[:, 4] - 50)
+    rims, inner = ([((table.image == i) & part).sum() for i in (0, 1)] for part in (distance > 27, distance <= 27))
+    assert inner[0] == inner[1]
+    assert rims[0] == pytest.approx(0.25 * rims[1], rel=0.2)

@@ -1,0 +1,100 @@
+"""What trains, with PyTorch and without it: the choice, the rehearsal, and the child that computes."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gellight.base.errors import InputError, TrainingError
+from gellight.lab.training import child, rehearsal, trainer
+from gellight.lab.training.rehearsal import check_trainer, rehearse
+from gellight.lab.training.trainer import checked_trainer
+from gellight.lab.training.training import TrainingOptions
+from gellight.sensor.findings import Level
+
+
+@pytest.fixture
+def without_torch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+
+
+@pytest.fixture(autouse=True)
+def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rehearsal, "_rehearsed", {})
+
+
+def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
+    assert TrainingOptions().trainer == "numpy"
+    with caplog.at_level("INFO", logger=trainer.__name__):
+        assert [checked_trainer("numpy"), checked_trainer("torch")] == ["numpy", "torch"]
+    assert "numpy trains the network" in caplog.text
+
+
+@pytest.mark.usefixtures("without_torch")
+def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
+    assert checked_trainer("numpy") == "numpy"
+    with pytest.raises(InputError, match=r'pip install "gellight\[torch\]"'):
+        checked_trainer("torch")
+
+
+@pytest.mark.parametrize("name", ["numpy", "torch"])
+def test_a_rehearsal_trains_for_real_and_names_what_trained(name: trainer.TrainerName) -> None:
+    library, version = rehearse(name).split()
+    assert library == name
+    assert version[0].isdigit()
+
+
+@pytest.mark.usefixtures("without_torch")
+def test_doctor_names_what_trains() -> None:
+    finding = check_trainer()
+    assert finding.level is Level.OK
+    assert finding.text.startswith("numpy ")
+
+
+@pytest.mark.parametrize(("library", "name"), [("torch", "torch"), ("onnx", "numpy")])
+def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
+    library: str, name: trainer.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that is installed and broken: what it depends on is missing. A broken torch leaves NumPy alone."""
+    (tmp_path / f"{library}.py").write_text("raise ImportError('libgomp.so.1 is missing')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(TrainingError, match=r"libgomp.so.1 is missing.*--trainer"):
+        rehearse(name)
+    finding = check_trainer()
+    assert finding.level is (Level.OK if library == "torch" else Level.WARNING)
+    assert ("libgomp.so.1 is missing" in finding.text) == ("--trainer" in finding.remedy) == (library == "onnx")
+
+
+def test_a_process_rehearses_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    monkeypatch.setattr(rehearsal, "_trained_by", lambda name, check: calls.append(name) or "numpy 1")
+    assert [rehearse("numpy"), rehearse("numpy")] == ["numpy 1"] * 2
+    assert calls == ["numpy"]
+
+
+def test_a_child_computes_with_as_many_threads_as_it_is_given() -> None:
+    script = "import json, os; print(json.dumps({'epoch': int(os.environ['OMP_NUM_THREADS']), 'epochs': 9, 'loss': 0}))"
+    seen: list[int] = []
+    child._run_child([sys.executable, "-c", script], lambda epoch, epochs, loss: seen.append(epoch), threads=3)
+    assert seen == [3]
+
+
+def test_a_child_that_says_nothing_can_be_stopped() -> None:
+    """An abort must not wait for the next epoch."""
+    children: list[int] = []
+
+    def stop() -> None:
+        if children:
+            raise KeyboardInterrupt
+
+    script = (
+        'import os, time; print(\'{"epoch": %d, "epochs": 9, "loss": 0}\' % os.getpid(), flush=True); time.sleep(99)'
+    )
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        child._run_child([sys.executable, "-c", script], lambda epoch, epochs, loss: children.append(epoch), check=stop)
+    assert time.monotonic() - begun < 60
+    with pytest.raises(ProcessLookupError):
+        os.kill(children[0], 0)
