@@ -94,7 +94,7 @@ class Bundle:
 
     @property
     def calibrated(self) -> bool:
-        """Whether it has a network; the one that stands in for a bundle of a new sensor has none."""
+        """Whether it has a network; the placeholder of a new sensor has none."""
         return bool(self.network)
 
     @cached_property

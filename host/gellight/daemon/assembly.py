@@ -5,7 +5,7 @@ from typing import get_args
 from gellight.base.errors import InputError
 from gellight.base.settings import GeometrySettings, ReconstructionSettings, Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
-from gellight.bundle.stand_in import stand_in
+from gellight.bundle.placeholder import placeholder
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon, Equipment
 from gellight.daemon.installing import SIMULATED, bundle_of
@@ -94,16 +94,16 @@ def chosen_bundle(settings: Settings) -> Bundle:
         bundle = bundle_of(camera, BundleStore(), default=SYNTHETIC if named is None else None)
         like_simulated = camera.bundle is not None or camera.ring is not None or camera.waits
         if named is None and bundle.manifest.sensor == SIMULATED and not like_simulated:
-            return stand_in(camera.image_shape)
+            return placeholder(camera.image_shape)
         return bundle
 
 
 def _of_simulated(geometry: GeometrySettings) -> Bundle:
-    """Return the bundle of the simulated sensor, or what stands in for it where its pictures have another size."""
+    """Return the bundle of the simulated sensor, or a placeholder where its pictures have another size."""
     bundle = load_bundle(SYNTHETIC)
     height, width = bundle.image_shape
     shape = geometry.image_height_px or height, geometry.image_width_px or width
-    return bundle if shape == bundle.image_shape else stand_in(shape)
+    return bundle if shape == bundle.image_shape else placeholder(shape)
 
 
 def path_for(bundle: Bundle, settings: Settings) -> FramePath:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.stand_in import stand_in
+from gellight.bundle.placeholder import placeholder
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.in_use import InUse, touch_of
 from gellight.daemon.setting import Setting
@@ -176,7 +176,7 @@ class Daemon:
                 "the bundle in use takes a view or fills marker dots already, and a calibration beside it keeps that: "
                 "choose neither, forget an interrupted calibration with others, or calibrate in the terminal"
             )
-        bundle = stand_in((steps.image_height_px, steps.image_width_px))
+        bundle = placeholder((steps.image_height_px, steps.image_width_px))
         before = self._in_use
         nothing = InUse(bundle=bundle, reconstructor=PicturePath(bundle), watch=None, selfcheck=None)
         self._change_pictures(camera, steps, nothing)

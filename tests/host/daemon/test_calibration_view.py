@@ -12,7 +12,7 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
-from gellight.bundle.stand_in import stand_in
+from gellight.bundle.placeholder import placeholder
 from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
@@ -79,7 +79,7 @@ class SeeingRoutine:
 @pytest.fixture(params=[True])
 def daemon(request: pytest.FixtureRequest) -> Iterator[Daemon]:
     camera: Any = SwitchedCamera(GelCamera(dots=request.param), lambda camera: camera)
-    with Daemon(camera, PicturePath(stand_in(SHAPE)), rebuild=Reconstructor) as daemon:
+    with Daemon(camera, PicturePath(placeholder(SHAPE)), rebuild=Reconstructor) as daemon:
         yield daemon
 
 

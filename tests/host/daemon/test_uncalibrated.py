@@ -11,7 +11,7 @@ import pytest
 
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.bundle.stand_in import stand_in
+from gellight.bundle.placeholder import placeholder
 from gellight.daemon import assembly
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
@@ -85,8 +85,8 @@ def test_a_v4l2_camera_with_lights_of_its_own_is_not_taken_for_the_simulated_sen
     assert "stay dark" not in caplog.text, "it has no LEDs that we could light"
 
 
-def test_what_stands_in_for_a_bundle_says_so(tmp_path: Path) -> None:
-    empty = stand_in((24, 32))
+def test_a_placeholder_says_that_it_is_not_calibrated(tmp_path: Path) -> None:
+    empty = placeholder((24, 32))
     assert not empty.calibrated
     assert empty.image_shape == empty.reference.shape[:2] == (24, 32)
     assert linear_bundle(tmp_path / "made").calibrated

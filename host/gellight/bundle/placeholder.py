@@ -1,4 +1,4 @@
-"""What stands in for the bundle of a sensor that was never calibrated: it can be shown and calibrated, not felt."""
+"""The placeholder for the bundle of a sensor that was never calibrated: it can be shown and calibrated, not felt."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.bundle.manifest import METRICS
 
 
-def stand_in(image_shape: tuple[int, int]) -> Bundle:
+def placeholder(image_shape: tuple[int, int]) -> Bundle:
     """Return a bundle for pictures (H, W) that has no network, in memory only; its reference image is black.
 
     The light is that of the simulated sensor's bundle, for a sensor with our ring. Nothing in it was measured: a pixel
