@@ -90,10 +90,9 @@ class GeometrySettings(StrictModel):
 class ReconstructionSettings(StrictModel):
     """How depth is computed."""
 
-    mode: Literal["network", "photometric", "hybrid"] = Field(
+    mode: Literal["network", "photometric"] = Field(
         default="network",
-        description="GelNet on every frame, photometric stereo on series of exposures, or GelNet with its error "
-        "measured by photometric stereo whenever the scene rests",
+        description="GelNet on every frame, or photometric stereo on series of exposures",
     )
     light_groups: Literal["triples", "singles"] = Field(
         default="triples",

@@ -55,7 +55,7 @@ class Running:
     ] = None
     tls_key: Annotated[str | None, typer.Option(help="Private key of --tls-cert (PEM).", show_default="none")] = None
     mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network, photometric or hybrid.", show_default="network")
+        str | None, typer.Option(help="How slopes are found: network or photometric.", show_default="network")
     ] = None
     sequence: Annotated[
         str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")

@@ -6,7 +6,7 @@ frame_threads.py        the threads that capture and reconstruct; the daemon's c
 setting.py              how a sensor is set and lit, and how to set it the same again
 assembly.py             puts a daemon together as the settings say
 switched_camera.py      what stands in front of the sensor, replaced when the mode changes
-modes.py                network, photometric or hybrid
+modes.py                network or photometric
 realtime.py             camera and reconstruction before all other programs
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard

@@ -112,7 +112,7 @@ class Daemon:
 
     @property
     def mode(self) -> str:
-        """How slopes are found: network, photometric or hybrid."""
+        """How slopes are found: network or photometric."""
         return str(self._in_use.reconstructor.status()["mode"])
 
     @property
@@ -265,7 +265,7 @@ class Daemon:
             self._set(Setting(controls={}, colours=self.bundle.colours if colours is None else colours))
 
     def change_mode(self, mode: str) -> None:
-        """Go on in another mode: network, photometric or hybrid. The sensor is lit as the bundle says, or as it needs.
+        """Go on in another mode: network or photometric. The sensor is lit as the bundle says, or as it needs.
 
         Raises InputError while a calibration goes on, for an unknown mode, and for a sensor whose mode is fixed;
         BundleError, CameraError or BoardError where the mode cannot be. Then it goes on as before.

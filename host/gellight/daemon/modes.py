@@ -11,7 +11,6 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, timing_of
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens
 from gellight.reconstruction.photometric.channel_path import ChannelPath, has_channels, read_directions
-from gellight.reconstruction.photometric.hybrid import HybridReconstructor
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.lights_file import read_lights
 from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
@@ -21,16 +20,13 @@ from gellight.reconstruction.sequence_path import SequencePath
 from gellight.sensor.lighting.lock import settle_s
 from gellight.sensor.lighting.sequence_choice import chosen_groups
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera, clock_error_s
-from gellight.sensor.series_cameras import EXPOSURE, RestingCamera, SeriesCamera
+from gellight.sensor.series_cameras import EXPOSURE, SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
 
 BRIGHT_GREY = 225.0
 """of the brightest pixel of the untouched gel under one light group"""
 LONGEST_US = 30_000.0
 """a camera of 30 frames a second cannot expose longer without becoming slower"""
-UNRAISED_FRAMES = 8
-"""frames of each light group in hybrid mode where the exposure cannot be raised: single LEDs are dim"""
-
 
 NO_SEQUENCE = LightingSettings()
 KINDS = {"rgb": LightGroups.TRIPLES, "single": LightGroups.SINGLES}
@@ -56,10 +52,8 @@ def frame_path(
             "mode, or the bundle without its lens"
         )
     model, kind = read_lights(bundle), _kind(settings, lighting)
-    slides = settings.mode == "photometric" and lighting.light_mode != "hold"
-    path = WindowReconstructor if slides else PhotometricReconstructor
-    stereo = path(bundle, model, kind, smoothing_px=settings.smoothing_px)
-    return stereo if settings.mode == "photometric" else HybridReconstructor(network, stereo)
+    path = PhotometricReconstructor if lighting.light_mode == "hold" else WindowReconstructor
+    return path(bundle, model, kind, smoothing_px=settings.smoothing_px)
 
 
 def channel_path(bundle: Bundle, settings: ReconstructionSettings, lighting: LightingSettings) -> ChannelPath:
@@ -67,9 +61,11 @@ def channel_path(bundle: Bundle, settings: ReconstructionSettings, lighting: Lig
 
     Raises BundleError where the bundle does not tell its groups, ConfigError where mode or light do not go with it.
     """
-    if settings.mode == "hybrid" or lighting.sequence:
-        wrong = f"--sequence {lighting.sequence}" if lighting.sequence else "--mode hybrid"
-        raise ConfigError(f"{bundle.source} has a light sequence of its own, {wrong} does not go with it: leave it out")
+    if lighting.sequence:
+        raise ConfigError(
+            f"{bundle.source} has a light sequence of its own, --sequence {lighting.sequence} does not go with it: "
+            "leave it out"
+        )
     return ChannelPath(bundle, settings.mode, threads=settings.threads, smoothing_px=settings.smoothing_px)
 
 
@@ -84,10 +80,10 @@ def _kind(settings: ReconstructionSettings, lighting: LightingSettings) -> Light
     """Return the light groups of photometric stereo; ConfigError for a sequence that it cannot use."""
     if not lighting.sequence:
         return LightGroups(settings.light_groups)
-    if settings.mode == "hybrid" or lighting.sequence not in KINDS:
+    if lighting.sequence not in KINDS:
         raise ConfigError(
             f"--sequence {lighting.sequence} does not go with --mode {settings.mode}: photometric mode takes rgb or "
-            "single, hybrid mode none, network mode any"
+            "single, network mode any"
         )
     return KINDS[lighting.sequence]
 
@@ -111,20 +107,11 @@ def tactile_camera(
     if mode == "network":
         return SequencedCamera(camera, groups_of(bundle, lighting), mode=light_mode) if lighting.sequence else camera
     model, kind = read_lights(bundle), _kind(settings, lighting)
-    if mode == "photometric" and light_mode is not LightMode.HOLD:
-        return _window_camera(camera, model, model.groups(kind), light_mode)
-    groups, exposure = model.groups(kind), bright_exposure_us(camera, model)
-    frames = settings.frames_per_light
-    if mode == "photometric":
-        return SeriesCamera(camera, groups, exposure_us=exposure, frames=frames)
-    return RestingCamera(
-        camera,
-        groups,
-        exposure_us=exposure,
-        frames=frames if exposure else max(frames, UNRAISED_FRAMES),
-        untouched=bundle.reference,
-        noise_grey=bundle.manifest.noise_grey,
-    )
+    groups = model.groups(kind)
+    if light_mode is not LightMode.HOLD:
+        return _window_camera(camera, model, groups, light_mode)
+    exposure = bright_exposure_us(camera, model)
+    return SeriesCamera(camera, groups, exposure_us=exposure, frames=settings.frames_per_light)
 
 
 def _window_camera(camera: Camera, model: LightModel, groups: NDArray[np.uint8], light_mode: LightMode) -> Camera:

@@ -38,7 +38,7 @@ class Light(StrictModel):
 
 
 class Mode(StrictModel):
-    """Go on in another mode: network, photometric or hybrid."""
+    """Go on in another mode: network or photometric."""
 
     type: Literal["mode"] = "mode"
     mode: str

@@ -101,7 +101,7 @@ class FrameSource(ABC):
 
     @abstractmethod
     def mode(self, mode: str) -> None:
-        """Go on in another mode: network, photometric or hybrid; InputError where that cannot be."""
+        """Go on in another mode: network or photometric; InputError where that cannot be."""
 
     @abstractmethod
     def zero(self) -> None:

@@ -14,7 +14,7 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
-from gellight.sensor.series_cameras import RestingCamera, RingCamera, SeriesCamera
+from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import RING
@@ -28,11 +28,7 @@ WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
     ),
     PreparedCamera: lambda camera: PreparedCamera(camera, PictureSteps(image_width_px=48, image_height_px=32)),
     SwitchedCamera: lambda camera: SwitchedCamera(camera, lambda sensor: sensor),
-    RingCamera: lambda camera: RingCamera(camera, GROUPS, exposure_us=None, frames=1),
     SeriesCamera: lambda camera: SeriesCamera(camera, GROUPS, exposure_us=None, frames=1),
-    RestingCamera: lambda camera: RestingCamera(
-        camera, GROUPS, exposure_us=None, frames=1, untouched=np.zeros((32, 48, 3), np.float32), noise_grey=1.0
-    ),
 }
 ITS_OWN = {
     "read": set(WRAPPERS),

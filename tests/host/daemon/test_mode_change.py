@@ -44,7 +44,7 @@ def test_another_program_changes_the_mode_and_the_frames_go_on(running: Daemon) 
             measured = frames.next_frame()
         assert measured.camera_frame.sequence > before.camera_frame.sequence
         assert measured.contact.indentation_mm == pytest.approx(1.0, abs=0.02)
-        with pytest.raises(InputError, match="no mode 'magic': choose one of network, photometric, hybrid"):
+        with pytest.raises(InputError, match="no mode 'magic': choose one of network, photometric"):
             frames.mode("magic")
         frames.mode("network")
         after = frames.next_frame()

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from gellight.base.errors import GellightError
-from gellight.base.settings import ReconstructionSettings, SensorSettings, Settings
+from gellight.base.settings import ReconstructionSettings, Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.daemon.assembly import open_session, reconstructor_for
+from gellight.daemon.assembly import reconstructor_for
 from gellight.lab.evaluation.simulated_presses import Bench, object_presses
 from gellight.lab.simulator.scene import Press
 from tests.helpers.children import gellight
@@ -29,25 +29,6 @@ def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
     assert status["indentation_mm"] == pytest.approx(1.0, abs=0.02)
 
 
-def test_the_hybrid_stream_measures_its_own_error() -> None:
-    settings = Settings(sensor=SensorSettings(url=HELD), reconstruction=ReconstructionSettings(mode="hybrid"))
-    with open_session(settings) as daemon:
-        sequence, status = -1, daemon.status()
-        for _ in range(300):
-            frame = daemon.wait_frame(sequence, 30)
-            sequence, status = frame.camera_frame.sequence, daemon.status()
-            if status["network_error"]:
-                break
-        result = daemon.check(frame)
-    assert status["mode"] == "hybrid"
-    error = status["network_error"]
-    assert isinstance(error, dict)
-    assert result is not None
-    assert error["normal_deg"] == pytest.approx(result.contact_normal_error_deg, rel=0.4)
-    assert error["contact_px"] > 1000
-    assert frame.exposures is not None, "the frame of the series carries its report"
-
-
 def test_a_camera_without_a_ring_says_how_to_go_on() -> None:
     run = gellight("demo", "--mode", "photometric", "--frames", "1", "--sensor", "sim://?board=0")
     assert run.returncode == 2
@@ -59,7 +40,7 @@ def test_a_camera_without_a_ring_says_how_to_go_on() -> None:
 def test_an_unknown_mode_lists_the_modes() -> None:
     run = gellight("demo", "--mode", "magic", "--frames", "1")
     assert run.returncode == 2
-    assert "network, photometric, hybrid" in run.stderr
+    assert "network, photometric" in run.stderr
 
 
 def test_an_existing_bundle_is_not_overwritten(tmp_path) -> None:

@@ -98,10 +98,6 @@ def test_the_header_names_the_bundle_and_its_verified_error(opened: Open, source
 def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: FormulaSource) -> None:
     page = opened()
     expect(page.get_by_test_id("mode")).to_be_empty()
-    source.figures |= {"mode": "hybrid", "network_error": None}
-    expect(page.get_by_test_id("mode")).to_have_text("hybrid")
-    source.figures["network_error"] = {"normal_deg": 0.441, "depth_mm": 0.006, "measured_s_ago": 3.1}
-    expect(page.get_by_test_id("mode")).to_have_text("GelNet 0.44° off 3 s ago")
     source.figures |= {"mode": "photometric", "exposures": {"exposures": 4, "moved": False}}
     expect(page.get_by_test_id("mode")).to_have_text("photometric, 4 exposures")
     source.figures["exposures"] = {"exposures": 4, "moved": True}

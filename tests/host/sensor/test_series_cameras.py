@@ -15,11 +15,11 @@ from gellight.bundle.bundle import load_bundle
 from gellight.daemon import modes
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
 from gellight.frames.camera import Camera, ReconnectingError, timing_of
-from gellight.frames.frames import CameraFrame, ExposureSeries
+from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, clock_error_s
-from gellight.sensor.series_cameras import RestingCamera, SeriesCamera
+from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import GROUPS, RING, Gel
@@ -72,22 +72,6 @@ class FakeCamera(Camera):
 
     def close(self) -> None:
         self.closed = True
-
-
-def resting(camera: FakeCamera, **changes: Any) -> RestingCamera:
-    options: dict[str, Any] = {"exposure_us": 24000.0, "frames": 1, "noise_grey": 1.0}
-    untouched = np.full((*camera.image_shape, 3), 50, np.float32)
-    return RestingCamera(camera, TRIPLES, untouched=untouched, **{**options, **changes})
-
-
-def until_series(camera: RestingCamera, limit: int = 40) -> tuple[list[CameraFrame], ExposureSeries]:
-    frames = []
-    for _ in range(limit):
-        frame = camera.read()
-        if isinstance(frame, ExposureSeries):
-            return frames, frame
-        frames.append(frame)
-    raise AssertionError(f"no series in {limit} frames")
 
 
 @pytest.mark.parametrize("kind", LightGroups)
@@ -215,43 +199,6 @@ def test_without_a_ring_the_remedy_is_told() -> None:
         SeriesCamera(FakeCamera(ring=False), TRIPLES, exposure_us=None, frames=1)
 
 
-def test_a_series_is_taken_when_a_touched_scene_rests_and_the_stream_goes_on_after_it() -> None:
-    inner = FakeCamera()
-    assert isinstance(inner.ring, ScriptedRing)
-    assert isinstance(inner.controls, FakeControls)
-    inner.touched = 40
-    with resting(inner) as camera:
-        before, series = until_series(camera)
-        assert inner.ring.still is not None
-        assert inner.ring.still.tolist() == RING.colours.tolist(), "the ring is whole again"
-        after = camera.read()
-    assert [frame.sequence for frame in before] == list(range(1, len(before) + 1))
-    assert (series.sequence, after.sequence) == (len(before) + 1, len(before) + 2)
-    assert series.opening.image.shape == series.closing.image.shape
-    assert inner.controls.was_set == [24000.0, 8000.0]
-    assert series.exposure_us == 24000.0
-
-
-def test_no_series_is_taken_of_an_untouched_gel_or_of_one_that_moves(monkeypatch: pytest.MonkeyPatch) -> None:
-    with resting(FakeCamera()) as camera:
-        assert not any(isinstance(camera.read(), ExposureSeries) for _ in range(60))
-    inner = FakeCamera()
-    with resting(inner) as camera:
-        for step in range(60):
-            inner.touched = 20 + 3 * (step // 5)
-            assert not isinstance(camera.read(), ExposureSeries)
-
-
-def test_series_do_not_follow_on_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    inner = FakeCamera()
-    inner.touched = 40
-    with resting(inner) as camera:
-        until_series(camera)
-        assert not any(isinstance(camera.read(), ExposureSeries) for _ in range(60))
-        camera._due_s = 0.0
-        until_series(camera)
-
-
 def test_the_exposure_is_as_bright_as_the_camera_can_show_and_no_longer_than_a_frame() -> None:
     model = replace(Gel(noise_grey=0).model(1), brightest_grey=75.0)
     assert bright_exposure_us(FakeCamera(), model) == 24000.0
@@ -267,7 +214,7 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
     assert frame_path(bundle, settings, network) is network  # type: ignore[arg-type]
     assert tactile_camera(inner, bundle, settings) is inner
     with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
-        frame_path(bundle, ReconstructionSettings(mode="hybrid"), network)  # type: ignore[arg-type]
+        frame_path(bundle, ReconstructionSettings(mode="photometric"), network)  # type: ignore[arg-type]
     with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
         tactile_camera(inner, bundle, ReconstructionSettings(mode="photometric"))
 
@@ -276,8 +223,6 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
     ("mode", "lighting", "said"),
     [
         ("network", {"light_mode": "free"}, "--light-mode free moves a sequence on"),
-        ("hybrid", {"light_mode": "ext"}, "--light-mode ext moves a sequence on"),
-        ("hybrid", {"sequence": "rgb"}, "--sequence rgb does not go with --mode hybrid"),
         ("photometric", {"sequence": "lights.json"}, "does not go with --mode photometric: photometric mode takes rgb"),
     ],
 )

@@ -58,12 +58,11 @@ function bundleText(calibration) {
 }
 
 /** How slopes are found, and what the last series of exposures said. */
-function modeOf({ mode, exposures, network_error: error }) {
+function modeOf({ mode, exposures }) {
   if (mode === "photometric") {
     if (!exposures) return mode;
     return `${mode}, ${exposures.exposures} exposures${exposures.moved ? ", scene moved" : ""}`;
   }
-  if (mode === "hybrid") return error ? `GelNet ${fixed(error.normal_deg, 2)}° off ${fixed(error.measured_s_ago, 0)} s ago` : mode;
   return "";
 }
 

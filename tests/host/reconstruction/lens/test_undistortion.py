@@ -179,7 +179,7 @@ def test_a_lens_of_another_picture_size_is_refused(tmp_path: Path) -> None:
 def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Bundle, tmp_path: Path) -> None:
     bundle = load_bundle(with_lens(plain, tmp_path / "lens", BARREL).source)
     with pytest.raises(BundleError, match=r"has lens.json.*use network mode"):
-        frame_path(bundle, ReconstructionSettings(mode="hybrid"), Reconstructor(bundle))
+        frame_path(bundle, ReconstructionSettings(mode="photometric"), Reconstructor(bundle))
 
 
 def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:

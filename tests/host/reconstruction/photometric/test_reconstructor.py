@@ -10,11 +10,9 @@ from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.photometric.hybrid import HybridReconstructor, network_error
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.reconstruction.photometric.reconstructor import STAGES, PhotometricReconstructor
 from gellight.reconstruction.photometric.solver import LEAST_LIGHTS
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
 
@@ -194,42 +192,6 @@ def test_the_status_tells_of_the_last_series(gel: Gel, paths: dict[LightGroups, 
     status = path.status()
     assert status["mode"] == "photometric"
     assert status["exposures"]["exposures"] == 12  # type: ignore[index]
-
-
-def test_hybrid_measures_the_network_by_the_light_when_the_scene_rests(
-    gel: Gel, bundle: Bundle, paths: dict[LightGroups, PhotometricReconstructor]
-) -> None:
-    stereo = paths[LightGroups.TRIPLES]
-    hybrid = HybridReconstructor(Reconstructor(bundle), stereo)
-    assert hybrid.status()["network_error"] is None
-    whole = replace(gel.series(LightGroups.TRIPLES, BALL).opening, image=gel.picture(BALL, RING.colours))
-    felt = hybrid.reconstruct(whole)
-    assert felt.exposures is None
-    gel.expose(3.0)
-    rest = replace(gel.series(LightGroups.TRIPLES, BALL), opening=whole, closing=whole)
-    gel.expose(1.0)
-    felt = hybrid.reconstruct(rest)
-    assert felt.exposures is not None
-    status = hybrid.status()
-    assert status["measurements"] == 1
-    # The network of this test knows nothing of this sensor, so its error is large, and the light says how large.
-    where = stereo.reconstruct(rest).contact.mask
-    _, surface = gel.scene.show(BALL)
-    true = angle_deg(felt.normal_map[where], normals(surface.gradient_map)[where]).mean()
-    assert status["network_error"]["normal_deg"] == pytest.approx(true, rel=0.02)  # type: ignore[index]
-    moved = replace(rest, closing=replace(whole, image=gel.picture(replace(BALL, depth_mm=0.8), RING.colours)))
-    hybrid.reconstruct(moved)
-    assert hybrid.status()["spoilt_by_motion"] == 1
-    assert hybrid.status()["measurements"] == 1
-
-
-def test_two_equal_frames_have_no_error_and_an_untouched_gel_no_contact(
-    gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]
-) -> None:
-    felt = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, BALL))
-    assert network_error(felt, felt).normal_deg == 0
-    untouched = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, None))
-    assert network_error(felt, untouched).contact_px == 0
 
 
 def test_lights_of_another_size_are_refused(gel: Gel, bundle: Bundle) -> None:
