@@ -23,7 +23,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 TESTS = Path(__file__).parent
 LONGEST = (
-    "vm", "test_first_hour.py", "firmware/test_mutants.py", "host/cli/test_signals.py", "host/soak/test_soak.py",
+    "vm", "test_first_hour.py", "firmware/test_mutants.py", "host/cli/test_signals.py", "soak/test_soak.py",
     "host/cli/test_calibrate.py", "host/cli/test_several_sensors.py", "firmware/test_fuzz.py",
     "host/lab/calibration/test_routine.py", "host/dashboard/test_page_layout.py", "host/dashboard/test_page.py",
     "host/sensor/lighting/test_sequenced.py", "host/lab/calibration/lights/test_channel_fit.py",

@@ -25,7 +25,7 @@ RUN = (
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(f"lab.{name}" for name in ("report", "emulator", "simulator", "training", "design", "calibration"))
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
-ABOVE = ("lab.evaluation", "soak", "cli")
+ABOVE = ("lab.evaluation", "cli")
 """what stands above both halves"""
 ROOMS = (*RUN[: RUN.index("opening") + 1], *LAB, *RUN[RUN.index("opening") + 1 :], *ABOVE)
 LAB_DOORS = {
@@ -250,6 +250,6 @@ def test_no_test_imports_another_test_file() -> None:
 
 
 def test_helpers_lie_apart_from_the_tests() -> None:
-    apart = {"helpers", "benchmarks", "inside", "machine"}
+    apart = {"helpers", "benchmarks", "soak", "inside", "machine"}
     beside = [path for path in TESTS.glob("*/**/*.py") if not apart & set(path.relative_to(TESTS).parts)]
     assert [path for path in beside if not path.name.startswith("test_") and path.name != "conftest.py"] == []

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import pytest
 
 from gellight.sensor.v4l2.kernel import Kernel
-from gellight.soak.kernel import CameraDevice as FakeCamera
-from gellight.soak.kernel import DeviceControl as FakeControl
-from gellight.soak.kernel import DeviceMemory, SimulatedKernel, refuse
+from tests.helpers.simulated_kernel import CameraDevice as FakeCamera
+from tests.helpers.simulated_kernel import DeviceControl as FakeControl
+from tests.helpers.simulated_kernel import DeviceMemory, SimulatedKernel, refuse
 
 __all__ = ["FakeCamera", "FakeControl", "FakeKernel", "refuse"]
 

@@ -11,9 +11,9 @@ from gellight.base.errors import BoardError
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.sensor_camera import SensorCamera, open_sensor
-from gellight.soak.usb_tree import UsbTree
 from tests.helpers.fake_kernel import FakeCamera, FakeKernel
 from tests.helpers.linear_sensor import linear_network
+from tests.helpers.usb_tree import UsbTree
 
 BOARD = "E660C06213842F2A"
 

@@ -7,7 +7,7 @@ import pytest
 from gellight.base.errors import CameraError
 from gellight.sensor.discovery import Discovery, discover
 from gellight.sensor.v4l2.errors import UnpluggedError
-from gellight.soak.usb_tree import UsbTree
+from tests.helpers.usb_tree import UsbTree
 
 WEBCAM = (0x046D, 0x0825)
 

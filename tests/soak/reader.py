@@ -1,6 +1,6 @@
-"""A program that receives frames, to be killed and frozen: `python -m gellight.soak.reader NAME`.
+"""A program that receives frames, to be killed and frozen; its argument is the name of a sensor.
 
-It prints a line for every hundred frames, and one for each frame that is not newer than the one before.
+It prints a line for every `EVERY` frames, and one for each frame that is not newer than the one before.
 """
 
 import sys

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.soak.hardware import Exposure, gel
-from gellight.soak.judging import Invariant, Judge
-from gellight.soak.marks import marked, read_number
-from gellight.soak.resources import Holdings, handle_growth, memory_growth_mb
+from tests.soak.hardware import Exposure, gel
+from tests.soak.judging import Invariant, Judge
+from tests.soak.marks import marked, read_number
+from tests.soak.resources import Holdings, handle_growth, memory_growth_mb
 
 SHAPE = (96, 128)
 GROUPS = np.zeros((2, 12, 3), np.uint8)

@@ -26,10 +26,10 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import Transport, open_transport
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
-from gellight.soak.kernel import CameraDevice, SimulatedKernel
-from gellight.soak.marks import BLOCK_PX, marked
-from gellight.soak.resources import WORKSHOP
-from gellight.soak.usb_tree import UsbTree
+from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
+from tests.helpers.usb_tree import UsbTree
+from tests.soak.marks import BLOCK_PX, marked
+from tests.soak.resources import WORKSHOP
 
 logger = logging.getLogger(__name__)
 SERIAL = "SOAK0001"

@@ -19,12 +19,12 @@ from gellight.recording.recording_file import Recording
 from gellight.ring.light_groups import colour_triples
 from gellight.sensor.lighting.sequenced import SequencedCamera
 from gellight.sensor.sensor_camera import open_sensor
-from gellight.soak.hardware import SERIAL, SoakSensor
-from gellight.soak.judging import Invariant, Judge
-from gellight.soak.marks import read_number
 from gellight.stream.publisher import Publisher
 from gellight.stream.recorder import Recorder
 from gellight.watch.monitor import SensorWatch
+from tests.soak.hardware import SERIAL, SoakSensor
+from tests.soak.judging import Invariant, Judge
+from tests.soak.marks import read_number
 
 KEPT_FRAMES = 64
 POLL_S = 0.2
@@ -40,7 +40,7 @@ class Reader:
         self.frames = 0
         self._judge = judge
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "gellight.soak.reader", name], stdout=subprocess.PIPE, text=True
+            [sys.executable, Path(__file__).with_name("reader.py"), name], stdout=subprocess.PIPE, text=True
         )
         self._listener = threading.Thread(target=self._listen, name="reader", daemon=True)
         self._listener.start()

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, LightState
-from gellight.soak.hardware import Exposure, SoakSensor
-from gellight.soak.marks import read_number
+from tests.soak.hardware import Exposure, SoakSensor
+from tests.soak.marks import read_number
 
 logger = logging.getLogger(__name__)
 TICK_S = 0.02

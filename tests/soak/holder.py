@@ -1,4 +1,4 @@
-"""A program that lights a board, to be killed: `python -m gellight.soak.holder PORT`."""
+"""A program that lights a board, to be killed; its argument is the port."""
 
 import sys
 import time

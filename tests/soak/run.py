@@ -24,11 +24,11 @@ from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.recording.recording_file import CHUNK_BYTES
-from gellight.soak.faults import FaultKind, PlannedFault, plan
-from gellight.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
-from gellight.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
-from gellight.soak.resources import Holdings, handle_growth, memory_growth_mb
-from gellight.soak.shift import Shift
+from tests.soak.faults import FaultKind, PlannedFault, plan
+from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
+from tests.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
+from tests.soak.resources import Holdings, handle_growth, memory_growth_mb
+from tests.soak.shift import Shift
 
 logger = logging.getLogger(__name__)
 SHAPE = (96, 128)
@@ -297,7 +297,7 @@ class Soak:
         board = SimulatedBoard(pty=True)
         try:
             with subprocess.Popen(
-                [sys.executable, "-m", "gellight.soak.holder", board.path], stdout=subprocess.PIPE, text=True
+                [sys.executable, Path(__file__).with_name("holder.py"), board.path], stdout=subprocess.PIPE, text=True
             ) as holder:
                 if not (holder.stdout and holder.stdout.readline().strip() == "lit"):
                     self.judge.broken(Invariant.RUNNING, "a program could not light its board")

@@ -14,10 +14,10 @@ from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Connection
 from gellight.sensor.sensor_camera import SensorCamera
 from gellight.sensor.v4l2 import video_camera
-from gellight.soak import shift
-from gellight.soak.faults import FaultKind, PlannedFault, plan
-from gellight.soak.judging import Invariant
-from gellight.soak.run import RECOVERY_S, Report, Soak, soak
+from tests.soak import shift
+from tests.soak.faults import FaultKind, PlannedFault, plan
+from tests.soak.judging import Invariant
+from tests.soak.run import RECOVERY_S, Report, Soak, soak
 
 SEED = 2026
 HOURS = 0.4
@@ -88,7 +88,7 @@ def test_a_daemon_that_ends_is_noticed(tmp_path: Path, monkeypatch: pytest.Monke
         raise RuntimeError("planted")
 
     monkeypatch.setattr(SensorCamera, "_return", fail)
-    monkeypatch.setattr("gellight.soak.run.GIVE_UP_S", 2 * RECOVERY_S)  # it never comes back
+    monkeypatch.setattr("tests.soak.run.GIVE_UP_S", 2 * RECOVERY_S)  # it never comes back
     assert {Invariant.RUNNING, Invariant.RECOVERY} <= broken(suffer(tmp_path, FaultKind.UNPLUGGED))
 
 
@@ -119,7 +119,7 @@ def test_handles_that_stay_open_are_noticed(tmp_path: Path, monkeypatch: pytest.
         return enter(opened)
 
     monkeypatch.setattr(shift.Shift, "__enter__", leak)
-    monkeypatch.setattr("gellight.soak.run.FAULTS_A_SHIFT", 1)
+    monkeypatch.setattr("tests.soak.run.FAULTS_A_SHIFT", 1)
     assert broken(suffer(tmp_path, *[FaultKind.WALL_CLOCK] * 4)) == {Invariant.HANDLES}
     for handle in kept:
         handle.close()

@@ -1,0 +1,51 @@
+"""`python -m tests.soak`: hours of faults on a simulated sensor, with every check that what it gives is right.
+
+run.py         the soak: faults, recoveries, the report
+faults.py      what goes wrong, drawn from a seed
+hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, an emulated board; marks.py: its pictures
+shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
+judging.py     what has to hold; resources.py: memory and handles
+"""
+
+import argparse
+import json
+import logging
+import sys
+from dataclasses import asdict
+from functools import partial
+
+from gellight.base.errors import InputError
+from tests.soak.run import Report, soak
+
+
+def main() -> int:
+    """Run a simulated sensor through the faults of a seed; return 1 where something did not hold."""
+    parser = argparse.ArgumentParser("python -m tests.soak", description="Quiet time between faults is cut short.")
+    parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
+    parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
+    parser.add_argument("--json", action="store_true", help="print all that was found")
+    options = parser.parse_args()
+    logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
+    try:
+        report = soak(options.faults, options.hours, partial(print, file=sys.stderr, flush=True))
+    except InputError as error:
+        parser.error(str(error))
+    print(json.dumps(asdict(report), indent=2) if options.json else table(report))
+    return 0 if report.passed else 1
+
+
+def table(report: Report) -> str:
+    """Return what was found as lines for people."""
+    lines = [
+        f"{report.simulated_s / 3600:.2f} simulated hours in {report.wall_s / 60:.1f} min, seed {report.seed}: "
+        f"{report.frames} frames, {report.labels} light labels judged ({report.unjudged_labels} not: emulator late)",
+        f"memory: {report.memory_growth_mb:+.1f} MB from the third to the last quarter",
+        f"{'fault':20}{'count':>6}{'worst recovery':>17}",
+    ]
+    lines += [f"{kind:20}{one.count:6d}{one.worst_recovery_s:15.2f} s" for kind, one in sorted(report.faults.items())]
+    lines += [f"broken after {one.at_s:.1f} s: {one.invariant}: {one.text}" for one in report.violations]
+    return "\n".join([*lines, "everything held" if report.passed else f"{len(report.violations)} violations"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
