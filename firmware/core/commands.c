@@ -1,7 +1,10 @@
 #include "commands.h"
 
 #include "bytes.h"
+#include "events.h"
+#include "lights.h"
 #include "version.h"
+#include "watches.h"
 
 typedef enum status handler(struct call *call);
 
@@ -63,36 +66,14 @@ enum status handle_set_limits(struct call *call)
         return STATUS_OUT_OF_RANGE;
     controller->limits.limit_ma = request->limit_ma;
     controller->limits.policy = request->policy;
-    if (controller_above_limit(controller))
-        controller_go_dark(controller, DARK_COMMAND);
+    if (lights_above_limit(controller))
+        lights_go_dark(controller, DARK_COMMAND);
     return STATUS_OK;
-}
-
-void controller_status(const struct controller *controller, struct status_reply *status)
-{
-    const struct port *port = controller->port;
-    *status = (struct status_reply){
-        .time_us = port->micros(port->context),
-        .light_id = controller->shown_id,
-        .config_saves = controller->config.saves,
-        .current_ma = controller->shown_ma,
-        .limit_ma = controller->limits.limit_ma,
-        .temperature = port->temperature(port->context),
-        .repetition = controller->shown.repetition,
-        .loop = controller->shown.loop,
-        .events_dropped = (uint16_t)controller->counters.events_dropped,
-        .state = controller->sequencer.running ? STATE_RUNNING : STATE_STILL,
-        .dark = controller->dark,
-        .policy = controller->limits.policy,
-        .mode = controller->sequencer.mode,
-        .step = controller->shown.step,
-        .dimmed = controller->heat.dimmed,
-    };
 }
 
 enum status handle_status(struct call *call)
 {
-    controller_status(call->controller, call->reply);
+    status_now(call->controller, call->reply);
     return STATUS_OK;
 }
 
@@ -128,7 +109,7 @@ enum status handle_set_config(struct call *call)
     if (!config_valid(request, &call->value))
         return STATUS_OUT_OF_RANGE;
     controller->config.current = *request;
-    controller_apply_config(controller);
+    ring_configure(&controller->limits, &controller->config.current);
     return STATUS_OK;
 }
 
@@ -146,7 +127,7 @@ enum status handle_factory(struct call *call)
     if (!quiet(controller))
         return STATUS_BUSY;
     config_factory(&controller->config);
-    controller_apply_config(controller);
+    ring_configure(&controller->limits, &controller->config.current);
     return STATUS_OK;
 }
 
@@ -156,7 +137,7 @@ static enum status restart(struct call *call, uint32_t expected, bool bootloader
     const struct magic *request = call->request;
     if (request->magic != expected)
         return refuse(call, STATUS_BAD_MAGIC, request->magic);
-    controller_restart(controller, bootloader);
+    watches_restart(controller, bootloader);
     return STATUS_OK;
 }
 
@@ -224,7 +205,7 @@ static enum status execute(struct call *call, const struct packet *request, stru
     return status;
 }
 
-void controller_execute(struct controller *controller, const struct packet *request, struct packet *reply)
+void commands_execute(struct controller *controller, const struct packet *request, struct packet *reply)
 {
     struct reply_head *head = (struct reply_head *)reply->payload;
     struct call call = {.controller = controller, .request = request->payload, .reply = reply->payload + sizeof *head};

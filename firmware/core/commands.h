@@ -5,7 +5,7 @@
 #ifndef GELLIGHT_COMMANDS_H
 #define GELLIGHT_COMMANDS_H
 
-#include "controller.h"
+#include "state.h"
 
 struct call {
     struct controller *controller;
@@ -17,6 +17,9 @@ struct call {
 #define DECLARE(NAME, name, request, reply) enum status handle_##name(struct call *call);
 COMMANDS(DECLARE)
 #undef DECLARE
+
+/* Obey a packet and fill in the reply to it. */
+void commands_execute(struct controller *controller, const struct packet *request, struct packet *reply);
 
 static inline enum status refuse(struct call *call, enum status status, uint32_t value)
 {

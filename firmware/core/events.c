@@ -50,6 +50,28 @@ void event_dimmed(struct controller *controller)
     send_event(controller, EVENT_DIMMED, &event, sizeof event);
 }
 
+void status_now(const struct controller *controller, struct status_reply *status)
+{
+    const struct port *port = controller->port;
+    *status = (struct status_reply){
+        .time_us = port->micros(port->context),
+        .light_id = controller->shown_id,
+        .config_saves = controller->config.saves,
+        .current_ma = controller->shown_ma,
+        .limit_ma = controller->limits.limit_ma,
+        .temperature = port->temperature(port->context),
+        .repetition = controller->shown.repetition,
+        .loop = controller->shown.loop,
+        .events_dropped = (uint16_t)controller->counters.events_dropped,
+        .state = controller->sequencer.running ? STATE_RUNNING : STATE_STILL,
+        .dark = controller->dark,
+        .policy = controller->limits.policy,
+        .mode = controller->sequencer.mode,
+        .step = controller->shown.step,
+        .dimmed = controller->heat.dimmed,
+    };
+}
+
 void event_telemetry(struct controller *controller)
 {
     struct status_reply status;
@@ -57,6 +79,6 @@ void event_telemetry(struct controller *controller)
     if (!controller->telemetry_ms || now - controller->reported_us < controller->telemetry_ms * 1000u)
         return;
     controller->reported_us = now;
-    controller_status(controller, &status);
+    status_now(controller, &status);
     send_event(controller, EVENT_TELEMETRY, &status, sizeof status);
 }

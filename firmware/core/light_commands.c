@@ -2,6 +2,7 @@
 #include "commands.h"
 
 #include "bytes.h"
+#include "lights.h"
 
 /* Bring the colours under the limit; current and scale are those of the light as it is dimmed now. */
 static enum status limit(struct call *call, uint8_t colours[COLOUR_BYTES], uint16_t *current_ma, uint16_t *scale)
@@ -38,7 +39,7 @@ enum status handle_set_leds(struct call *call)
     enum status status = limit(call, colours, &current_ma, &scale);
     if (status != STATUS_OK)
         return status;
-    controller_show(controller, colours);
+    lights_show(controller, colours);
     controller->dark = DARK_COMMAND;
     reply->light_id = controller->still_id;
     reply->current_ma = current_ma;
@@ -197,12 +198,12 @@ enum status handle_stop(struct call *call)
 {
     if (!running(call))
         return STATUS_NOT_RUNNING;
-    controller_end_sequence(call->controller);
+    lights_end_sequence(call->controller);
     return STATUS_OK;
 }
 
 enum status handle_blank(struct call *call)
 {
-    controller_go_dark(call->controller, DARK_COMMAND);
+    lights_go_dark(call->controller, DARK_COMMAND);
     return STATUS_OK;
 }

@@ -1,5 +1,13 @@
 #include "ring.h"
 
+void ring_configure(struct ring_limits *limits, const struct configuration *configuration)
+{
+    limits->limit_ma = configuration->limit_ma;
+    limits->quiescent_ua = configuration->quiescent_ua;
+    limits->channel_ua = configuration->channel_ua;
+    limits->policy = configuration->policy;
+}
+
 static uint32_t sum(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])
 {
     uint32_t total = 0;

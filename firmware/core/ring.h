@@ -16,6 +16,9 @@ struct ring_limits {
     uint8_t policy; /* enum policy */
 };
 
+/* Take over the model and the limit; the number of LEDs stays what it was at the start. */
+void ring_configure(struct ring_limits *limits, const struct configuration *configuration);
+
 uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
 uint16_t ring_current_ma(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
 uint16_t ring_ma(uint32_t current_ua); /* rounded up */

@@ -1,30 +1,17 @@
-/* What is watched all the time: the host, the trigger, the heat, and lights that do not get through. */
-#include "controller.h"
+#include "watches.h"
 
-#include "bytes.h"
 #include "events.h"
+#include "lights.h"
 
-#define OVERDUE_US 20000u       /* a light that was due so long ago will never come: its transfer broke off */
 #define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
-
-/* Whether the LEDs will be lit when all that is under way has been latched. */
-bool controller_will_shine(const struct controller *controller)
-{
-    static const uint8_t black[COLOUR_BYTES];
-    if (controller->sequencer.running)
-        return true;
-    if (controller->still_wanted)
-        return !bytes_equal(controller->still, black, COLOUR_BYTES);
-    return controller->slot.busy ? controller->slot.shines : controller->shown_shines;
-}
 
 static void watch_host(struct controller *controller)
 {
     uint64_t silent_us = controller_now_us(controller) - controller->packet_us;
-    if (!controller_will_shine(controller) || controller->silent || silent_us <= controller->config.current.host_timeout_ms * 1000u)
+    if (!lights_will_shine(controller) || controller->silent || silent_us <= controller->config.current.host_timeout_ms * 1000u)
         return;
     controller->silent = true;
-    controller_darken(controller, DARK_HOST_SILENT);
+    lights_darken(controller, DARK_HOST_SILENT);
 }
 
 /* Without a trigger the ring is dark, but the sequence goes on: the next edge lights its step. */
@@ -37,9 +24,9 @@ static void watch_trigger(struct controller *controller)
     uint32_t last_us = trigger->last_us; /* before the clock: an edge between the two would be later than now */
     if ((uint32_t)controller_now_us(controller) - last_us <= controller->sync.timeout_us || !trigger_disarm(trigger))
         return;
-    controller_withdraw(controller);
+    lights_withdraw(controller);
     controller->counters.trigger_timeouts++;
-    controller_show(controller, black);
+    lights_show(controller, black);
     controller->dark = DARK_TRIGGER_MISSED;
     event_dark(controller);
 }
@@ -53,8 +40,8 @@ static void show_again(struct controller *controller)
         return;
     if (controller->slot.busy && (!trigger->armed || !trigger_disarm(trigger)))
         return;
-    controller_withdraw(controller);
-    controller_show(controller, controller->shown_colours);
+    lights_withdraw(controller);
+    lights_show(controller, controller->shown_colours);
 }
 
 static void watch_heat(struct controller *controller)
@@ -67,6 +54,13 @@ static void watch_heat(struct controller *controller)
     show_again(controller);
 }
 
+void watches_restart(struct controller *controller, bool bootloader)
+{
+    lights_go_dark(controller, DARK_COMMAND);
+    controller->restart_us = controller_now_us(controller);
+    controller->restart_bootloader = bootloader;
+}
+
 static void watch_restart(struct controller *controller)
 {
     const struct port *port = controller->port;
@@ -74,18 +68,10 @@ static void watch_restart(struct controller *controller)
         port->restart(port->context, controller->restart_bootloader);
 }
 
-void controller_watch(struct controller *controller)
+void watches_look(struct controller *controller)
 {
     watch_host(controller);
     watch_trigger(controller);
     watch_heat(controller);
     watch_restart(controller);
-}
-
-bool controller_healthy(const struct controller *controller)
-{
-    const struct controller_slot *slot = &controller->slot;
-    if (!slot->busy)
-        return true;
-    return slot->start_us == PORT_ON_TRIGGER || controller_now_us(controller) < slot->start_us + OVERDUE_US;
 }

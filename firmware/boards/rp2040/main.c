@@ -4,6 +4,7 @@
 
 #include "bytes.h"
 #include "crc.h"
+#include "watches.h"
 
 #define STACK_PAINT 0xa5u
 #define RECEIVE_BYTES 64u
@@ -111,7 +112,7 @@ static void follow_bus(void)
     if (happened & USB_SUSPENDED)
         controller_link(&controller, false, DARK_SUSPENDED);
     if (happened & USB_BOOTLOADER)
-        controller_restart(&controller, true);
+        watches_restart(&controller, true);
     if (happened & USB_OPENED)
         controller_link(&controller, true, DARK_NOT_DARK);
 }

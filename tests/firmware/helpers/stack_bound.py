@@ -1,7 +1,7 @@
 """The most stack that the image can ever need, from the compiler's call graph: no run has to be lucky to see it.
 
 GCC tells the frame of each function and who calls whom (`-fcallgraph-info=su`). Calls through pointers are resolved by
-hand, and a new kind of them is an error: `controller_execute` calls the handlers of its table, the rest of the core
+hand, and a new kind of them is an error: `commands_execute` calls the handlers of its table, the rest of the core
 calls what `port_fill` puts into the port, and the flash driver calls the boot ROM, whose own need is not ours to know.
 An interrupt adds its deepest path and the eight words that the processor pushes, once for each priority, since only a
 higher one interrupts. Recursion is an error.
@@ -60,7 +60,7 @@ class CallGraph:
         if INDIRECT not in called:
             return
         called.remove(INDIRECT)
-        if caller == "controller_execute":
+        if caller == "commands_execute":
             called |= {name for name in self.frames if name.startswith("handle_")}
         elif self.files[caller].parent == CORE:
             names = re.findall(r"\.\w+ = (\w+),", (BOARD / "main.c").read_text())
