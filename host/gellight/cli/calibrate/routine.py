@@ -227,8 +227,10 @@ def _calibrate(
         try:
             follow(routine, target.state, interactive=hand is None, quiet=quiet)
         except KeyboardInterrupt:
+            pass  # what was measured is kept
+        finally:
             routine.stop()
-        routine.join()
+            routine.join()
     if routine.error:
         raise routine.error
     if routine.display.step == "aborted":

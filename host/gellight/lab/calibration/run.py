@@ -32,8 +32,6 @@ class CalibrationRun:
         check_target(options, folder, camera.image_shape)
         if hand is not None and options.prism_angle_deg is not None:
             prism_of(options.prism_angle_deg)
-        if camera.stage is not None:
-            camera.stage.take_over()
         self.camera = camera
         self.options = options
         self.hand = hand
@@ -42,6 +40,8 @@ class CalibrationRun:
         if options.name:
             self.folder.state.name = options.name
             self.folder.save()
+        if camera.stage is not None:
+            camera.stage.take_over()
         self._actions: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
 

@@ -153,13 +153,15 @@ def next_press(
     press: Callable[[VirtualHand], None],
     ended: Callable[[], bool] = lambda: False,
 ) -> Iterator[Capture | None]:
-    """Wait until nothing touches, then for the next press; a virtual hand does `press`, and lifts at the end."""
+    """Wait until nothing touches, then for the next press; a virtual hand does `press`, and lifts however it ends."""
     wait_free(run, detector)
-    if run.hand:
-        press(run.hand)
-    yield wait_press(run, detector, ended)
-    if run.hand:
-        run.hand.lift()
+    try:
+        if run.hand:
+            press(run.hand)
+        yield wait_press(run, detector, ended)
+    finally:
+        if run.hand:
+            run.hand.lift()
 
 
 def mean_image(frames: list[CameraFrame]) -> NDArray[np.uint8]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from gellight.base.errors import BundleError, InputError
 from gellight.lab.calibration.cylinder import EdgeFit, edge_profile, find_cylinder
@@ -68,6 +69,17 @@ def test_an_untouched_gel_is_no_imprint() -> None:
     noise = np.random.default_rng(0).normal(0, 1, (120, 160, 3)).astype(np.float32)
     with pytest.raises(InputError, match="nothing is pressed"):
         find_cylinder(noise, 1.0)
+
+
+@pytest.mark.parametrize(("noises", "seen"), [(2.8, False), (3.2, True)])
+def test_what_changes_by_less_than_three_times_the_noise_is_no_imprint(noises: float, seen: bool) -> None:
+    pressed = imprint((79.3, 60.8), (36.2, 34.9))
+    strongest_grey = float(gaussian_filter(np.abs(pressed).max(axis=2), 2.0).max())
+    if seen:
+        assert find_cylinder(pressed, strongest_grey / noises).radius_x_px == pytest.approx(36.2, abs=0.1)
+    else:
+        with pytest.raises(InputError, match="nothing is pressed"):
+            find_cylinder(pressed, strongest_grey / noises)
 
 
 def test_an_imprint_that_leaves_the_picture_is_refused() -> None:

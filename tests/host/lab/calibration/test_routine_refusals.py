@@ -13,6 +13,7 @@ from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.opening import open_camera
 from tests.helpers.calibration_routine import LIT, URL, camera, finished, options
 
 
@@ -31,6 +32,21 @@ class Clumsy(VirtualHand):
         """Lift, or forget to."""
         if not self.at_rest:
             super().lift()
+
+
+class Interrupted(VirtualHand):
+    """A hand that presses the cylinder, and then something ends the routine."""
+
+    end: Callable[[], object]
+
+    def cylinder(self, number: int) -> None:
+        """Press, and end it."""
+        super().cylinder(number)
+        self.end()
+
+
+def jam() -> None:
+    raise RuntimeError("the hand is stuck")
 
 
 def refused(tmp_path: Path, prepare: Callable[[Clumsy, SimulatedCamera], None], url: str = URL, **changes: Any) -> str:
@@ -66,6 +82,21 @@ def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
         hand.at_rest = True
 
     assert "lift the tool" in refused(tmp_path, press)
+
+
+@pytest.mark.parametrize(
+    ("way", "step"), [("abort", "aborted"), ("stop", "aborted"), ("camera", "failed"), ("hand", "failed")]
+)
+def test_however_a_routine_ends_nothing_stays_pressed_into_the_gel(way: str, step: str, tmp_path: Path) -> None:
+    small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 0.2352}
+    with open_camera(URL, geometry=small) as sensor:
+        assert sensor.stage is not None
+        hand = Interrupted(sensor.stage)
+        routine = Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand)
+        ways = {"abort": lambda: routine.act("abort"), "stop": routine.stop, "camera": sensor.close, "hand": jam}
+        hand.end = ways[way]
+        assert finished(routine)["step"] == step
+        assert sensor.stage.status()["object"] == ""
 
 
 def test_a_dead_led_is_named(tmp_path: Path) -> None:

@@ -110,20 +110,21 @@ def _pictures_of_ball(
     camera: Camera, colours: NDArray[np.uint8], frames: int, press_ball: Callable[[], object]
 ) -> list[list[NDArray[np.uint8]]]:
     """Show a pressed ball under each LED alone."""
-    if camera.stage:
-        camera.stage.press("BALL", 1.0, 0.0, 0.0)
-    else:
-        press_ball()
-    with Hold(camera) as hold:
-        return [
-            [frame.image for frame in hold.expose(group, index, frames)]
-            for index, group in enumerate(single_leds(colours))
-        ]
+    with _untouched(camera):
+        if camera.stage:
+            camera.stage.press("BALL", 1.0, 0.0, 0.0)
+        else:
+            press_ball()
+        with Hold(camera) as hold:
+            return [
+                [frame.image for frame in hold.expose(group, index, frames)]
+                for index, group in enumerate(single_leds(colours))
+            ]
 
 
 @contextmanager
 def _untouched(camera: Camera) -> Iterator[None]:
-    """Lift off what a stage presses, and press it again."""
+    """Lift off what a stage presses, and press it again, and nothing else, at the end."""
     stage = camera.stage
     pressed = stage.status() if stage else {}
     if stage:
@@ -131,6 +132,8 @@ def _untouched(camera: Camera) -> Iterator[None]:
     try:
         yield
     finally:
+        if stage:
+            stage.release()
         if stage and pressed["object"]:
             stage.press(*(pressed[name] for name in ("object", "depth_mm", "x_mm", "y_mm")))  # type: ignore[arg-type]
 

@@ -36,6 +36,7 @@ def take_series(
     """
     if camera.ring is None:
         raise CameraError(f"{camera.url} has no light ring whose groups could be shown: give recorded pictures")
+    hand = hand_of(camera) if camera.stage else None
     if camera.stage is not None:
         camera.stage.take_over()
     else:
@@ -44,27 +45,25 @@ def take_series(
     found: list[BallSeries] = []
     refused = 0
     while len(found) < presses:
-        words = f"Press the ball at a new place and hold it still ({len(found) + 1} of {presses})"
-        _press(camera, ball, len(found) + refused, words, ask)
         try:
+            if hand:
+                hand.ball(len(found) + refused, ball.pixel_size_mm, camera.image_shape)
+            else:
+                ask(f"Press the ball at a new place and hold it still ({len(found) + 1} of {presses})")
             found.append(_series(_exposed(camera, groups, frames), untouched, ball, len(found)))
         except InputError as error:
             refused += 1
-            if camera.stage is not None and refused > MOST_REFUSED:
+            if hand and refused > MOST_REFUSED:
                 raise
             tell(f"not used: {error}")
+        finally:
+            if hand:
+                hand.lift()
     noise = noise_of_one(untouched[0][..., None]) * UNTOUCHED_FRAMES**0.5
     return LitBalls(
         series=tuple(found), untouched=untouched, ball=ball, noise_grey=noise, groups=groups, sensor=sensor,
         camera=settings_of(camera),
     )  # fmt: skip
-
-
-def _press(camera: Camera, ball: Ball, number: int, words: str, ask: Say) -> None:
-    if camera.stage is None:
-        ask(words)
-        return
-    hand_of(camera).ball(number, ball.pixel_size_mm, camera.image_shape)
 
 
 def _exposed(camera: Camera, groups: NDArray[np.uint8], frames: int) -> Floats:

@@ -130,6 +130,8 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     ball = Ball(radius_mm=4.0, pixel_size_mm=SMALL["pixel_size_mm"])
     with open_camera("sim://?fps=200", geometry=SMALL) as camera:
         taken = take_series(camera, colour_triples(RING), ball, 8, sensor="simulated", ask=pytest.fail, tell=print)
+        assert camera.stage is not None
+        assert camera.stage.status()["object"] == "", "the hand lifts at the end"
     options = TrainingOptions(recipe="fast")
     return fit_channels(taken, tmp_path_factory.mktemp("live") / "bundle", options=options)
 
