@@ -15,6 +15,6 @@ def grip(frame: TactileFrame) -> None:
 
 
 with gellight.subscribe("auto") as frames:
-    frames.listen(grip)
+    frames.listen(grip, on_error=print)
     time.sleep(2)
 print(f"the deepest touch of two seconds was {deepest_mm:.2f} mm")

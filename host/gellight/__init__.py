@@ -12,12 +12,14 @@ if TYPE_CHECKING:
     from gellight.base.errors import GellightError, StreamError
     from gellight.bundle.bundle import Bundle, load_bundle
     from gellight.daemon.daemon import Daemon
+    from gellight.frames.camera import EndOfStream
     from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
     from gellight.opening import open_camera
     from gellight.reconstruction.contact import find_contact
     from gellight.reconstruction.integration import integrate, normals
     from gellight.reconstruction.pipeline import Reconstructor
     from gellight.stream.sensor import Sensor, connect
+    from gellight.stream.source import NoFrameError
     from gellight.stream.subscription import Subscription, subscribe
 
     __version__: str
@@ -30,6 +32,7 @@ _HOME = {
     "Daemon": "daemon.daemon",
     "GellightError": "base.errors",
     "StreamError": "base.errors",
+    "EndOfStream": "frames.camera",
     "CameraFrame": "frames.frames",
     "Contact": "frames.frames",
     "Provenance": "frames.frames",
@@ -37,6 +40,7 @@ _HOME = {
     "Reconstructor": "reconstruction.pipeline",
     "integrate": "reconstruction.integration",
     "normals": "reconstruction.integration",
+    "NoFrameError": "stream.source",
     "Sensor": "stream.sensor",
     "connect": "stream.sensor",
     "Subscription": "stream.subscription",
@@ -48,7 +52,9 @@ __all__ = [
     "CameraFrame",
     "Contact",
     "Daemon",
+    "EndOfStream",
     "GellightError",
+    "NoFrameError",
     "Provenance",
     "Reconstructor",
     "Sensor",

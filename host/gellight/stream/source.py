@@ -1,6 +1,7 @@
 """What a program reads tactile frames from, in the daemon's process (sensor.py) or in another (subscription.py)."""
 
 import asyncio
+import logging
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -14,9 +15,14 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 
+logger = logging.getLogger(__name__)
 PATIENCE_S = 10.0
 BACKLOG = 32
 """frames that wait for a reader who wants them all"""
+
+
+class NoFrameError(StreamError):
+    """No frame came in time, as while a sensor is unplugged; frames may come again."""
 
 
 class FrameSource(ABC):
@@ -26,25 +32,27 @@ class FrameSource(ABC):
     """
 
     def __init__(self, *, patience_s: float) -> None:
-        """Let readers wait so long for a frame before StreamError."""
+        """Let readers wait `patience_s` for a frame before NoFrameError."""
         self._patience_s = patience_s
         self._sequence: int | None = None
         self._listening: list[threading.Thread] = []
         self._closing = threading.Event()
+        self._problem: Exception | None = None
+        """what ended a callback"""
 
     # ---- frames ----
 
     def next_frame(self, timeout_s: float | None = None) -> TactileFrame:
         """Wait for the next frame; None: as long as `patience_s` says.
 
-        Raises StreamError, which says what is wrong, after that time or when the daemon is gone; EndOfStream after the
-        last frame of images or of a recording.
+        Raises NoFrameError, a StreamError that says what is wrong, after that time; another StreamError when the daemon
+        is gone; EndOfStream after the last frame of images or of a recording.
         """
         wait_s = self._patience_s if timeout_s is None else timeout_s
         try:
             frame = self._take(wait_s)
         except TimeoutError:
-            raise StreamError(f"no frame for {wait_s:g} s: {self._why_none()}") from None
+            raise NoFrameError(f"no frame for {wait_s:g} s: {self._why_none()}") from None
         sequence = frame.camera_frame.sequence
         before, self._sequence = self._sequence, sequence
         return frame if before is None else frame.with_dropped(max(sequence - before - 1, 0))
@@ -65,24 +73,50 @@ class FrameSource(ABC):
             except EndOfStream:
                 return
 
-    def listen(self, use: Callable[[TactileFrame], object]) -> None:
+    def listen(
+        self, use: Callable[[TactileFrame], object], on_error: Callable[[Exception], object] | None = None
+    ) -> None:
         """Call `use` with each frame, in a thread of its own, until the source is closed.
 
-        What ends the frames, or what `use` raises, is raised by `close`.
+        Where no frame comes for `patience_s`, as while the sensor is unplugged, `on_error` is called with NoFrameError,
+        each time anew, and `use` again when frames come again; without `on_error` that is logged once an absence. What
+        ends the frames (EndOfStream, StreamError when the daemon is gone), and what `use` or `on_error` raises, ends
+        the calls: `on_error` is called with it, else it is logged, and `close` raises it.
         """
-        thread = threading.Thread(target=self._hand_on, args=(use,), name="listen", daemon=True)
+        thread = threading.Thread(target=self._hand_on, args=(use, on_error), name="listen", daemon=True)
         self._listening.append(thread)
         thread.start()
 
-    def _hand_on(self, use: Callable[[TactileFrame], object]) -> None:
+    def _hand_on(self, use: Callable[[TactileFrame], object], on_error: Callable[[Exception], object] | None) -> None:
         try:
-            for frame in self:
+            for frame in self._lasting(on_error):
                 use(frame)
         except Exception as error:
-            if not self._closing.is_set():
-                self._problem = error
+            self._problem = self._problem or error
+            if on_error is None:
+                logger.error("a callback is called no more: %s", error)
+            else:
+                on_error(error)
 
-    _problem: Exception | None = None
+    def _lasting(self, on_error: Callable[[Exception], object] | None) -> Iterator[TactileFrame]:
+        """Yield frames until the source is closed; tell of each time that none came within `patience_s`."""
+        absent = False
+        while not self._closing.is_set():
+            try:
+                frame = self.next_frame()
+            except NoFrameError as error:
+                if on_error is not None:
+                    on_error(error)
+                elif not absent:
+                    logger.warning("%s", error)
+                absent = True
+            except Exception:
+                if self._closing.is_set():
+                    return
+                raise
+            else:
+                absent = False
+                yield frame
 
     # ---- commands ----
 
@@ -130,7 +164,7 @@ class FrameSource(ABC):
         """Let go of whatever is held."""
 
     def close(self) -> None:
-        """End; raises what a callback raised."""
+        """End; raises what ended a callback of `listen` before."""
         self._closing.set()
         self._release_all()
         for thread in self._listening:

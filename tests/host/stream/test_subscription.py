@@ -14,7 +14,6 @@ import pytest
 
 import gellight
 from gellight.base.errors import InputError, StreamError
-from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.stream import publisher as publisher_module
 from gellight.stream.network import key, publishing_session
@@ -77,42 +76,6 @@ def test_every_frame_is_given_on_request() -> None:
         got += [frames.next_frame() for _ in range(10)]
     steps = [b.camera_frame.sequence - a.camera_frame.sequence for a, b in pairwise(got)]
     assert max(steps[1:]) <= 2, "those that came during the pause are there"
-
-
-def test_frames_come_to_a_callback_until_the_subscription_is_closed() -> None:
-    daemon, _ = bump_daemon()
-    seen: list[TactileFrame] = []
-    enough = threading.Event()
-
-    def use(frame: TactileFrame) -> None:
-        seen.append(frame)
-        if len(seen) == 3:
-            enough.set()
-
-    with daemon, Publisher(daemon), subscribe() as frames:
-        frames.listen(use)
-        assert enough.wait(10)
-    count = len(seen)
-    time.sleep(0.05)
-    assert len(seen) == count
-
-
-def test_what_a_callback_raises_is_raised_at_the_end() -> None:
-    daemon, _ = bump_daemon()
-    called = threading.Event()
-
-    def fail(frame: TactileFrame) -> None:
-        called.set()
-        raise ZeroDivisionError("in the callback")
-
-    def listening() -> None:
-        with subscribe() as frames:
-            frames.listen(fail)
-            assert called.wait(10)
-            time.sleep(0.05)
-
-    with daemon, Publisher(daemon), pytest.raises(ZeroDivisionError, match="in the callback"):
-        listening()
 
 
 def test_the_event_loop_goes_on_while_a_frame_is_waited_for() -> None:

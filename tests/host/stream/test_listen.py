@@ -1,0 +1,189 @@
+"""A callback gets frames until the source is closed: an absence of the sensor is told, and no end goes unheard."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any
+
+import pytest
+
+from gellight.base.errors import StreamError
+from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import EndOfStream, ReconnectingError
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.stream.publisher import Publisher
+from gellight.stream.sensor import Sensor
+from gellight.stream.source import FrameSource, NoFrameError
+from gellight.stream.subscription import subscribe
+from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.streamed import BumpReconstructor, bump_daemon
+
+PATIENCE_S = 0.2
+
+
+class PluggedCamera(ScriptedCamera):
+    """Gives frames while it is plugged in."""
+
+    def __init__(self) -> None:
+        super().__init__(10**9, EndOfStream("used up"), period_s=0.01)
+        self.plugged = threading.Event()
+        self.plugged.set()
+
+    def read(self) -> CameraFrame:
+        if not self.plugged.is_set():
+            time.sleep(0.01)
+            raise ReconnectingError("it was unplugged")
+        return super().read()
+
+
+@contextmanager
+def in_this_process(daemon: Daemon) -> Iterator[FrameSource]:
+    with Sensor(daemon, patience_s=PATIENCE_S) as frames:
+        yield frames
+
+
+@contextmanager
+def in_another(daemon: Daemon) -> Iterator[FrameSource]:
+    with daemon, Publisher(daemon), subscribe(patience_s=PATIENCE_S) as frames:
+        yield frames
+
+
+def next_of(queue: "SimpleQueue[Any]") -> Any:
+    return queue.get(timeout=20)
+
+
+def newest_of(queue: "SimpleQueue[Any]") -> Any:
+    """Return what comes after whatever waits in the queue."""
+    while not queue.empty():
+        queue.get()
+    return next_of(queue)
+
+
+@pytest.mark.parametrize("opened", [in_this_process, in_another])
+def test_a_callback_outlives_an_absence_of_the_sensor_and_is_told_of_it(opened: Callable[[Daemon], Any]) -> None:
+    camera: Any = PluggedCamera()
+    seen: SimpleQueue[TactileFrame] = SimpleQueue()
+    told: SimpleQueue[Exception] = SimpleQueue()
+    with opened(Daemon(camera, BumpReconstructor())) as frames:
+        frames.listen(seen.put, told.put)
+        next_of(seen)
+        for _ in range(2):
+            camera.plugged.clear()
+            first, second = next_of(told), next_of(told)
+            assert isinstance(first, NoFrameError)
+            assert str(first) == str(second) == "no frame for 0.2 s: it was unplugged"
+            camera.plugged.set()
+            newest_of(seen)
+            while not told.empty():
+                told.get()
+
+
+def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(caplog: pytest.LogCaptureFixture) -> None:
+    camera: Any = PluggedCamera()
+    seen: SimpleQueue[TactileFrame] = SimpleQueue()
+
+    def said() -> list[str]:
+        return [record.message for record in caplog.records if record.name == "gellight.stream.source"]
+
+    with in_this_process(Daemon(camera, BumpReconstructor())) as frames:
+        frames.listen(seen.put)
+        for absences in (1, 2):
+            newest_of(seen)
+            camera.plugged.clear()
+            time.sleep(4 * PATIENCE_S)
+            assert said() == ["no frame for 0.2 s: it was unplugged"] * absences
+            camera.plugged.set()
+
+
+def test_the_last_frame_is_told_and_raised_at_the_end() -> None:
+    told: SimpleQueue[Exception] = SimpleQueue()
+    daemon, _ = bump_daemon(frames=3)
+
+    def listening() -> None:
+        with Sensor(daemon) as frames:
+            frames.listen(lambda frame: None, told.put)
+            assert isinstance(next_of(told), EndOfStream)
+
+    with pytest.raises(EndOfStream, match="used up"):
+        listening()
+
+
+def test_a_daemon_that_ends_is_told_to_a_callback_once() -> None:
+    told: SimpleQueue[Exception] = SimpleQueue()
+    daemon, _ = bump_daemon()
+    with daemon:
+        publisher = Publisher(daemon, name="finger").__enter__()
+        frames = subscribe("finger")
+        frames.listen(lambda frame: None, told.put)
+        frames.next_frame()
+        publisher.__exit__()
+        assert "daemon of finger has ended" in str(next_of(told))
+        with pytest.raises(StreamError, match="daemon of finger has ended"):
+            frames.close()
+    assert told.empty()
+
+
+def test_a_callback_that_ends_unasked_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    daemon, _ = bump_daemon(frames=3)
+    frames = Sensor(daemon)
+    frames.listen(lambda frame: None)
+    frames._listening[0].join(20)
+    with pytest.raises(EndOfStream):
+        frames.close()
+    assert [record.message for record in caplog.records] == ["a callback is called no more: used up"]
+
+
+def test_what_a_callback_raises_while_the_source_is_closed_is_not_lost() -> None:
+    daemon, _ = bump_daemon()
+    called, closing = threading.Event(), threading.Event()
+
+    def fail(frame: TactileFrame) -> None:
+        called.set()
+        assert closing.wait(20)
+        time.sleep(0.1)
+        raise ZeroDivisionError("in the callback")
+
+    frames = Sensor(daemon)
+    frames.listen(fail)
+    assert called.wait(20)
+    closing.set()
+    with pytest.raises(ZeroDivisionError):
+        frames.close()
+
+
+def test_frames_come_to_a_callback_until_the_subscription_is_closed() -> None:
+    daemon, _ = bump_daemon()
+    seen: list[TactileFrame] = []
+    enough = threading.Event()
+
+    def use(frame: TactileFrame) -> None:
+        seen.append(frame)
+        if len(seen) == 3:
+            enough.set()
+
+    with daemon, Publisher(daemon), subscribe() as frames:
+        frames.listen(use)
+        assert enough.wait(10)
+    count = len(seen)
+    time.sleep(0.05)
+    assert len(seen) == count
+
+
+def test_what_a_callback_raises_is_raised_at_the_end() -> None:
+    daemon, _ = bump_daemon()
+    called = threading.Event()
+
+    def fail(frame: TactileFrame) -> None:
+        called.set()
+        raise ZeroDivisionError("in the callback")
+
+    def listening() -> None:
+        with subscribe() as frames:
+            frames.listen(fail)
+            assert called.wait(10)
+            time.sleep(0.05)
+
+    with daemon, Publisher(daemon), pytest.raises(ZeroDivisionError, match="in the callback"):
+        listening()
