@@ -9,6 +9,11 @@ TAKEN = (180, 220)
 DOT_PX = 4.0
 
 
+def sloping_gel(shape: tuple[int, int]) -> np.ndarray:
+    """Return the picture (H, W, 3) of an untouched gel, brighter on the right."""
+    return np.broadcast_to(np.linspace(100, 160, shape[1])[None, :, None], (*shape, 3)).astype(np.uint8)
+
+
 def with_dots(image: np.ndarray, shift: tuple[float, float] = (0.0, 0.0), pitch: float = 16.0) -> np.ndarray:
     """Print a grid of dark dots on a (H, W, 3) picture, moved by `shift` px."""
     rows, columns = np.indices(image.shape[:2])

@@ -1,5 +1,6 @@
 """A computer with a kernel and a bus made of nothing, into which sensors are plugged and from which they are pulled."""
 
+import time
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,29 +10,28 @@ import numpy as np
 
 from gellight.base.errors import BoardError
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.frames import CameraFrame
+from gellight.ring.light_ring import LATCH_TIMEOUT_S
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.sensor_camera import SensorCamera, open_sensor
 from tests.helpers.fake_kernel import FakeCamera, FakeKernel
 from tests.helpers.linear_sensor import linear_network
+from tests.helpers.scripted_ring import BOARD, ScriptedRing
 from tests.helpers.usb_tree import UsbTree
 
-BOARD = "E660C06213842F2A"
 
-
-class FakeRing:
-    """Notes what is asked of it; the LEDs shine 20 ms after they are set."""
+class BenchRing(ScriptedRing):
+    """A ring on the kernel's time: its LEDs shine 20 ms after they are set."""
 
     def __init__(self, kernel: FakeKernel, url: str, unique_id: str = BOARD) -> None:
-        self.kernel, self.lit, self.open = kernel, np.zeros((12, 3), np.uint8), True
-        self.transport = SimpleNamespace(url=url)
-        self.hello = SimpleNamespace(unique_id=bytes.fromhex(unique_id))
-        self.lit_s = 0.0
+        super().__init__(unique_id=unique_id)
+        self.kernel, self.lit_s = kernel, 0.0
+        self.transport: Any = SimpleNamespace(url=url)
         self.refusal: BoardError | None = None
-        self.mute = False
-        self.still: np.ndarray | None = None
-        self.untold = False
+        self.mute = self.untold = False
 
-    def clock(self) -> None:
+    def clock(self, host_us: int = 0) -> Any:
         if self.mute:
             raise BoardError("the board did not answer CLOCK")
 
@@ -46,29 +46,26 @@ class FakeRing:
 
     def go_dark(self) -> None:
         """What a board does that does not hear from its host for a second; it tells it when it is asked."""
-        self.lit = np.zeros((12, 3), np.uint8)
-        self.untold = True
+        self.lit, self.untold = np.zeros((12, 3), np.uint8), True
 
-    def set_leds(self, colours: np.ndarray) -> SimpleNamespace:
-        if self.refusal:
+    def set_leds(self, colours: np.ndarray) -> Any:
+        if self.refusal and colours.any():
             raise self.refusal
-        self.lit = self.still = colours
-        return SimpleNamespace(light_id=1)
+        return super().set_leds(colours)
 
-    def blank(self) -> None:
-        self.lit = np.zeros((12, 3), np.uint8)
-
-    def light(self, colours: np.ndarray | None) -> None:
-        if colours is None:
-            self.blank()
-            return
-        self.set_leds(colours)
+    def light(self, colours: np.ndarray | None, timeout_s: float = LATCH_TIMEOUT_S) -> int:
+        light_id = super().light(colours, timeout_s)
         self.kernel.sleep(0.02)
         self.lit_s = self.kernel.now_s
+        return light_id
 
-    def close(self) -> None:
-        self.open = False
-        self.lit = np.zeros((12, 3), np.uint8)
+
+class Paced(CameraWrapper):
+    """A camera of the bench in real time: its virtual time would race ahead."""
+
+    def read(self) -> CameraFrame:
+        time.sleep(0.002)
+        return self._camera.read()
 
 
 class Bench:
@@ -93,7 +90,7 @@ class Bench:
     def open_ring(self, url: str) -> Any:
         if not Path(url).exists() and "://" not in url:
             raise BoardError(f"cannot open {url}")
-        self.rings.append(FakeRing(self.kernel, url, self.board))
+        self.rings.append(BenchRing(self.kernel, url, self.board))
         return self.rings[-1]
 
     @property
@@ -105,7 +102,7 @@ class Bench:
         return open_sensor(url, bundle=bundle, surroundings=self.surroundings)
 
     def all_dark(self) -> bool:
-        return not any(ring.open or ring.lit.any() for ring in self.rings)
+        return not any(ring.lit.any() or not ring.closed for ring in self.rings)
 
 
 def lit_bundle(folder: Path) -> Bundle:

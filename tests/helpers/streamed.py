@@ -8,7 +8,6 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.daemon import Daemon
-from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import CameraFrame, ExposureReport, LightLabel, LightState, Provenance, TactileFrame
 from gellight.frames.measures import FrameMeasures
 from tests.helpers.dashboard_source import bump
@@ -47,7 +46,7 @@ def bump_daemon(
 ) -> tuple[Daemon, BumpReconstructor]:
     """Return a daemon (not started) that gives so many frames, and what computes them."""
     reconstructor = BumpReconstructor(bundle, measures)
-    camera: Any = ScriptedCamera(frames, EndOfStream("used up"), period_s=period_s)
+    camera: Any = ScriptedCamera(count=frames, period_s=period_s)
     return Daemon(camera, reconstructor), reconstructor
 
 

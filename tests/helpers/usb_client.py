@@ -8,15 +8,12 @@ import itertools
 import socket
 import struct
 import threading
-import time
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
-from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame
-from gellight.lab.simulator.simulated_controls import SimulatedControls
+from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 
 MJPG, YUYV = 1, 2
 CAMERA, PROCESSING = 0x0102, 0x0202
@@ -45,32 +42,21 @@ def import_device(connection: socket.socket, bus_id: str) -> tuple[int, int]:
     return bus << 16 | number, speed
 
 
-class CardCamera(Camera):
-    """Shows a colour card as its controls say; rate and size as wished."""
+class CardCamera(ScriptedCamera):
+    """Shows a colour card as its controls say."""
 
-    def __init__(self, *, shape: tuple[int, int] = (48, 64), fps: float = 200.0) -> None:
-        self.url, self.stage, self.image_shape = "card", None, shape
-        self._period_s, self._count = 1 / fps, 0
-        y, x = np.indices(shape)
+    def __init__(self) -> None:
+        y, x = np.indices((48, 64))
         self.card = np.stack([40 + x, 60 + y, 150 - x], axis=2).astype(np.uint8)
-        self.closed = False
         self._gains = np.ones(3)
-        self.controls = SimulatedControls(self._develop)
+        controls = ScriptedControls(self._develop)
+        super().__init__(self._picture, shape=(48, 64), period_s=1 / 200, url="card", controls=controls)
 
     def _develop(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
         self._gains = np.array(channel_gain) * exposure_us / 8000.0
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        """Nothing to compare with."""
-
-    def read(self) -> CameraFrame:
-        time.sleep(self._period_s)
-        self._count += 1
-        image = np.clip(np.rint(self.card * self._gains), 0, 255).astype(np.uint8)
-        return CameraFrame(image=image, time_s=time.monotonic(), sequence=self._count)
-
-    def close(self) -> None:
-        self.closed = True
+    def _picture(self, number: int) -> np.ndarray:
+        return np.clip(np.rint(self.card * self._gains), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True)

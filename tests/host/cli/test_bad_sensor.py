@@ -252,21 +252,19 @@ def test_a_frame_from_before_is_not_delivered_after_the_sensor_came_back() -> No
     from gellight.frames.camera import ReconnectingError
     from tests.helpers.scripted_camera import CountingReconstructor, ScriptedCamera
 
-    class Leaving(ScriptedCamera):
-        """Goes after its first frame, while that is being reconstructed, and is back before that is done."""
-
-        def read(self) -> Any:
-            if self.sequence == 1:
-                time.sleep(0.05)
-                self.sequence = 5
-                raise ReconnectingError("away")
-            if self.sequence == 7:
-                reconstructor.gate.set()
-            return super().read()
+    def leaving(number: int) -> Any:
+        """It goes after its first frame, while that is being reconstructed, and is back before that is done."""
+        if number == 2:
+            time.sleep(0.05)
+            camera.sequence = 5
+            raise ReconnectingError("away")
+        if number == 8:
+            reconstructor.gate.set()
+        return np.zeros((2, 2, 3), np.uint8)
 
     reconstructor = CountingReconstructor()
     reconstructor.gate.clear()
-    camera: Any = Leaving(10**9, CameraError("never"), period_s=0.002)
+    camera = ScriptedCamera(leaving, period_s=0.002)
     parts: Any = camera, reconstructor
     delivered: list[int] = []
     with Daemon(*parts) as daemon:

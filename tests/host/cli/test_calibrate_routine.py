@@ -13,15 +13,14 @@ from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.cli.main import app
-from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from gellight.lab.calibration.display import Display, Progress
 from gellight.lab.calibration.records import LiveCoverage, ShownCircle, ShownEdge
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
-from tests.helpers.dotted import with_dots
+from tests.helpers.dotted import sloping_gel, with_dots
+from tests.helpers.scripted_camera import ScriptedCamera
 
 
 def test_resuming_nothing_is_told_in_one_line(tmp_path: Path) -> None:
@@ -63,28 +62,14 @@ def test_a_preset_gives_its_ball_where_none_is_named() -> None:
     assert "did you mean digit?" in refused("--auto", "--preset", "digits")
 
 
-class Still(Camera):
-    """A camera that shows one picture again and again."""
-
-    url = "still"
-
-    def __init__(self, image: np.ndarray) -> None:
-        self.image = image
-        self.image_shape = (image.shape[0], image.shape[1])
-
-    def read(self) -> CameraFrame:
-        return CameraFrame(image=self.image, time_s=0.0, sequence=0, source=self.url)
-
-
 def gel() -> np.ndarray:
-    """An untouched gel, (120, 160, 3), brighter on the right."""
-    return np.broadcast_to(np.linspace(100, 160, 160)[None, :, None], (120, 160, 3)).astype(np.uint8)
+    return sloping_gel((120, 160))
 
 
 def test_the_routine_sees_the_view_and_keeps_it_for_the_bundle(tmp_path: Path) -> None:
     view = View.of_box((40, 20, 80, 60), (120, 160))
     (tmp_path / "view.json").write_text(view.model_dump_json())
-    camera = Target(view=tmp_path / "view.json").camera(Still(gel()))
+    camera = Target(view=tmp_path / "view.json").camera(ScriptedCamera(gel()))
     assert camera.image_shape == (60, 80)
     np.testing.assert_allclose(camera.read().image, gel()[20:80, 40:120], atol=1)
     kept = PictureSteps.model_validate_json(camera.picture_files["picture.json"])
@@ -94,7 +79,7 @@ def test_the_routine_sees_the_view_and_keeps_it_for_the_bundle(tmp_path: Path) -
 def test_a_view_of_another_camera_mode_is_refused(tmp_path: Path) -> None:
     (tmp_path / "view.json").write_text(View.of_box((0, 0, 80, 60), (240, 320)).model_dump_json())
     with pytest.raises(BundleError, match="delivers 160x120 pixels, the calibration takes its view from 320x240"):
-        Target(view=tmp_path / "view.json").camera(Still(gel()))
+        Target(view=tmp_path / "view.json").camera(ScriptedCamera(gel()))
     assert "cannot be opened" in refused(
         "--auto", "--sensor", "sim://?board=0", "--view", str(tmp_path / "none.json"), "--out", str(tmp_path / "x")
     )
@@ -104,16 +89,16 @@ def test_a_view_of_another_camera_mode_is_refused(tmp_path: Path) -> None:
 def test_an_interrupted_calibration_goes_on_with_its_own_view_and_dots(tmp_path: Path) -> None:
     """Dots that are looked for anew, in another picture, would be a little different ones."""
     view = View.of_box((16, 16, 128, 96), (120, 160))
-    steps = chosen_steps(Still(with_dots(gel())), view, dots=True)
+    steps = chosen_steps(ScriptedCamera(with_dots(gel())), view, dots=True)
     begun = identity().model_copy(update={"picture": steps})
-    camera = Target(resume=True).camera(Still(gel()), begun)
+    camera = Target(resume=True).camera(ScriptedCamera(gel()), begun)
     assert steps_in(camera.picture_files) == steps
     (tmp_path / "view.json").write_text(View.of_box((0, 0, 128, 96), (120, 160)).model_dump_json())
     with pytest.raises(InputError, match=r"takes another view than .*leave --view out"):
-        Target(resume=True, view=tmp_path / "view.json").camera(Still(gel()), begun)
+        Target(resume=True, view=tmp_path / "view.json").camera(ScriptedCamera(gel()), begun)
     undotted = identity().model_copy(update={"picture": PictureSteps.with_view(view)})
     with pytest.raises(InputError, match="fills no marker dots: leave --dots out"):
-        Target(resume=True, dots=True).camera(Still(gel()), undotted)
+        Target(resume=True, dots=True).camera(ScriptedCamera(gel()), undotted)
 
 
 @pytest.mark.parametrize("with_view", [False, True])
@@ -121,7 +106,7 @@ def test_the_routine_sees_a_dotted_gel_without_its_dots(tmp_path: Path, with_vie
     view = View.of_box((16, 16, 128, 96), (120, 160))
     (tmp_path / "view.json").write_text(view.model_dump_json())
     target = Target(dots=True, view=tmp_path / "view.json" if with_view else None)
-    camera = target.camera(Still(with_dots(gel())))
+    camera = target.camera(ScriptedCamera(with_dots(gel())))
     plain = gel()[16:112, 16:144] if with_view else gel()
     assert camera.image_shape == plain.shape[:2]
     assert np.abs(camera.read().image.astype(int) - plain).max() < 6, "a dot is 80 levels darker"
@@ -132,7 +117,7 @@ def test_the_routine_sees_a_dotted_gel_without_its_dots(tmp_path: Path, with_vie
 
 def test_dots_that_are_not_there_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no marker dots are seen: light the gel"):
-        Target(dots=True).camera(Still(gel()))
+        Target(dots=True).camera(ScriptedCamera(gel()))
 
 
 def test_restarting_throws_away_no_folder_of_another_program(tmp_path: Path) -> None:

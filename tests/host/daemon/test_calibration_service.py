@@ -19,16 +19,15 @@ from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.frame_threads import SharedCamera
-from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_calibration import snapshot
-from tests.helpers.scripted_camera import FlatCamera
+from tests.helpers.scripted_camera import flat_camera
 
-SHAPE = FlatCamera.image_shape
+SHAPE = flat_camera().image_shape
 
 
 class ScriptedRoutine:
@@ -64,7 +63,7 @@ class ScriptedRoutine:
 @pytest.fixture
 def daemon(tmp_path: Path) -> Iterator[Daemon]:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
-    camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.005)
+    camera: Any = flat_camera(period_s=0.005)
     with Daemon(camera, Reconstructor(bundle), watch=SensorWatch(bundle)) as daemon:
         yield daemon
 
@@ -212,7 +211,7 @@ def test_beginning_anew_removes_no_folder_of_another_program(service: Service, t
 
 
 def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> None:
-    camera: Camera = FlatCamera(10, CameraError("never"))  # type: ignore[assignment]
+    camera = flat_camera()
     captured: Mailbox[Any] = Mailbox()
     shared = SharedCamera(camera, captured)
     captured.put(camera.read())

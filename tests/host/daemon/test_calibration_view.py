@@ -1,6 +1,5 @@
 """A view of the gel and marker dots that are chosen before a calibration, on a sensor that runs."""
 
-import dataclasses
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.bundle.placeholder import placeholder
 from gellight.bundle.store import BundleStore
@@ -20,13 +19,12 @@ from gellight.daemon.calibration_service import ViewFile
 from gellight.daemon.daemon import Daemon
 from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.begun_calibration import begun_in, identity
-from tests.helpers.dotted import with_dots
+from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_camera import ScriptedCamera
 
@@ -35,18 +33,10 @@ VIEW = View.of_box((16, 16, 128, 96), SHAPE)
 CHOSEN = ViewFile(name="view.json", content=VIEW.model_dump_json())
 
 
-class GelCamera(ScriptedCamera):
-    """Shows an untouched gel, brighter on the right, with marker dots or without."""
-
-    image_shape = SHAPE
-
-    def __init__(self, *, dots: bool) -> None:
-        super().__init__(10**9, CameraError("never"), period_s=0.005)
-        gel = np.broadcast_to(np.linspace(100, 160, SHAPE[1])[None, :, None], (*SHAPE, 3)).astype(np.uint8)
-        self.image = with_dots(gel) if dots else gel
-
-    def read(self) -> CameraFrame:
-        return dataclasses.replace(super().read(), image=self.image)
+def gel_camera(*, dots: bool) -> ScriptedCamera:
+    """Return a camera that sees an untouched gel, brighter on the right, with marker dots or without."""
+    gel = sloping_gel(SHAPE)
+    return ScriptedCamera(with_dots(gel) if dots else gel, period_s=0.005)
 
 
 class SeeingRoutine:
@@ -78,7 +68,7 @@ class SeeingRoutine:
 
 @pytest.fixture(params=[True])
 def daemon(request: pytest.FixtureRequest) -> Iterator[Daemon]:
-    camera: Any = SwitchedCamera(GelCamera(dots=request.param), lambda camera: camera)
+    camera: Any = SwitchedCamera(gel_camera(dots=request.param), lambda camera: camera)
     with Daemon(camera, PicturePath(placeholder(SHAPE)), rebuild=Reconstructor) as daemon:
         yield daemon
 
@@ -116,7 +106,7 @@ def test_the_calibration_and_the_page_see_the_view_without_its_dots(
     assert service.state().picture == ""
     service.begin(Request(view=CHOSEN, dots=True))
     seen = routines[0].seen
-    plain = GelCamera(dots=False).image[16:112, 16:144]
+    plain = sloping_gel(SHAPE)[16:112, 16:144]
     assert seen.shape == (96, 128, 3)
     assert np.abs(seen.astype(int) - plain).max() < 8, "the dots are filled"
     assert "picture.json" in routines[0].camera.picture_files
@@ -199,7 +189,7 @@ def test_a_damaged_state_takes_the_view_back(service: Service, daemon: Daemon, t
 
 def test_a_running_sensor_with_a_bundle_feels_again_when_nothing_came_of_it(tmp_path: Path) -> None:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
-    camera: Any = SwitchedCamera(GelCamera(dots=False), lambda camera: camera)
+    camera: Any = SwitchedCamera(gel_camera(dots=False), lambda camera: camera)
     with Daemon(camera, Reconstructor(bundle)) as daemon:
         back = daemon.prepare(PictureSteps.with_view(VIEW))
         assert shape_soon(daemon, VIEW.image_shape)

@@ -16,6 +16,7 @@ from gellight.frames.timing import CameraTiming
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
+from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import RING
 
@@ -41,18 +42,17 @@ ITS_OWN = {
 PROMISE = sorted(name for name in {*vars(Camera), *Camera.__annotations__} if not name.startswith("_"))
 
 
-class Inside(Camera):
+class Inside(ScriptedCamera):
     """Answers every question with an answer of its own, another one after each change."""
 
     def __init__(self) -> None:
-        self.called: list[tuple[str, Any]] = []
+        super().__init__()
         self.change("first")
 
     def change(self, mark: str) -> None:
         self.url, self.image_shape, self.mark = f"inside://{mark}", (32, 48), mark
         self.stage: Any = f"stage {mark}"
-        self.controls: Any = None
-        self.ring = ScriptedRing()
+        self.ring, self.controls = ScriptedRing(), ScriptedControls()
 
     @property
     def timing(self) -> CameraTiming | None:
@@ -66,12 +66,6 @@ class Inside(Camera):
 
     def status(self) -> dict[str, object]:
         return {"name": self.mark}
-
-    def adopt(self, controls: Any, colours: Any) -> None:
-        self.called.append(("adopt", (controls, colours)))
-
-    def close(self) -> None:
-        self.called.append(("close", ()))
 
 
 ARGUMENTS: dict[str, tuple[Any, ...]] = {
@@ -100,7 +94,6 @@ def test_a_wrapper_answers_as_the_camera_inside_does_now(kind: type[CameraWrappe
         assert getattr(wrapper, member) == getattr(inside, member)
         return
     answer = getattr(wrapper, member)(*ARGUMENTS[member])
-    if member in ("adopt", "close"):
-        assert inside.called == [(member, ARGUMENTS[member])]
-    else:
-        assert answer == getattr(inside, member)(*ARGUMENTS[member])
+    assert inside.adopted == ([ARGUMENTS[member]] if member == "adopt" else [])
+    assert inside.closed == (member == "close")
+    assert answer == getattr(inside, member)(*ARGUMENTS[member])

@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,13 @@ import pytest
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera, EndOfStream
-from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import Zero
 from tests.helpers.linear_sensor import linear_bundle, reference_image
-from tests.helpers.scripted_camera import CountingReconstructor, FlatCamera, ScriptedCamera
+from tests.helpers.scripted_camera import CountingReconstructor, ScriptedCamera, flat_camera
+from tests.helpers.scripted_ring import ScriptedRing
 
 
 def daemon_of(camera: ScriptedCamera, reconstructor: CountingReconstructor | None = None) -> Daemon:
@@ -40,7 +40,7 @@ def read_on(camera: Camera) -> None:
 
 
 def test_frames_come_in_order_and_the_end_is_told_after_the_last() -> None:
-    camera = ScriptedCamera(20, EndOfStream("used up"), period_s=0.02)
+    camera = ScriptedCamera(count=20, period_s=0.02)
     seen: list[int] = []
     with daemon_of(camera) as daemon, pytest.raises(EndOfStream, match="used up"):
         follow(daemon, seen)
@@ -49,33 +49,25 @@ def test_frames_come_in_order_and_the_end_is_told_after_the_last() -> None:
     assert camera.closed
 
 
-class BusyCamera(ScriptedCamera):
-    """Is in the middle of a frame, exposed already, until `gate` is open."""
-
-    def __init__(self) -> None:
-        super().__init__(100, EndOfStream("used up"), period_s=0.01)
-        self.ring = SimpleNamespace(still=None, led_count=12, light=lambda _: None)  # type: ignore[assignment]
-        self.reading, self.gate = threading.Event(), threading.Event()
-
-    def read(self) -> CameraFrame:
-        frame = super().read()
-        self.reading.set()
-        assert self.gate.wait(10)
-        return frame
-
-
 def test_a_frame_that_is_being_read_when_the_light_changes_is_not_delivered() -> None:
-    camera, network = BusyCamera(), CountingReconstructor()
+    reading, gate = threading.Event(), threading.Event()
+
+    def exposed(number: int) -> np.ndarray:
+        reading.set()
+        assert gate.wait(10)
+        return np.zeros((2, 2, 3), np.uint8)
+
+    camera, network = ScriptedCamera(exposed, period_s=0.01, ring=ScriptedRing()), CountingReconstructor()
     network.status = lambda: {"mode": "network"}  # type: ignore[method-assign]
     with daemon_of(camera, network) as daemon:
-        assert camera.reading.wait(10)
+        assert reading.wait(10)
         daemon.light(np.zeros((12, 3), np.uint8))
-        camera.gate.set()
+        gate.set()
         assert daemon.wait_frame(0, 10).camera_frame.sequence > 1
 
 
 def test_the_pictures_of_files_wait_for_their_reader() -> None:
-    camera = ScriptedCamera(30, EndOfStream("used up"))
+    camera = ScriptedCamera(count=30)
     camera.waits = True
     parts: Any = camera, CountingReconstructor()
     seen: list[int] = []
@@ -90,7 +82,7 @@ def test_the_pictures_of_files_wait_for_their_reader() -> None:
 
 
 def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
-    camera = ScriptedCamera(50, EndOfStream("used up"))
+    camera = ScriptedCamera(count=50)
     reconstructor = CountingReconstructor()
     reconstructor.gate.clear()
     with daemon_of(camera, reconstructor) as daemon:
@@ -105,7 +97,7 @@ def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
 
 
 def test_a_camera_that_fails_ends_the_run_with_its_own_words() -> None:
-    camera = ScriptedCamera(1, CameraError("the cable is out: plug it in"))
+    camera = ScriptedCamera(count=1, ending=CameraError("the cable is out: plug it in"))
     with daemon_of(camera) as daemon:
         with pytest.raises(CameraError, match="cable is out"):
             daemon.wait_frame(1, 10)
@@ -116,7 +108,7 @@ def test_a_camera_that_fails_ends_the_run_with_its_own_words() -> None:
 def test_a_reconstruction_that_fails_ends_the_run_too() -> None:
     reconstructor = CountingReconstructor()
     reconstructor.failure = ValueError("broken network")
-    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001), reconstructor) as daemon:
+    with daemon_of(ScriptedCamera(period_s=0.001), reconstructor) as daemon:
         with pytest.raises(ValueError, match="broken network"):
             daemon.wait_frame(0, 10)
         assert daemon.status()["error"] == "broken network"
@@ -125,7 +117,7 @@ def test_a_reconstruction_that_fails_ends_the_run_too() -> None:
 def test_a_reconstruction_that_fails_is_told_to_a_second_reader_of_the_camera_at_once() -> None:
     reconstructor = CountingReconstructor()
     reconstructor.failure = ValueError("broken network")
-    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001), reconstructor) as daemon:
+    with daemon_of(ScriptedCamera(period_s=0.001), reconstructor) as daemon:
         with pytest.raises(ValueError, match="broken network"):
             daemon.wait_frame(0, 10)
         with pytest.raises(ValueError, match="broken network"):
@@ -135,7 +127,7 @@ def test_a_reconstruction_that_fails_is_told_to_a_second_reader_of_the_camera_at
 def test_waiting_has_an_end() -> None:
     reconstructor = CountingReconstructor()
     reconstructor.gate.clear()
-    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001), reconstructor) as daemon:
+    with daemon_of(ScriptedCamera(period_s=0.001), reconstructor) as daemon:
         with pytest.raises(TimeoutError):
             daemon.wait_frame(0, 0.05)
         reconstructor.gate.set()
@@ -143,7 +135,7 @@ def test_waiting_has_an_end() -> None:
 
 def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
     before = threading.active_count()
-    daemon = daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001))
+    daemon = daemon_of(ScriptedCamera(period_s=0.001))
     with daemon:
         sequence = daemon.wait_frame(0, 10).camera_frame.sequence
     assert threading.active_count() == before
@@ -153,7 +145,7 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
 
 
 def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: Path) -> None:
-    camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.002)
+    camera: Any = flat_camera()
     bundle = linear_bundle(tmp_path / "bundle", (24, 32))
     with Daemon(camera, Reconstructor(bundle)) as daemon:
         assert daemon.status()["calibration"] == {
@@ -167,7 +159,7 @@ def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: P
 def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path: Path) -> None:
     first = linear_bundle(tmp_path / "first", (24, 32))
     second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
-    camera: Any = FlatCamera(10**9, CameraError("never"), period_s=0.002)
+    camera: Any = flat_camera()
     with Daemon(camera, Reconstructor(first)) as daemon:
         before = daemon.wait_frame(0, 10).camera_frame.sequence
         daemon.replace_bundle(second)
@@ -232,7 +224,7 @@ class ScriptedWatch:
 @pytest.fixture
 def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Daemon, ScriptedWatch]]:
     monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
-    camera, watch = FlatCamera(10**9, CameraError("never"), period_s=0.002), ScriptedWatch()
+    camera, watch = flat_camera(), ScriptedWatch()
     parts: Any = camera, Reconstructor(linear_bundle(tmp_path / "running", (24, 32)))
     scripted: Any = watch
     with Daemon(*parts, watch=scripted) as daemon:
@@ -295,7 +287,7 @@ def test_an_error_of_the_watch_that_passed_leaves_the_status(watched: tuple[Daem
 
 
 def test_a_second_reader_is_told_at_once_that_the_daemon_was_stopped() -> None:
-    with daemon_of(ScriptedCamera(10**9, CameraError("never"), period_s=0.001)) as daemon:
+    with daemon_of(ScriptedCamera(period_s=0.001)) as daemon:
         shared = daemon.camera
         shared.read()
     started_s = time.monotonic()
@@ -309,7 +301,7 @@ def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.Monkey
     monkeypatch.setattr(
         os, "sched_setscheduler", lambda thread, policy, param: given.append((thread, policy, param.sched_priority))
     )
-    parts: Any = ScriptedCamera(10_000, EndOfStream("used up"), period_s=0.01), CountingReconstructor()
+    parts: Any = ScriptedCamera(period_s=0.01), CountingReconstructor()
     with Daemon(*parts, realtime=True) as daemon:
         daemon.wait_frame(0, 10)
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
@@ -323,7 +315,7 @@ def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_close
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    camera = ScriptedCamera(10_000, EndOfStream("used up"), period_s=0.01)
+    camera = ScriptedCamera(period_s=0.01)
     parts: Any = camera, CountingReconstructor()
     with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave out --realtime"):
         Daemon(*parts, realtime=True).__enter__()

@@ -16,7 +16,7 @@ from gellight.daemon.installing import install, restore
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
-from tests.helpers.lit_camera import LitCamera
+from tests.helpers.scripted_camera import LitCamera
 
 SENSOR = "E660C06213842F2A"
 

@@ -18,7 +18,7 @@ from gellight.frames.camera import Camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
-from tests.helpers.lit_camera import LitCamera
+from tests.helpers.scripted_camera import LitCamera
 
 WHITE = np.full((12, 3), 200, np.uint8)
 SENSOR = "E660C06213842F2A"

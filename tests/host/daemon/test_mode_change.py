@@ -1,6 +1,5 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +16,7 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
+from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.streamed import bump_daemon
 
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
@@ -77,24 +77,6 @@ def test_a_daemon_that_was_put_together_for_one_mode_keeps_it() -> None:
         daemon.change_mode("photometric")
 
 
-class Counting(Camera):
-    url, image_shape, stage = "counting", (4, 4), None
-
-    def __init__(self) -> None:
-        self.sequence, self.adopted = 0, 0
-
-    def read(self) -> CameraFrame:
-        self.sequence += 1
-        image = np.zeros((4, 4, 3), np.uint8)
-        return CameraFrame(image=image, time_s=time.monotonic(), sequence=self.sequence)
-
-    def adopt(self, controls: Any, colours: Any) -> None:
-        self.adopted += 1
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        return None
-
-
 class Renumbering(CameraWrapper):
     """Numbers from 1, as series do."""
 
@@ -118,7 +100,7 @@ def test_the_numbers_go_on_and_what_was_in_front_is_released() -> None:
         made.append(Renumbering(camera))
         return made[-1]
 
-    inner = Counting()
+    inner = ScriptedCamera()
     camera = SwitchedCamera(inner, lambda sensor: sensor)
     numbers = [camera.read().sequence for _ in range(3)]
     camera.switch(equip, {}, None)
@@ -127,7 +109,7 @@ def test_the_numbers_go_on_and_what_was_in_front_is_released() -> None:
     numbers += [camera.read().sequence for _ in range(2)]
     assert numbers == [1, 2, 3, 4, 5, 6, 7]
     assert made[0].released
-    assert inner.adopted == 2
+    assert len(inner.adopted) == 2
 
     def refuse(sensor: Camera) -> Camera:
         raise CameraError("no ring")

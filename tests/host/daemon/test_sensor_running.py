@@ -11,10 +11,9 @@ from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.daemon import assembly
 from gellight.daemon.daemon import Daemon
-from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, TactileFrame
 from tests.helpers.scripted_camera import CountingReconstructor
-from tests.helpers.sensor_bench import Bench, lit_bundle
+from tests.helpers.sensor_bench import Bench, Paced, lit_bundle
 from tests.helpers.settings import loaded
 
 
@@ -26,14 +25,6 @@ def bench(tmp_path: Path) -> Bench:
 @pytest.fixture
 def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
-
-
-class Paced(CameraWrapper):
-    """A sensor in real time: its virtual time would race ahead."""
-
-    def read(self) -> CameraFrame:
-        time.sleep(0.002)
-        return self._camera.read()
 
 
 class Gated(CountingReconstructor):

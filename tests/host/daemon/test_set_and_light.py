@@ -2,20 +2,20 @@
 
 import itertools
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.daemon.daemon import Daemon
-from gellight.frames.camera import Camera, ReconnectingError
-from gellight.frames.frames import CameraFrame
+from gellight.frames.camera import ReconnectingError
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.sensor.set_and_light import SETTLING_FRAMES, set_and_light
 from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 
 GEOMETRY = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
@@ -53,45 +53,18 @@ def test_controls_act_in_the_frames_that_are_returned_also_beside_a_daemon(tmp_p
         assert not set_and_light(daemon.camera, {}, None)[0].image.any(), "what is refused lights nothing"
 
 
-class Steps(Camera):
+def steps(ring: ScriptedRing | None, at: dict[int, Callable[[], object]] | None = None) -> ScriptedCamera:
     """A camera whose frames begin 1 s after they are asked for; `at` does something in the n-th `read`."""
 
-    url, image_shape, stage = "steps", (4, 4), None
+    def picture(number: int) -> np.ndarray:
+        (at or {}).get(number, lambda: None)()
+        return np.zeros((4, 4, 3), np.uint8)
 
-    def __init__(self, ring: ScriptedRing | None, at: dict[int, Any] | None = None) -> None:
-        self.ring, self.controls, self.count, self.at = ring, Knob(), 0, at or {}
-
-    def read(self) -> CameraFrame:
-        self.count += 1
-        if self.count in self.at:
-            self.at[self.count]()
-        image = np.zeros((4, 4, 3), np.uint8)
-        return CameraFrame(image=image, time_s=time.monotonic() + 1, sequence=self.count)
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None: ...
-
-    def close(self) -> None: ...
-
-
-class Knob:
-    value = 1.0
-
-    def names(self) -> tuple[str, ...]:
-        return ("gain",)
-
-    def range(self, name: str) -> tuple[float, float, float]:
-        return 1.0, 8.0, 0.1
-
-    def read(self, name: str) -> float:
-        return self.value
-
-    def set(self, name: str, value: float) -> float:
-        self.value = value
-        return value
+    return ScriptedCamera(picture, shape=(4, 4), ahead_s=1, ring=ring, controls=ScriptedControls())
 
 
 def test_frames_are_let_pass_until_a_control_acts_and_none_for_one_that_holds_already() -> None:
-    camera = Steps(ScriptedRing())
+    camera = steps(ScriptedRing())
     (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
     assert frame.sequence == SETTLING_FRAMES + 1
     (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
@@ -100,7 +73,7 @@ def test_frames_are_let_pass_until_a_control_acts_and_none_for_one_that_holds_al
 
 def test_a_ring_that_is_replaced_meanwhile_is_lit_too() -> None:
     second = ScriptedRing()
-    camera = Steps(ScriptedRing(), {1: lambda: setattr(camera, "ring", second)})
+    camera = steps(ScriptedRing(), {1: lambda: setattr(camera, "ring", second)})
     (frame,) = set_and_light(camera, {}, RED)
     assert frame.sequence == 2
     assert [light.tolist() for light in second.shown] == [RED.tolist()]
@@ -111,7 +84,7 @@ def test_a_sensor_that_is_away_says_so_and_no_frame_of_another_light_is_returned
         raise ReconnectingError("it was unplugged")
 
     ring = ScriptedRing()
-    camera = Steps(None, {1: away, 2: lambda: setattr(camera, "ring", ring)})
+    camera = steps(None, {1: away, 2: lambda: setattr(camera, "ring", ring)})
     with pytest.raises(ReconnectingError):
         set_and_light(camera, {}, RED)
     (frame,) = set_and_light(camera, {}, RED)
@@ -123,11 +96,11 @@ def test_a_light_that_does_not_stay_on_is_an_error() -> None:
     ring = ScriptedRing()
     ring.lost.extend([True] * 3)
     with pytest.raises(BoardError, match="did not stay on in 3 attempts"):
-        set_and_light(Steps(ring), {}, RED)
+        set_and_light(steps(ring), {}, RED)
 
 
 def test_a_camera_without_a_ring_keeps_its_light() -> None:
-    assert set_and_light(Steps(None), {}, RED)[0].sequence == 1
+    assert set_and_light(steps(None), {}, RED)[0].sequence == 1
 
 
 def test_a_light_that_the_board_took_away_is_in_no_frame_of_the_simulated_sensor(

@@ -1,7 +1,6 @@
 """Sensors without our ring that were never calibrated: the page shows what they see, and calibrates them."""
 
 import logging
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,8 @@ from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.bundle.placeholder import placeholder
 from gellight.daemon import assembly
-from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.frames import CameraFrame
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
-from tests.helpers.sensor_bench import Bench
+from tests.helpers.sensor_bench import Bench, Paced
 from tests.helpers.settings import loaded
 
 SMALL = {"image_width_px": 32, "image_height_px": 24, "pixel_size_mm": 1.176}
@@ -51,14 +48,6 @@ def test_the_zero_is_set_only_when_asked_where_that_is_wanted_of_the_first_bundl
         daemon.replace_bundle(verified_bundle(tmp_path / "made", sensor="simulated"))
         assert daemon.watch is not None
         assert not daemon.watch.rezero
-
-
-class Paced(CameraWrapper):
-    """A sensor in real time: its virtual time would race ahead."""
-
-    def read(self) -> CameraFrame:
-        time.sleep(0.002)
-        return self._camera.read()
 
 
 def test_a_v4l2_camera_with_lights_of_its_own_is_not_taken_for_the_simulated_sensor(

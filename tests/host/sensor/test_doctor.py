@@ -20,32 +20,22 @@ from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.video_camera import V4l2Camera
-from tests.helpers.sensor_bench import Bench, FakeRing
+from tests.helpers.sensor_bench import Bench, BenchRing
 from tests.helpers.v4l2_pictures import jpeg, scene
 
 WEBCAM = (0x046D, 0x0825)
 
 
-class TalkingRing(FakeRing):
+class TalkingRing(BenchRing):
     """Answers what the doctor asks; a round trip takes `answer_s`."""
 
-    answer_s, led_count, dimmed = 0.001, 12, 0
+    answer_s, temperature = 0.001, 655
 
-    def counters(self) -> SimpleNamespace:
+    def counters(self) -> Any:
         return SimpleNamespace(packets=7)
 
-    def status(self) -> SimpleNamespace:
-        return SimpleNamespace(dimmed=self.dimmed, temperature=655)
-
-    def clock(self) -> None:
+    def clock(self, host_us: int = 0) -> None:
         self.kernel.sleep(self.answer_s)
-
-    def __enter__(self) -> "TalkingRing":
-        self.hello.firmware_major, self.hello.firmware_minor, self.hello.firmware_patch = 1, 2, 3
-        return self
-
-    def __exit__(self, *problem: object) -> None:
-        self.close()
 
 
 class Clinic(Bench):

@@ -14,71 +14,30 @@ from gellight.base.settings import LightingSettings, ReconstructionSettings
 from gellight.bundle.bundle import load_bundle
 from gellight.daemon import modes
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
-from gellight.frames.camera import Camera, ReconnectingError, timing_of
+from gellight.frames.camera import ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.photometric.light_model import LightGroups
 from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, clock_error_s
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
+from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import GROUPS, RING, Gel
 
 TRIPLES = GROUPS[LightGroups.TRIPLES]
 
 
-class FakeControls:
-    def __init__(self) -> None:
-        self.exposure_us = 8000.0
-        self.was_set: list[float] = []
-
-    def names(self) -> tuple[str, ...]:
-        return ("exposure_us",)
-
-    def range(self, name: str) -> tuple[float, float, float]:
-        return 100.0, 40000.0, 100.0
-
-    def read(self, name: str) -> float:
-        return self.exposure_us
-
-    def set(self, name: str, value: float) -> float:
-        self.exposure_us = value
-        self.was_set.append(value)
-        return value
-
-
-class FakeCamera(Camera):
-    """Frames without waiting; each shows the colour of the first lit LED and, if asked, a touch."""
-
-    url = "fake"
-    image_shape = (32, 48)
-    stage = None
-
-    def __init__(self, *, ring: bool = True, controls: bool = True) -> None:
-        self.ring = ScriptedRing(np.array(RING.colours)) if ring else None  # type: ignore[assignment]
-        self.controls = FakeControls() if controls else None
-        self.sequence = 0
-        self.touched = 0
-        self.closed = False
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        return None
-
-    def read(self) -> CameraFrame:
-        self.sequence += 1
-        image = np.full((*self.image_shape, 3), 50, np.uint8)
-        image[:, :24] += np.uint8(self.touched)
-        return CameraFrame(image=image, time_s=time.monotonic() + 1, sequence=self.sequence, source=self.url)
-
-    def close(self) -> None:
-        self.closed = True
+def fake_camera(**options: Any) -> ScriptedCamera:
+    """Frames without waiting."""
+    parts = {"ring": ScriptedRing(np.array(RING.colours)), "controls": ScriptedControls()}
+    return ScriptedCamera(shape=(32, 48), ahead_s=1, url="fake", **{**parts, **options})
 
 
 @pytest.mark.parametrize("kind", LightGroups)
 @pytest.mark.parametrize("frames", [1, 3])
 def test_a_series_has_every_light_once_and_the_first_again(kind: LightGroups, frames: int) -> None:
-    camera, groups = FakeCamera(), GROUPS[kind]
-    assert isinstance(camera.ring, ScriptedRing)
+    camera, groups = fake_camera(), GROUPS[kind]
     with SeriesCamera(camera, groups, exposure_us=None, frames=frames) as series_camera:
         series = series_camera.read()
         shown = camera.ring.shown
@@ -91,24 +50,22 @@ def test_a_series_has_every_light_once_and_the_first_again(kind: LightGroups, fr
 
 @pytest.mark.parametrize("frames", [1, 3])
 def test_the_repetition_of_one_series_opens_the_next_and_no_frame_counts_as_lost(frames: int) -> None:
-    with SeriesCamera(FakeCamera(), TRIPLES, exposure_us=None, frames=frames) as camera:
+    with SeriesCamera(fake_camera(), TRIPLES, exposure_us=None, frames=frames) as camera:
         one, two, three = (camera.read() for _ in range(3))
     assert (two.opening.time_s == one.closing.time_s) == (frames == 1), "averaged frames are all taken anew"
     assert [series.sequence for series in (one, two, three)] == [1, 2, 3]
 
 
 def test_the_exposure_is_raised_before_the_first_series() -> None:
-    inner = FakeCamera()
-    assert isinstance(inner.controls, FakeControls)
+    inner = fake_camera()
     with SeriesCamera(inner, TRIPLES, exposure_us=24000.0, frames=1) as camera:
         assert camera.read().exposure_us == 24000.0
         assert camera.read().exposure_us == 24000.0
-    assert inner.controls.was_set == [24000.0]
+    assert inner.controls.was_set == [("exposure_us", 24000.0)]
 
 
 def test_a_light_that_goes_out_while_frames_are_averaged_is_taken_again_and_then_reported() -> None:
-    camera = FakeCamera()
-    assert isinstance(camera.ring, ScriptedRing)
+    camera = fake_camera()
     with SeriesCamera(camera, TRIPLES, exposure_us=None, frames=2) as series:
         camera.ring.lost.extend([False, True, False])  # the first question is whether a sequence runs
         assert len(series.read().frames[0]) == 2
@@ -119,10 +76,10 @@ def test_a_light_that_goes_out_while_frames_are_averaged_is_taken_again_and_then
 
 
 def test_a_sensor_that_is_unplugged_is_looked_for_and_its_series_go_on_with_the_new_ring() -> None:
-    camera = FakeCamera()
+    camera = fake_camera()
     with SeriesCamera(camera, TRIPLES, exposure_us=24000.0, frames=1) as series:
         series.read()
-        read, controls = camera.read, camera.controls
+        read = camera.read
 
         def away() -> CameraFrame:
             camera.ring = camera.controls = None
@@ -132,23 +89,16 @@ def test_a_sensor_that_is_unplugged_is_looked_for_and_its_series_go_on_with_the_
         for _ in range(3):
             with pytest.raises(ReconnectingError):
                 series.read()
-        camera.ring, camera.controls, camera.read = ScriptedRing(), controls, read  # type: ignore[method-assign]
-        assert isinstance(camera.controls, FakeControls)
-        camera.controls.exposure_us = 8000.0
+        camera.ring, camera.controls, camera.read = ScriptedRing(), ScriptedControls(), read  # type: ignore[method-assign]
         assert series.read().exposure_us == 24000.0
         assert [light.tolist() for light in camera.ring.shown] == [*TRIPLES.tolist(), TRIPLES[0].tolist()]
 
 
 def test_a_ring_that_failed_is_told_unless_another_one_is_there_already() -> None:
-    camera = FakeCamera()
+    camera = fake_camera()
     with SeriesCamera(camera, TRIPLES, exposure_us=None, frames=1) as series:
-        assert isinstance(camera.ring, ScriptedRing)
-
-        def fail(colours: np.ndarray) -> Any:
-            raise BoardError("the board is gone")
-
-        camera.ring.set_leds = fail  # type: ignore[method-assign]
-        with pytest.raises(BoardError, match="gone"):
+        camera.ring.failures.reset("light")
+        with pytest.raises(BoardError, match="light failed"):
             series.read()
         read = camera.read
 
@@ -157,24 +107,23 @@ def test_a_ring_that_failed_is_told_unless_another_one_is_there_already() -> Non
             return read()
 
         camera.read = back  # type: ignore[method-assign]
-        with pytest.raises(ReconnectingError, match=r"was unplugged and is back: the board is gone"):
+        with pytest.raises(ReconnectingError, match=r"was unplugged and is back: light failed"):
             series.read()
         camera.read = read  # type: ignore[method-assign]
         assert series.read().sequence == 1
 
 
 def test_the_exposure_of_a_series_is_raised_again_after_other_settings_were_adopted() -> None:
-    camera = FakeCamera()
+    camera = fake_camera()
     with SeriesCamera(camera, TRIPLES, exposure_us=24000.0, frames=1) as series:
         series.read()
         series.adopt({"exposure_us": 8000.0}, np.array(RING.colours))
         assert series.read().exposure_us == 24000.0
-        assert isinstance(camera.controls, FakeControls)
-        assert camera.controls.was_set == [24000.0, 8000.0, 24000.0]
+        assert camera.controls.was_set == [("exposure_us", 24000.0), ("exposure_us", 8000.0), ("exposure_us", 24000.0)]
 
 
 def test_settings_are_adopted_between_two_series_of_a_camera_that_takes_one_after_the_other() -> None:
-    camera = FakeCamera()
+    camera = fake_camera()
     with SeriesCamera(camera, TRIPLES, exposure_us=None, frames=1) as series:
         stop = threading.Event()
 
@@ -196,19 +145,19 @@ def test_settings_are_adopted_between_two_series_of_a_camera_that_takes_one_afte
 
 def test_without_a_ring_the_remedy_is_told() -> None:
     with pytest.raises(CameraError, match=r"fake has no light ring.*--mode network"):
-        SeriesCamera(FakeCamera(ring=False), TRIPLES, exposure_us=None, frames=1)
+        SeriesCamera(fake_camera(ring=None), TRIPLES, exposure_us=None, frames=1)
 
 
 def test_the_exposure_is_as_bright_as_the_camera_can_show_and_no_longer_than_a_frame() -> None:
     model = replace(Gel(noise_grey=0).model(1), brightest_grey=75.0)
-    assert bright_exposure_us(FakeCamera(), model) == 24000.0
-    assert bright_exposure_us(FakeCamera(), replace(model, brightest_grey=10.0)) == LONGEST_US
-    assert bright_exposure_us(FakeCamera(controls=False), model) is None
-    assert bright_exposure_us(FakeCamera(), replace(model, exposure_us=None)) is None
+    assert bright_exposure_us(fake_camera(), model) == 24000.0
+    assert bright_exposure_us(fake_camera(), replace(model, brightest_grey=10.0)) == LONGEST_US
+    assert bright_exposure_us(fake_camera(controls=None), model) is None
+    assert bright_exposure_us(fake_camera(), replace(model, exposure_us=None)) is None
 
 
 def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_lights() -> None:
-    inner, network = FakeCamera(), SimpleNamespace()
+    inner, network = fake_camera(), SimpleNamespace()
     bundle: Any = SimpleNamespace(files={}, source="bundle")
     settings = ReconstructionSettings()
     assert frame_path(bundle, settings, network) is network  # type: ignore[arg-type]
@@ -229,11 +178,11 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
 def test_a_sequence_that_does_not_go_with_the_mode_is_refused(mode: Any, lighting: Any, said: str) -> None:
     settings, bundle = ReconstructionSettings(mode=mode), load_bundle("synthetic")
     with pytest.raises(ConfigError, match=said):
-        tactile_camera(FakeCamera(), bundle, settings, LightingSettings(**lighting))
+        tactile_camera(fake_camera(), bundle, settings, LightingSettings(**lighting))
 
 
 def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
-    inner = FakeCamera()
+    inner = fake_camera()
     inner.mode = LightMode.EXT  # type: ignore[attr-defined]
     monkeypatch.setattr(modes, "SequencedCamera", lambda camera, groups, mode: camera)
     settings, lighting = ReconstructionSettings(mode="photometric"), LightingSettings(light_mode="ext")
@@ -251,6 +200,6 @@ def test_a_sequence_needs_a_ring() -> None:
     for settings in (ReconstructionSettings(), ReconstructionSettings(mode="photometric")):
         with pytest.raises(CameraError, match="no light ring"):
             tactile_camera(
-                FakeCamera(ring=False), load_bundle("synthetic"), settings,
+                fake_camera(ring=None), load_bundle("synthetic"), settings,
                 LightingSettings(sequence="rgb", light_mode="free"),
             )  # fmt: skip

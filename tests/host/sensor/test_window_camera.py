@@ -1,6 +1,5 @@
 """The sliding window: which frames it holds, when it begins anew, how its results are numbered; and on the firmware."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -8,39 +7,38 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError
-from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera import ReconnectingError
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_groups import colour_triples
 from gellight.sensor import window_camera
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.window_camera import WindowCamera
+from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.simulated_gel import GROUPS
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
 TRIPLES = GROUPS["triples"]
 
 
-class ScriptedSequence(Camera):
+class ScriptedSequence(ScriptedCamera):
     """Frames whose light group is a letter: A to D clean, ? unknown, ! the sensor is away."""
 
-    url, image_shape, stage, mode = "scripted", (16, 16), None, LightMode.FREE
+    mode = LightMode.FREE
 
     def __init__(self, script: str) -> None:
-        self.script, self.count, self.adopted = script, 0, []
+        super().__init__(self.picture, shape=(16, 16), controls=ScriptedControls())
+        self.script = script
 
-    def read(self) -> CameraFrame:
-        letter, self.count = self.script[self.count % len(self.script)], self.count + 1
+    def picture(self, number: int) -> CameraFrame:
+        letter = self.script[(number - 1) % len(self.script)]
         if letter == "!":
             raise ReconnectingError("it is away")
         label = LightLabel(state=LightState.UNKNOWN)
         if letter != "?":
             label = LightLabel(state=LightState.CLEAN, group="ABCD".index(letter))
-        image = np.full((*self.image_shape, 3), self.count, np.uint8)
-        return CameraFrame(image=image, time_s=self.count / 30, sequence=self.count, label=label)
-
-    def adopt(self, controls: Mapping[str, float], colours: np.ndarray | None) -> None:
-        self.adopted.append(dict(controls))
+        image = np.full((*self.image_shape, 3), number, np.uint8)
+        return CameraFrame(image=image, time_s=number / 30, sequence=number, label=label)
 
     def status(self) -> dict[str, object]:
         return {"light_sequence": "counts"}
@@ -96,9 +94,9 @@ def test_after_the_sensor_was_away_and_after_other_settings_the_window_begins_an
     with pytest.raises(ReconnectingError):
         camera.read()
     assert taken(camera.read())[0] == 8
-    inner.script, inner.count = "ABCD", 100
+    inner.script, inner.sequence = "ABCD", 100
     camera.adopt({"exposure_us": 8000.0, "gain": 2.0}, None)
-    assert inner.adopted == [{"exposure_us": 16000.0, "gain": 2.0}]
+    assert inner.adopted == [({"exposure_us": 16000.0, "gain": 2.0}, None)]
     assert taken(camera.read())[0] > 100
 
 

@@ -1,6 +1,5 @@
 """The zero follows slow drift, never a touch, never far, never a jump; and what a change costs is known beforehand."""
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.daemon import Daemon
-from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
@@ -21,6 +19,7 @@ from gellight.watch.monitor import SensorWatch
 from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
 from sim_reference.objects import PROBES, ObjectParameters
+from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
 
 New = Callable[[int], WatchedSensor]
@@ -175,34 +174,22 @@ def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Bundle) -> 
     assert vars(errors) == pytest.approx(dict.fromkeys(vars(errors), 0), abs=1e-4)
 
 
-class FadingCamera(Camera):
-    """Gives the untouched gel while its light fades from frame to frame; four frames are a second of its clock."""
+def fading_camera(sensor: WatchedSensor, to: float, frames: int) -> ScriptedCamera:
+    """See the untouched gel while its light fades from frame to frame; four frames are a second of its clock."""
+    gains, bare = np.linspace(1, to, frames), sensor.scene.show(None)[0]
 
-    def __init__(self, sensor: WatchedSensor, to: float, frames: int) -> None:
-        self.url, self.image_shape, self.stage = "fading", (480, 640), None
-        self.sensor, self.gains = sensor, np.linspace(1, to, frames)
-        self.bare = sensor.scene.show(None)[0]
-        self.sequence = 0
+    def picture(number: int) -> CameraFrame:
+        lit = (bare * gains[min(number, frames - 1)]).astype(np.float32)
+        return CameraFrame(image=digitise(lit, NOISE_GREY, sensor._random), time_s=number / 4, sequence=number)
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None:
-        return None
-
-    def read(self) -> CameraFrame:
-        time.sleep(0.02)
-        self.sequence += 1
-        gain = self.gains[min(self.sequence, len(self.gains) - 1)]
-        image = digitise((self.bare * gain).astype(np.float32), NOISE_GREY, self.sensor._random)
-        return CameraFrame(image=image, time_s=self.sequence / 4, sequence=self.sequence)
-
-    def close(self) -> None:
-        pass
+    return ScriptedCamera(picture, shape=(480, 640), period_s=0.02)
 
 
 def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
     new_sensor: New, synthetic: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
-    camera = FadingCamera(new_sensor(2500), 0.97, 160)
+    camera = fading_camera(new_sensor(2500), 0.97, 160)
     with Daemon(camera, Reconstructor(synthetic), watch=SensorWatch(synthetic)) as daemon:
         frame = daemon.wait_frame(0, 10)
         while frame.camera_frame.sequence < 200 or np.abs(frame.depth_mm).mean() > 0.01:
@@ -216,6 +203,6 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
 
 
 def test_a_daemon_without_a_watch_cannot_set_its_zero(synthetic: Bundle, new_sensor: New) -> None:
-    camera = FadingCamera(new_sensor(2600), 1.0, 2)
+    camera = fading_camera(new_sensor(2600), 1.0, 2)
     with Daemon(camera, Reconstructor(synthetic)) as daemon, pytest.raises(InputError, match="not watched"):
         daemon.rezero()

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.base.errors import CameraError
 from gellight.bundle.bundle import LedSetting, write_bundle
 from gellight.lab.evaluation.object_errors import rezeroed
 from tests.helpers.linear_sensor import BUNDLE_SHAPE, linear_network, reference_image
-from tests.helpers.scripted_camera import FlatCamera
+from tests.helpers.scripted_camera import flat_camera
 
 
 def test_a_bundle_that_is_rezeroed_keeps_all_but_its_reference_image(tmp_path: Path) -> None:
@@ -28,7 +27,7 @@ def test_a_bundle_that_is_rezeroed_keeps_all_but_its_reference_image(tmp_path: P
         camera={"exposure_us": 8000.0},
         extra_files={"lens.json": b"{}", "lights.json": b"{}"},
     )
-    new = rezeroed(bundle, FlatCamera(100, CameraError("no more frames")))
+    new = rezeroed(bundle, flat_camera())
     assert np.array_equal(new.reference, np.rint(reference_image(BUNDLE_SHAPE)))
     changed = {"files", "reference_frames"}
     assert new.manifest.model_dump(exclude=changed) == bundle.manifest.model_dump(exclude=changed)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
@@ -18,6 +17,7 @@ from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import Step
 from gellight.sensor import set_and_light
 from gellight.sensor.lighting.hold import exposures
+from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.scripted_ring import ScriptedRing
 
 RING = np.zeros((12, 3), np.uint8)
@@ -90,29 +90,21 @@ class Clock:
         return self.now
 
 
-class QueuedCamera(Camera):
-    """Delivers frames that are `old` frames old, each stamped with its true start, and filled with the light then."""
+def queued_camera(ring: FakeRing, old: int) -> ScriptedCamera:
+    """Deliver frames that are `old` frames old, each stamped with its true start, and filled with the light then."""
+    queue = deque([ring.clock.now] * old)
 
-    url, image_shape, stage = "fake://", (4, 4), None
-
-    def __init__(self, ring: FakeRing, old: int) -> None:
-        self.ring, self.clock = ring, ring.clock
-        self.queue = deque([self.clock.now] * old)
-        self.count = 0
-
-    def read(self) -> CameraFrame:
-        self.clock.now += 0.010
-        self.queue.append(self.clock.now)
-        self.clock.now += 0.020
-        start = self.queue.popleft()
-        lit = [colours for t, colours in self.ring.lights if t + 0.0025 <= start]
-        mixed = any(start < t + 0.0025 < start + 0.020 for t, _ in self.ring.lights)
-        self.count += 1
+    def picture(number: int) -> CameraFrame:
+        ring.clock.now += 0.010
+        queue.append(ring.clock.now)
+        ring.clock.now += 0.020
+        start = queue.popleft()
+        lit = [colours for t, colours in ring.lights if t + 0.0025 <= start]
+        mixed = any(start < t + 0.0025 < start + 0.020 for t, _ in ring.lights)
         level = 255 if mixed else (lit[-1].max() if lit else 0)
-        return CameraFrame(image=np.full((4, 4, 3), level, np.uint8), time_s=start, sequence=self.count)
+        return CameraFrame(image=np.full((4, 4, 3), level, np.uint8), time_s=start, sequence=number)
 
-    def close(self) -> None: ...
-    def selfcheck(self, pixel_size_mm): ...
+    return ScriptedCamera(picture, shape=(4, 4), url="fake://", ring=ring)
 
 
 LEVELS = [np.full((12, 3), level, np.uint8) for level in (10, 20, 30)]
@@ -127,45 +119,45 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeRing:
 
 @pytest.mark.parametrize("old", [0, 1, 4, 20])
 def test_frames_that_were_queued_are_told_by_their_stamps_not_counted(fake: FakeRing, old: int) -> None:
-    frames = exposures(QueuedCamera(fake, old), LEVELS)
+    frames = exposures(queued_camera(fake, old), LEVELS)
     assert [int(frame.image[0, 0, 0]) for frame in frames] == [10, 20, 30]
 
 
 def test_a_camera_whose_stamps_never_pass_the_light_is_named(fake: FakeRing) -> None:
     with pytest.raises(CameraError, match=r"fake://.*stamps"):
-        exposures(QueuedCamera(fake, 10_000), LEVELS)
+        exposures(queued_camera(fake, 10_000), LEVELS)
 
 
 def test_a_light_that_went_out_under_the_frame_is_taken_again(fake: FakeRing) -> None:
     fake.lost.extend([False, True, True, False])
-    (frame,) = exposures(QueuedCamera(fake, 0), LEVELS[:1])
+    (frame,) = exposures(queued_camera(fake, 0), LEVELS[:1])
     assert frame.label.group == 0
     fake.lost.extend([False, True, True, True])
     with pytest.raises(BoardError, match="another program"):
-        exposures(QueuedCamera(fake, 0), LEVELS[:1])
+        exposures(queued_camera(fake, 0), LEVELS[:1])
 
 
 def test_leds_darkened_for_safety_give_no_frame(fake: FakeRing) -> None:
     fake.dark = Dark.HOST_SILENT
     with pytest.raises(BoardError, match="did not stay on"):
-        exposures(QueuedCamera(fake, 0), LEVELS[:1])
+        exposures(queued_camera(fake, 0), LEVELS[:1])
 
 
 def test_a_light_that_the_current_limit_scales_is_refused_and_the_ring_goes_dark(fake: FakeRing) -> None:
     fake.scale //= 2
     with pytest.raises(BoardError, match=r"50\.0%.*: dim it, or raise"):
-        exposures(QueuedCamera(fake, 0), LEVELS)
+        exposures(queued_camera(fake, 0), LEVELS)
     assert fake.still is None
 
 
 def test_a_picture_that_shows_another_light_is_taken_again_and_then_told(fake: FakeRing) -> None:
     answers = deque([LightLabel(state=LightState.MIXED), LightLabel(state=LightState.CLEAN, group=0)])
     check = SimpleNamespace(label=lambda image: answers.popleft())
-    (frame,) = exposures(QueuedCamera(fake, 0), LEVELS[:1], check=check)
+    (frame,) = exposures(queued_camera(fake, 0), LEVELS[:1], check=check)
     assert frame.label == LightLabel(state=LightState.CLEAN, group=0)
     answers.extend([LightLabel(state=LightState.CLEAN, group=2)] * 3)
     with pytest.raises(CameraError, match=r"clean light \(group 2\) where group 0 was asked"):
-        exposures(QueuedCamera(fake, 0), LEVELS[:1], check=check)
+        exposures(queued_camera(fake, 0), LEVELS[:1], check=check)
 
 
 def test_a_camera_without_a_ring_is_told() -> None:
