@@ -9,6 +9,7 @@ import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from gelnet.jacobian import add_jacobian
 from gelnet.parameters import PLACE, Floats, Parameters, channel_names
 
 Answer = Callable[[Floats], Floats]
@@ -55,7 +56,8 @@ def export(
 def to_onnx(network: Parameters, summary: Mapping[str, str]) -> onnx.ModelProto:
     """Write down the trained network, with the normalisation folded into the first layer.
 
-    W (p - c) / s + b = (W / s) p + (b - W c / s): five numbers a pixel fewer to move, the same answer.
+    W (p - c) / s + b = (W / s) p + (b - W c / s): five numbers a pixel fewer to move, the same answer. The file also
+    answers how the slopes change with the channels, see `jacobian.add_jacobian`.
     """
     nodes: list[onnx.NodeProto] = []
     weights: list[onnx.TensorProto] = []
@@ -75,6 +77,7 @@ def to_onnx(network: Parameters, summary: Mapping[str, str]) -> onnx.ModelProto:
         [helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])],
         weights,
     )
+    add_jacobian(graph, len(network.centre) - len(PLACE))
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="gelnet")
     model.ir_version = _IR_VERSION
     helper.set_model_props(model, _properties(network) | dict(summary))
@@ -87,7 +90,8 @@ def _properties(network: Parameters) -> dict[str, str]:
     return {
         "schema": SCHEMA,
         "inputs": f"{' '.join(channel_names(channels))} (image minus reference, grey levels), x y (px: column, row)",
-        "outputs": "d(depth)/dx d(depth)/dy (dimensionless; depth positive into the sensor)",
+        "outputs": "d(depth)/dx d(depth)/dy (dimensionless; depth positive into the sensor); where the input "
+        "with_jacobian is true, their derivatives by the channels, of d(depth)/dx first",
         "width": str(network.width),
     }
 
@@ -109,7 +113,9 @@ def largest_difference(answer: Answer, path: Path, rows: Floats) -> float:
 
     Angles, because a slope near the vertical is a large number of which the last digits mean nothing.
     """
-    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3  # else it warns of every optional input
+    session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
     worst = 0.0
     everything = np.concatenate([rows, _random_pixels(rows)])
     for start in range(0, len(everything), _ROWS_PER_RUN):

@@ -27,7 +27,7 @@ from gellight.frames.image_files import read_image
 from gellight.frames.picture import PictureSteps, steps_of
 from gellight.frames.view import View
 from gellight.reconstruction.lens import lens_file
-from gellight.reconstruction.network_session import NetworkSession, jacobian_session
+from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.photometric import lights_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording, RecordingWriter
@@ -187,8 +187,7 @@ def _no_bundle(zero: str) -> Bundle:
 
 def _network(content: bytes) -> None:
     session = NetworkSession(content, threads=1, source="fuzz")
-    session.slopes(np.zeros((2, 5), np.float32))
-    jacobian_session(session)
+    session.slopes_and_jacobian(np.zeros((2, 5), np.float32))
 
 
 def _play(path: Path) -> None:

@@ -38,11 +38,15 @@ def test_the_file_keeps_the_contract_with_the_host(network: Trainer, rows: np.nd
     path = tmp_path / "network.onnx"
     assert written(network, path, rows, seed="7") <= BOUND
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    (given,), (answered,) = session.get_inputs(), session.get_outputs()
+    (given,), (answered, derived) = session.get_inputs(), session.get_outputs()
+    assert [option.name for option in session.get_overridable_initializers()] == ["with_jacobian"]
     assert (given.name, given.shape, given.type) == ("pixels", ["N", 5], "tensor(float)")
     assert (answered.name, answered.shape, answered.type) == ("gradient", ["N", 2], "tensor(float)")
+    assert (derived.name, derived.shape, derived.type) == ("jacobian", ["N", 6], "tensor(float)")
     for count in (0, 1, 3000):
-        assert session.run(None, {"pixels": rows[:count]})[0].shape == (count, 2)
+        assert [a.shape for a in session.run(None, {"pixels": rows[:count]})] == [(count, 2), (0, 6)]
+        asked = session.run(None, {"pixels": rows[:count], "with_jacobian": np.array(True)})
+        assert [a.shape for a in asked] == [(count, 2), (count, 6)]
     properties = session.get_modelmeta().custom_metadata_map
     assert properties["schema"] == "gelnet/1"
     assert properties["width"] == "16"
@@ -55,6 +59,23 @@ def test_it_answers_what_the_trainer_answers(network: Trainer, rows: np.ndarray,
     written(network, path, rows)
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     np.testing.assert_allclose(session.run(None, {"pixels": rows})[0], network.answer(rows), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 12])
+def test_its_jacobian_is_the_limit_of_differences_of_the_trainer(channels: int, tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    rows = random.uniform([*[-60] * channels, 0, 0], [*[60] * channels, 639, 479], (500, channels + 2))
+    rows = rows.astype(np.float32)
+    network = make_trainer("numpy", seed=0)
+    network.begin(rows, np.full((len(rows), 2), 1.5, np.float32), width=16, recipe=RECIPES["fast"])
+    written(network, tmp_path / "network.onnx", rows)
+    session = onnxruntime.InferenceSession(tmp_path / "network.onnx", providers=["CPUExecutionProvider"])
+    found = session.run(["jacobian"], {"pixels": rows, "with_jacobian": np.array(True)})[0]
+    step = np.eye(channels, channels + 2, dtype=np.float32) / 4
+    differences = [2 * (network.answer(rows + s) - network.answer(rows - s)) for s in step]
+    right = np.stack(differences, axis=2).reshape(len(rows), -1)
+    assert np.abs(right).max() > 3e-4
+    np.testing.assert_allclose(found, right, atol=3e-3 * np.abs(right).max())
 
 
 def test_the_same_network_gives_the_same_bytes(network: Trainer, rows: np.ndarray, tmp_path: Path) -> None:

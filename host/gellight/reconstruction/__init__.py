@@ -8,7 +8,6 @@ stages.py        the names and times of its stages, and the frame at its end
 gelnet.py        difference image to gradient map, pixel by pixel; which pixels are touched
 linearised.py    the same from the network and its Jacobian at the means of cells, which is faster
 network_session.py  the network in ONNX Runtime
-jacobian.py      the network that also answers its Jacobian, made from the file of the bundle
 cast_shadows.py  which LEDs the surface hides from which pixels, and the slopes with their light
 at_rest.py       where the gel is at rest
 pixel_grid.py    where pixels lie on the gel; means over blocks of them

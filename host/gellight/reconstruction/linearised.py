@@ -30,7 +30,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, cell_means
-from gellight.reconstruction.network_session import JacobianSession
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -53,9 +52,9 @@ _ALL_CHANNELS = np.ones((1, 3), np.float32)
 class CellNetwork:
     """The network at the cells of images of one size."""
 
-    def __init__(self, network: GradientNetwork, jacobian: JacobianSession) -> None:
-        """Take the network of the pixels and the session that differentiates it."""
-        self.network, self.jacobian = network, jacobian
+    def __init__(self, network: GradientNetwork) -> None:
+        """Take the network of the pixels."""
+        self.network = network
         self.noise_grey = LIMIT_NOISE * network.at_rest.pixel_grey
         self.shape = height, width = tuple(-(-n // CELL_PX) for n in network.image_shape)
         rows, columns = np.indices((height, width), dtype=np.float32).reshape(2, -1)
@@ -120,7 +119,7 @@ class CellNetwork:
         slopes, jacobian = np.empty((len(rows), 2), np.float32), np.empty((len(rows), 6), np.float32)
         for start in range(0, len(rows), BLOCK_CELLS):
             block = slice(start, start + BLOCK_CELLS)
-            slopes[block], jacobian[block] = self.jacobian.answer(rows[block])
+            slopes[block], jacobian[block] = self.network.session.slopes_and_jacobian(rows[block])
         return slopes, jacobian
 
     def _single(self, slopes: Floats, difference: Floats, chosen: NDArray[np.intp]) -> None:

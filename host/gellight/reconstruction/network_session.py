@@ -1,10 +1,10 @@
 """The network of a bundle in ONNX Runtime on the CPU, its contract checked.
 
-A row is one pixel or the mean of some: the change of its channels and the place (px); the answer
-is the slope there. Where the network can be differentiated (`jacobian`), a second session answers that too.
+A row is one pixel or the mean of some: the change of its C channels and the place (px); the answer is the slope there.
+The file of a network also answers the Jacobian, d(slope)/d(channels). One that an older GelLight wrote does not: its
+Jacobian is taken by differences, equal to 1e-4 of its size, and costs as much as seven answers instead of three.
 """
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +12,12 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
-from gellight.reconstruction.jacobian import NotAChainError, with_jacobian
 
-logger = logging.getLogger(__name__)
 Floats = NDArray[np.float32]
 
 REMEDY = "train the network again with this GelLight and write a new bundle"
+STEP_GREY = 0.25
+"""of the differences: small against what bends the answer, large against the rounding of float32"""
 
 
 class NetworkSession:
@@ -28,46 +28,35 @@ class NetworkSession:
 
         Raises BundleError for a network that does not keep the contract.
         """
-        self.source, self._threads = source, threads
-        self._content = network if isinstance(network, bytes) else _read(network, source)
-        self._session = _session(self._content, threads, source)
-        _check_contract(self._session, source, channels + 2)
+        self._source, self._channels = source, channels
+        content = network if isinstance(network, bytes) else _read(network, source)
+        self._session = _session(content, threads, source)
+        self.has_jacobian = _check_contract(self._session, source, channels)
+        """whether the file answers the Jacobian itself"""
 
     def slopes(self, rows: Floats) -> Floats:
         """Return the (N, 2) slopes of (N, C + 2) rows; BundleError where they are not finite numbers."""
-        answer: Floats = self._session.run(["gradient"], {"pixels": rows})[0]
-        if answer.shape != (len(rows), 2) or not np.isfinite(answer).all():
-            what = "NaN or infinite slopes" if answer.shape == (len(rows), 2) else f"shape {answer.shape}"
-            raise BundleError(f"{self.source}: the network answers {what} to {len(rows)} pixels: {REMEDY}")
-        return answer
+        return self._answers({"gradient": 2}, {"pixels": rows})[0]
 
-    def differentiated(self) -> "JacobianSession":
-        """Return the session that answers the Jacobian too; NotAChainError where that cannot be derived."""
-        return JacobianSession(_session(with_jacobian(self._content), self._threads, self.source), self.source)
+    def slopes_and_jacobian(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Return the (N, 2) slopes of rows, and (N, 2 C) d(slope x)/d(channels), d(slope y)/d(channels)."""
+        if self.has_jacobian:
+            given = {"pixels": rows, "with_jacobian": np.array(True)}
+            slopes, jacobian = self._answers({"gradient": 2, "jacobian": 2 * self._channels}, given)
+            return slopes, jacobian
+        steps = STEP_GREY * np.eye(self._channels, rows.shape[1], dtype=np.float32)
+        columns = [(self.slopes(rows + step) - self.slopes(rows - step)) / (2 * STEP_GREY) for step in steps]
+        return self.slopes(rows), np.stack(columns, axis=2).reshape(len(rows), -1)
 
-
-class JacobianSession:
-    """The network and its Jacobian in the colours."""
-
-    def __init__(self, session: onnxruntime.InferenceSession, source: str) -> None:
-        """Take a session of the network that `jacobian.with_jacobian` made; source: of the bundle, for messages."""
-        self._session, self._source = session, source
-
-    def answer(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Return the (N, 2) slopes of (N, 5) rows, and (N, 6) d(slope x)/d(colours), d(slope y)/d(colours)."""
-        slopes, jacobian = self._session.run(["gradient", "jacobian"], {"pixels": rows})
-        if not (np.isfinite(slopes).all() and np.isfinite(jacobian).all()):
-            raise BundleError(f"{self._source}: the network answers NaN or infinite slopes: {REMEDY}")
-        return slopes, np.ascontiguousarray(np.broadcast_to(jacobian, (len(rows), 6)))
-
-
-def jacobian_session(network: NetworkSession) -> JacobianSession | None:
-    """Return the differentiated session; None, with a line in the log, for a network that has another form."""
-    try:
-        return network.differentiated()
-    except NotAChainError as reason:
-        logger.warning("%s: slow, every touched pixel goes through the network one by one: %s", network.source, reason)
-        return None
+    def _answers(self, columns: dict[str, int], given: dict[str, NDArray[np.generic]]) -> list[Floats]:
+        """The outputs of these names, (N, columns) each for the N rows of "pixels"."""
+        rows = len(given["pixels"])
+        found: list[Floats] = self._session.run(list(columns), given)
+        for answer, width in zip(found, columns.values(), strict=True):
+            if answer.shape != (rows, width) or not np.isfinite(answer).all():
+                what = "NaN or infinite slopes" if answer.shape == (rows, width) else f"shape {answer.shape}"
+                raise BundleError(f"{self._source}: the network answers {what} to {rows} pixels: {REMEDY}")
+        return found
 
 
 def _read(path: Path, source: str) -> bytes:
@@ -91,19 +80,33 @@ def _session(content: bytes, threads: int, source: str) -> onnxruntime.Inference
         raise BundleError(f"{source}: the network cannot be loaded ({reason}): {REMEDY}") from error
 
 
-def _check_contract(session: onnxruntime.InferenceSession, source: str, inputs: int) -> None:
-    """One input "pixels" (N, inputs) float32, one output "gradient" (N, 2) float32, N free."""
-    for kind, found, wanted, columns in (
-        ("input", session.get_inputs(), "pixels", inputs),
-        ("output", session.get_outputs(), "gradient", 2),
-    ):
-        try:
-            values = [(value.name, value.type, list(value.shape)) for value in found]
-        except UnicodeDecodeError as error:
-            raise BundleError(f"{source}: an {kind} of the network has a name that is no text: {REMEDY}") from error
-        right = len(values) == 1 and values[0][:2] == (wanted, "tensor(float)")
-        shape = values[0][2] if right else []
-        if not right or len(shape) != 2 or isinstance(shape[0], int) or shape[1] != columns:
-            raise BundleError(
-                f"{source}: the network has the {kind} {values}, expected {wanted!r} float32 (N, {columns}): {REMEDY}"
+def _check_contract(session: onnxruntime.InferenceSession, source: str, channels: int) -> bool:
+    """One input "pixels" (N, C + 2), an output "gradient" (N, 2), all float32, N free.
+
+    Returns whether there is also the output "jacobian" (N, 2 C), with the input "with_jacobian" that asks for it.
+    """
+    try:
+        found = {
+            kind: [(value.name, value.type, list(value.shape)) for value in values]
+            for kind, values in (
+                ("input", session.get_inputs()),
+                ("output", session.get_outputs()),
+                ("option", session.get_overridable_initializers()),
             )
+        }
+    except UnicodeDecodeError as error:
+        raise BundleError(f"{source}: a name in the network is no text: {REMEDY}") from error
+    differentiates = found["option"] == [("with_jacobian", "tensor(bool)", [])]
+    answers = {"gradient": 2, "jacobian": 2 * channels} if differentiates else {"gradient": 2}
+    for kind, wanted in (("input", {"pixels": channels + 2}), ("output", answers)):
+        if [*map(_columns, found[kind])] != list(wanted.items()):
+            expected = ", ".join(f"{name!r} float32 (N, {columns})" for name, columns in wanted.items())
+            raise BundleError(f"{source}: the network has the {kind} {found[kind]}, expected {expected}: {REMEDY}")
+    return differentiates
+
+
+def _columns(value: tuple[str, str, list[int | str]]) -> tuple[str, int | str | None]:
+    """Name and columns of an input or output of float32 rows; None in their place for anything else."""
+    name, kind, shape = value
+    right = kind == "tensor(float)" and len(shape) == 2 and not isinstance(shape[0], int)
+    return name, shape[1] if right else None

@@ -21,7 +21,6 @@ from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
-from gellight.reconstruction.network_session import jacobian_session
 from gellight.reconstruction.numpy_path import NumpyPath
 from gellight.reconstruction.photometric.directions import FILE_NAME
 from gellight.reconstruction.picture_path import check_image
@@ -95,8 +94,7 @@ class Reconstructor:
             threads=threads,
             source=bundle.source,
         )
-        jacobian = jacobian_session(self._network.session) if masked and form is not Form.PIXELS else None
-        cells = CellNetwork(self._network, jacobian) if jacobian else None
+        cells = CellNetwork(self._network) if masked and form is not Form.PIXELS else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
         shadows = CastShadows.of_bundle(bundle, self._network) if cast_shadows else None
         self.cast_shadows = shadows is not None
@@ -105,21 +103,20 @@ class Reconstructor:
         )
         self._path: TactilePath = numpy_path
         self._computed_by = f"NumPy, {'cells' if cells else 'pixels'}"
-        if form is Form.NATIVE and masked:
-            parts = cells, lens, shadows
-            self._go_native(numpy_path, parts, smoothing_px, clock)
+        if form is Form.NATIVE and cells:
+            self._go_native(numpy_path, (cells, lens, shadows), smoothing_px, clock)
 
     def _go_native(
         self,
         judge: NumpyPath,
-        parts: tuple[CellNetwork | None, Undistortion | None, CastShadows | None],
+        parts: tuple[CellNetwork, Undistortion | None, CastShadows | None],
         smoothing_px: int,
         clock: Clock,
     ) -> None:
         """Compute natively where a library fits this machine and answers as NumPy does; else say so in the log."""
         try:
             name, library = fitting_library()
-            path = NativePath(library, self.bundle, self._network, *parts, smoothing_px=smoothing_px, clock=clock)
+            path = NativePath(library, self.bundle, *parts, smoothing_px=smoothing_px, clock=clock)
             refuse_disagreement(path, judge, self.bundle)
         except NativePathError as reason:
             logger.warning("frames are computed by NumPy, which takes longer: %s", reason)

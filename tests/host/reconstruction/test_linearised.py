@@ -1,12 +1,12 @@
 """The network at the means of cells against the network at every pixel, and its Jacobian against differences."""
 
-import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
@@ -15,10 +15,9 @@ from gellight.lab.evaluation.frame_bench import scenes
 from gellight.opening import open_camera
 from gellight.reconstruction import linearised
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.jacobian import NotAChainError, read_model, with_jacobian
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.pipeline import Form, Reconstructor
-from tests.helpers.linear_sensor import gemm_network, linear_bundle, linear_network, photograph, tanh_network
+from tests.helpers.linear_sensor import linear_bundle, linear_network, photograph
 
 
 def session(network: bytes) -> NetworkSession:
@@ -30,89 +29,54 @@ def rows(count: int = 500) -> np.ndarray:
     return np.concatenate([rng.normal(0, 20, (count, 3)), rng.uniform(0, 480, (count, 2))], axis=1).astype(np.float32)
 
 
-def deep_network(depth: int, width: int) -> bytes:
-    """Weights as in a file of GelNet, but another number of layers; what it answers means nothing."""
-    rng = np.random.default_rng(depth)
-    sizes, nodes, tensors, name = [5, *[width] * depth, 2], [], [], "pixels"
-    for i, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes)):
-        weights = rng.normal(0, 1 / np.sqrt(fan_in), (fan_out, fan_in)) * ([[0.02] * 3 + [0.002] * 2] if i == 0 else 1)
-        tensors.append(numpy_helper.from_array(weights.astype(np.float32), f"w{i}"))
-        tensors.append(numpy_helper.from_array(rng.normal(0, 0.3, fan_out).astype(np.float32), f"b{i}"))
-        nodes.append(helper.make_node("Gemm", [name, f"w{i}", f"b{i}"], [f"g{i}"], transB=1))
-        nodes.append(helper.make_node("Tanh", [f"g{i}"], [f"t{i}"]))
-        name = f"t{i}"
-    tensors.append(numpy_helper.from_array(np.float32(1.1), "steepest"))
-    nodes += [helper.make_node("Mul", ["steepest", name], ["angle"]), helper.make_node("Tan", ["angle"], ["gradient"])]
-    values = [
-        helper.make_tensor_value_info(n, TensorProto.FLOAT, ["N", k]) for n, k in (("pixels", 5), ("gradient", 2))
-    ]
-    graph = helper.make_graph(nodes, "deep", values[:1], values[1:], tensors)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+def written_before(network: bytes) -> bytes:
+    """The network as an older GelLight wrote it: the same weights, without the Jacobian."""
+    model = onnx.load_from_string(network)
+    for part, name in ((model.graph.node, "jacobian"), (model.graph.input, "with_jacobian"),
+                       (model.graph.initializer, "with_jacobian"), (model.graph.output, "jacobian")):  # fmt: skip
+        part.remove(next(one for one in part if name in (one.name, *getattr(one, "output", ()))))
     return bytes(model.SerializeToString())
 
 
-@pytest.mark.parametrize(
-    "network",
-    [
-        pytest.param(load_bundle("synthetic").network, id="shipped"),
-        pytest.param(linear_network(), id="linear"),
-        pytest.param(tanh_network(16), id="unbounded"),
-        pytest.param(deep_network(1, 7), id="one layer"),
-        pytest.param(deep_network(6, 48), id="six layers"),
-    ],
-)
+SHIPPED = load_bundle("synthetic").network
+
+
+@pytest.mark.parametrize("network", [SHIPPED, written_before(SHIPPED)], ids=["shipped", "written before"])
 def test_the_jacobian_is_the_limit_of_differences(network: bytes) -> None:
-    plain = session(network)
-    slopes, jacobian = plain.differentiated().answer(rows())
-    np.testing.assert_allclose(slopes, plain.slopes(rows()), rtol=1e-5, atol=1e-6)
-    step = np.eye(3, 5, dtype=np.float32) * 0.25
-    differences = [(plain.slopes(rows() + s) - plain.slopes(rows() - s)) / 0.5 for s in step]
-    found = jacobian.reshape(-1, 2, 3)
-    np.testing.assert_allclose(found, np.stack(differences, axis=2), atol=0.03 * np.abs(found).max())
+    asked = session(network)
+    assert asked.has_jacobian == (network is SHIPPED)
+    slopes, jacobian = asked.slopes_and_jacobian(rows())
+    np.testing.assert_allclose(slopes, asked.slopes(rows()), rtol=1e-5, atol=1e-6)
+    exact = session(SHIPPED).slopes_and_jacobian(rows())[1]
+    np.testing.assert_allclose(jacobian, exact, atol=2e-4 * np.abs(exact).max())
+    for size, error in ((4.0, 0.05), (1.0, 3e-3), (0.25, 2e-4)):
+        step = np.eye(3, 5, dtype=np.float32) * size
+        differences = [(asked.slopes(rows() + s) - asked.slopes(rows() - s)) / (2 * size) for s in step]
+        left = jacobian.reshape(-1, 2, 3) - np.stack(differences, axis=2)
+        assert np.abs(left).max() < error * np.abs(jacobian).max()
 
 
-def test_what_onnx_says_of_the_extended_file() -> None:
-    model = onnx.load_from_string(with_jacobian(load_bundle("synthetic").network))
-    onnx.checker.check_model(model, full_check=True)
-    assert [output.name for output in model.graph.output] == ["gradient", "jacobian"]
-    assert {p.key: p.value for p in model.metadata_props}["schema"] == "gelnet/1"
+@pytest.mark.parametrize("form", [Form.NATIVE, Form.CELLS])
+def test_a_bundle_of_an_older_version_gives_the_same_depth(form: Form) -> None:
+    bundle = load_bundle("synthetic")
+    older = replace(bundle, files={**bundle.files, bundle.manifest.network: written_before(bundle.network)})
+    frame = CameraFrame(image=scenes(bundle)["ball"], time_s=0.0, sequence=0)
+    found, right = (Reconstructor(one, form=form).reconstruct(frame) for one in (older, bundle))
+    assert right.contact.indentation_mm > 0.5
+    np.testing.assert_allclose(found.depth_mm, right.depth_mm, atol=1e-5)
+    np.testing.assert_allclose(found.gradient_map, right.gradient_map, atol=1e-4)
 
 
-def other_network(operation: str) -> bytes:
-    model = onnx.load_from_string(gemm_network(np.ones((5, 2)), np.zeros(2), output_name="g"))
-    model.graph.node.append(helper.make_node(operation, ["g"] * (2 if operation == "Add" else 1), ["gradient"]))
-    model.graph.output[0].name = "gradient"
-    return bytes(model.SerializeToString())
-
-
-@pytest.mark.parametrize(
-    ("network", "message"),
-    [
-        (other_network("Relu"), "Relu 'gradient'"),
-        (other_network("Add"), "Add 'gradient' joins 2 values"),
-        (gemm_network(np.ones((5, 2)), np.zeros(2), output_name="slope"), "nothing leads from the input to 'gradient'"),
-        (b"not onnx", "no ONNX file"),
-    ],
-)
-def test_another_form_of_network_is_not_differentiated(network: bytes, message: str) -> None:
-    with pytest.raises(NotAChainError, match=message):
-        with_jacobian(network)
-
-
-def test_a_network_of_another_form_is_run_pixel_by_pixel_and_the_log_says_so(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    relu = linear_bundle(tmp_path / "b", (48, 64), network=other_network("Relu"))
+def test_any_network_runs_at_cells(tmp_path: Path) -> None:
+    """Also one that bends at a single place, where no Jacobian tells how."""
+    model = onnx.load_from_string(linear_network())
+    model.graph.node[0].output[0] = "linear"
+    model.graph.node.append(helper.make_node("Relu", ["linear"], ["gradient"]))
+    bundle = linear_bundle(tmp_path / "b", (48, 64), network=bytes(model.SerializeToString()))
     frame = photograph(gaussian((48, 64), 6, (0, 0), height=5).gradient_map)
-    found = Reconstructor(relu).reconstruct(frame)
-    assert "every touched pixel goes through the network one by one: Relu 'gradient'" in caplog.text
-    right = Reconstructor(relu, form=Form.PIXELS).reconstruct(frame)
-    np.testing.assert_allclose(found.depth_mm, right.depth_mm, atol=1e-6)
-
-
-def test_bytes_that_are_no_onnx_file_are_refused() -> None:
-    with pytest.raises(ValueError, match="these 3 bytes are no ONNX file"):
-        read_model(b"\xff\xff\xff")
+    found, right = (Reconstructor(bundle, form=form).reconstruct(frame) for form in (Form.NATIVE, Form.PIXELS))
+    assert np.ptp(right.depth_mm) > 0.05
+    np.testing.assert_allclose(found.depth_mm, right.depth_mm, atol=5e-3)
 
 
 @pytest.mark.parametrize(("shape", "place"), [((240, 320), (20, 10)), ((61, 83), (-20, 10)), ((63, 66), (30, 30))])

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import onnx
 import onnxruntime
 from numpy.typing import NDArray
 
@@ -17,7 +18,6 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.lab.evaluation.analytic_surfaces import Surface, smooth_cap
 from gellight.reconstruction.gelnet import BLOCK_ROWS
-from gellight.reconstruction.jacobian import constants_of, read_model
 from gellight.reconstruction.lens.lens_file import has_lens
 from gellight.reconstruction.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.pipeline import Form, Reconstructor
@@ -236,7 +236,8 @@ def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Ti
 
 def network_flops(network: bytes) -> int:
     """Return the multiplications and additions of one row."""
-    return sum(2 * weights.size for weights in constants_of(read_model(network)).values() if weights.ndim == 2)
+    weights = (tensor.dims for tensor in onnx.load_from_string(network).graph.initializer)
+    return sum(2 * dims[0] * dims[1] for dims in weights if len(dims) == 2)
 
 
 def network_alone(bundle: Bundle, threads: int, block: int) -> Callable[[NDArray[np.float32]], object]:

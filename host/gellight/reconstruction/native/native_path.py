@@ -16,7 +16,7 @@ from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import THRESHOLD_MM
-from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
+from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import drift_of
@@ -49,32 +49,28 @@ class NativePath:
         self,
         library: Library,
         bundle: Bundle,
-        network: GradientNetwork,
-        cells: CellNetwork | None,
+        cells: CellNetwork,
         undistortion: Undistortion | None,
         shadows: CastShadows | None,
         *,
         smoothing_px: int,
         clock: Clock = time.perf_counter,
     ) -> None:
-        """Take the parts; see `pipeline.Reconstructor`. cells: without, every touched pixel goes through `network`.
+        """Take the parts; see `pipeline.Reconstructor`.
 
         Raises NativePathError for images smaller than `SMALLEST_PX`.
         """
         if min(bundle.image_shape) < SMALLEST_PX:
             raise NativePathError(f"images of {bundle.image_shape} px are too small for it")
-        self._c, self._bundle, self._network, self._cells = library, bundle, network, cells
+        self._c, self._bundle, self._network, self._cells = library, bundle, cells.network, cells
         self._undistortion, self._shadows = undistortion, shadows
         self._height, self._width = bundle.image_shape
         self._windows = Windows.of(smoothing_px) if smoothing_px >= 2 else None
         self._m = WorkMemory(bundle.image_shape, self._windows)
-        self._m.coarse_rows[:, 3:] = network.coarse_position
-        if cells is None:
-            self._m.doubts[:] = np.inf
-        else:
-            self._m.cell_rows[:, 3:] = cells.middle
+        self._m.coarse_rows[:, 3:] = self._network.coarse_position
+        self._m.cell_rows[:, 3:] = cells.middle
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
-        self._limits = np.array(network.limits_grey, np.float32)
+        self._limits = np.array(self._network.limits_grey, np.float32)
         self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
         self._clock = clock
         self.network_rows = NetworkRows()
@@ -135,15 +131,11 @@ class NativePath:
         return clear() or significant()
 
     def _slopes(self, difference: Floats, touched: int) -> None:
-        m, noise_grey = self._m, 0.0
+        m = self._m
         self._run("mean_rows", m.means, m.cell_rows, m.coarse_rows)
-        coarse = near = 0
-        if touched < m.touched.size:
-            coarse = self._coarse(self._cells)
-        if self._cells is not None:
-            near = self._at_cells(self._cells)
-            noise_grey = self._cells.noise_grey
-        given = (difference, m.touched, touched, m.planes, m.doubts, m.coarse, noise_grey)
+        coarse = self._coarse() if touched < m.touched.size else 0
+        near = self._at_cells()
+        given = (difference, m.touched, touched, m.planes, m.doubts, m.coarse, self._cells.noise_grey)
         single = self._run("blend", *given, m.slopes, m.index, m.work, m.bytes)
         self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
         for start in range(0, single, _BLOCK_PIXELS):
@@ -152,36 +144,33 @@ class NativePath:
             self._c.call("pixel_rows", difference, at, rows, count, self._width)
             self._run("store_pixels", at, self._network.session.slopes(rows), self._network.zero, m.slopes, count)
 
-    def _coarse(self, cells: CellNetwork | None) -> int:
+    def _coarse(self) -> int:
         """The slopes of the blocks, for where nothing touches; returns of how many the network was asked."""
-        m, count = self._m, len(self._m.coarse)
-        if cells is None:
-            m.around[:] = 1
-        else:
-            count = self._run("gentle_blocks", m.coarse_rows, cells.at_rest, m.touched, LIMIT_GREY, m.coarse, m.around)
+        m, at_rest = self._m, self._cells.at_rest
+        count = self._run("gentle_blocks", m.coarse_rows, at_rest, m.touched, LIMIT_GREY, m.coarse, m.around)
         if count:
             self._c.call("chosen_rows", m.coarse_rows, m.around, m.index, m.rows, len(m.coarse))
             at = m.index[:count]
             m.coarse[at] = self._network.session.slopes(m.rows[:count]) - self._network.coarse_zero[at]
         return count
 
-    def _at_cells(self, cells: CellNetwork) -> int:
+    def _at_cells(self) -> int:
         """The planes of the cells near a touch; returns of how many cells and blocks the network was asked."""
         m, asked = self._m, 0
         if self._run("split_cells", m.cell_rows, m.coarse_rows, m.near, LIMIT_GREY, m.steep, m.gentle, m.around):
-            asked = self._asked(cells, m.coarse_rows, m.around, self._network.coarse_zero, m.coarse_planes)
+            asked = self._asked(m.coarse_rows, m.around, self._network.coarse_zero, m.coarse_planes)
             self._run("cells_from_blocks", m.coarse_planes, m.cell_rows, m.gentle, m.planes, m.work)
-        asked += self._asked(cells, m.cell_rows, m.steep, cells.zero, m.planes)
+        asked += self._asked(m.cell_rows, m.steep, self._cells.zero, m.planes)
         self._run("cell_doubts", m.planes, m.near, self._doubt_limits, m.doubts, m.work_plane)
         return asked
 
-    def _asked(self, cells: CellNetwork, rows: Floats, chosen: NDArray[np.uint8], zero: Floats, planes: Floats) -> int:
+    def _asked(self, rows: Floats, chosen: NDArray[np.uint8], zero: Floats, planes: Floats) -> int:
         """The network and its Jacobian at the chosen rows, into planes; returns how many rows."""
         m = self._m
         count = self._c.call("chosen_rows", rows, chosen, m.index, m.rows, chosen.size)
         for start in range(0, count, BLOCK_CELLS):
             block = m.rows[start : min(start + BLOCK_CELLS, count)]
-            slopes, jacobian = cells.jacobian.answer(block)
+            slopes, jacobian = self._network.session.slopes_and_jacobian(block)
             answer = (m.index[start:], block, slopes, jacobian, zero, planes)
             self._c.call("store_cells", *answer, len(block), chosen.size)
         return count
