@@ -1,30 +1,20 @@
-"""Figures of light and frame: `python -m tests.benchmarks.light [labels|holds|modes|content|shutter]`.
+"""Figures of light and frame: `python -m tests.benchmarks.light [labels|holds|modes|shutter]`.
 
-All times are virtual or drawn, the same on every machine; only the cost of the content check is measured, as a ratio.
-The worlds, phases and presses here have other seeds than those on which anything was chosen.
+All times are virtual or drawn, the same on every machine.
+The worlds and phases here have other seeds than those on which anything was chosen.
 """
 
 import sys
-import time
 from collections import Counter
-from collections.abc import Callable
 
-import cv2
 import numpy as np
 import pytest
 
 from gellight.frames.timing import CameraTiming
-from gellight.lab.emulator.waveform import Light
-from gellight.lab.simulator.scene import Press, Scene, under_light
-from gellight.lab.simulator.shutter import Shutter, row_weights
-from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.sensor.lighting.content import ContentCheck
+from gellight.ring.light_groups import colour_triples
 from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.lighting.shutter_meter import measure_shutter
-from sim_reference.camera import CameraResponse, digitise, linear_grey
-from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES
 from tests.helpers.light_world import compare
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
@@ -63,8 +53,7 @@ def modes() -> None:
         with pytest.MonkeyPatch.context() as patch:
             camera = virtual_sensor(patch, seed=7, strobe=mode is LightMode.EXT, fps=fps)
             timing = CameraTiming(pulse_period_s=5e-4, period_s=1 / fps)
-            check = ContentCheck([camera.picture(group / 255) for group in TRIPLES])
-            with SequencedCamera(camera, TRIPLES, mode=mode, timing=timing, check=check, frames=frames) as sequenced:
+            with SequencedCamera(camera, TRIPLES, mode=mode, timing=timing, frames=frames) as sequenced:
                 for _ in range(0 if mode is LightMode.HOLD else 30):
                     sequenced.read()
                 counts, start_us, lights, last = Counter(), camera.board.now_us, 0, None
@@ -77,63 +66,7 @@ def modes() -> None:
                 a_second = (
                     f"{90 / seconds:.1f} frames, {counts['right'] / seconds:.1f} clean, {lights / seconds:.1f} lights/s"
                 )
-                slips = sequenced.counters.slips
-            print(f"{mode} at {fps} Hz, k = {frames}: {a_second}, {dict(counts)}, {slips} slips")
-
-
-def presses(rng: np.random.Generator) -> dict[str, list[Press]]:
-    """Fresh ones."""
-    balls = [Press("BALL", float(rng.uniform(0.2, 1.9)), *map(float, rng.uniform(-10, 10, 2))) for _ in range(25)]
-    plates = [
-        Press(name, float(rng.uniform(0.3, 1.2)), *map(float, rng.uniform(-3, 3, 2))) for name in OBJECT_NAMES[1:]
-    ]
-    return {"untouched": [Press("", 0.0)], "balls": balls, "plates": plates}
-
-
-def content() -> None:
-    """What contact does to the content check, 640 x 480, noise 1 grey level."""
-    rng, shutter, scene = np.random.default_rng(77), Shutter(), Scene(SensorGeometry(), CameraResponse())
-    ring, phases_us = np.round(scene.light * 255).astype(np.uint8), 500.0 * rng.random(12)
-    spent = Counter()
-
-    def picture(light: np.ndarray) -> np.ndarray:
-        return digitise(linear_grey(under_light(scene._lit[2], light), scene.response).astype(np.float32), 1.0, rng)
-
-    def timed(name: str, call: Callable[[], object]) -> object:
-        start = time.perf_counter()
-        result = call()
-        spent[name] += time.perf_counter() - start
-        return result
-
-    sets = {"4 triples": colour_triples(ring), "12 single LEDs": single_leds(ring)}
-    scene.prepare(None)
-    checks = {name: ContentCheck([scene.show(None, g / 255)[0] for g in groups]) for name, groups in sets.items()}
-    said = {(name, touched, pure): Counter() for name in sets for touched in presses(rng) for pure in (True, False)}
-    for touched, list_of in presses(rng).items():
-        for press in list_of:
-            scene.prepare(press if press.object_name else None)
-            for name, groups in sets.items():
-                for number, group in enumerate(groups):
-                    image = picture(group / 255)
-                    label = timed("check", lambda n=name, i=image: checks[n].label(i))
-                    said[name, touched, True][
-                        "right"
-                        if label.group == number
-                        else "WRONG GROUP"
-                        if label.group is not None
-                        else str(label.state)
-                    ] += 1
-                    jpeg = cv2.imencode(".jpg", image)[1]
-                    timed("jpeg", lambda j=jpeg: cv2.imdecode(j, cv2.IMREAD_COLOR))
-                for after_us in rng.uniform(1500, 18_500, 6):  # at least 1 ms of the other light in some row
-                    old, new = rng.choice(len(groups), 2, replace=False)
-                    lights = [Light(0.0, groups[old]), Light(1e6 + after_us, groups[new])]
-                    label = checks[name].label(picture(row_weights(lights, 1e6, 480, phases_us, shutter)))
-                    said[name, touched, False][str(label.state)] += 1
-    for (name, touched, pure), counts in said.items():
-        share = {what: f"{n / counts.total():.1%}" for what, n in counts.most_common()}
-        print(f"{name:15} {touched:10} {'one light' if pure else 'light changes':14} {counts.total():4} {share}")
-    print(f"one check takes {spent['check'] / spent['jpeg']:.1f} times the decoding of the same picture from JPEG")
+            print(f"{mode} at {fps} Hz, k = {frames}: {a_second}, {dict(counts)}")
 
 
 def shutter() -> None:
@@ -152,7 +85,7 @@ def shutter() -> None:
 
 def main() -> None:
     """Print what is asked for, or all."""
-    parts = {part.__name__: part for part in (labels, holds, modes, shutter, content)}
+    parts = {part.__name__: part for part in (labels, holds, modes, shutter)}
     for name in sys.argv[1:] or parts:
         print(f"--- {name}")
         parts[name]()

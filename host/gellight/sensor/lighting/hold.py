@@ -6,7 +6,6 @@ images = [frame.image for frame in exposures(camera, colour_triples(colours))]
 import logging
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,40 +15,31 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.timing import CameraTiming
 from gellight.ring.enumerations import State
-from gellight.sensor.set_and_light import MOST_ATTEMPTS, set_and_light
+from gellight.sensor.set_and_light import set_and_light
 
 logger = logging.getLogger(__name__)
 
 
-class PictureCheck(Protocol):
-    """What can tell from a picture alone which light groups were lit; `lighting.content` has one."""
-
-    def label(self, image: NDArray[np.uint8]) -> LightLabel:
-        """Return what (H, W, 3) uint8 shows."""
-
-
 def exposures(
-    camera: Camera, groups: NDArray[np.uint8] | Iterable[NDArray[np.uint8]], *,
-    timing: CameraTiming | None = None, check: PictureCheck | None = None,
-) -> list[CameraFrame]:  # fmt: skip
+    camera: Camera, groups: NDArray[np.uint8] | Iterable[NDArray[np.uint8]], *, timing: CameraTiming | None = None
+) -> list[CameraFrame]:
     """Return one clean frame for each light group, in order; afterwards the light is again what it was before.
 
     `groups` is (n, 12, 3) uint8 RGB, or an iterable of (12, 3). Each frame carries the label `clean` with its index.
-    `check` has to agree, else the frame is taken again. A frame that is read directly afterwards may be mixed: it has
-    no label. Raises CameraError where the camera has no ring, delivers no frame of the new light, or shows another
-    light than was asked; BoardError where the board does not do it (also: a sequence is running, or the current limit
-    scales a light).
+    A frame that is read directly afterwards may be mixed: it has no label. Raises CameraError where the camera has no
+    ring or delivers no frame of the new light; BoardError where the board does not do it (also: a sequence is running,
+    or the current limit scales a light).
     """
-    with Hold(camera, timing=timing, check=check) as hold:
+    with Hold(camera, timing=timing) as hold:
         return [hold.expose(colours, index)[0] for index, colours in enumerate(groups)]
 
 
 class Hold:
     """The light ring of a camera, in hand. As a context manager it gives back the light that was there before."""
 
-    def __init__(self, camera: Camera, timing: CameraTiming | None = None, check: PictureCheck | None = None) -> None:
+    def __init__(self, camera: Camera, timing: CameraTiming | None = None) -> None:
         """Remember what to use; `__enter__` takes the ring of `camera`."""
-        self._camera, self._timing, self._check = camera, timing, check
+        self._camera, self._timing = camera, timing
 
     def __enter__(self) -> "Hold":
         """Remember the light; CameraError without a ring, BoardError while it runs a sequence of somebody else."""
@@ -76,13 +66,5 @@ class Hold:
     def expose(self, colours: NDArray[np.uint8], index: int, frames: int = 1) -> tuple[CameraFrame, ...]:
         """Show (12, 3) uint8 and return frames taken wholly under it, labelled clean with `index`."""
         label = LightLabel(state=LightState.CLEAN, group=index)
-        for _ in range(MOST_ATTEMPTS):
-            taken = set_and_light(self._camera, {}, colours, timing=self._timing, frames=frames)
-            seen = self._check.label(taken[0].image) if self._check else label
-            if seen == label:
-                return tuple(replace(frame, label=label) for frame in taken)
-            logger.warning("light group %d was asked, the picture shows %s; it is taken again", index, seen)
-        raise CameraError(
-            f"{self._camera.url} shows {seen.state} light (group {seen.group}) where group {index} was asked: "
-            "check that ring and camera belong to one sensor, and take the reference images again"
-        )
+        taken = set_and_light(self._camera, {}, colours, timing=self._timing, frames=frames)
+        return tuple(replace(frame, label=label) for frame in taken)

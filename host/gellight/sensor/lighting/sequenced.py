@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera, timing_of
 from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.frames import CameraFrame, LightLabel, LightState
+from gellight.frames.frames import CameraFrame
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Edge, State, Status, SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.lighting.label import UNKNOWN_LABEL
 from gellight.sensor.lighting.light_watch import LightWatch
@@ -60,8 +59,6 @@ class LightCounters:
     clean: int = 0
     mixed: int = 0
     unknown: int = 0
-    slips: int = 0
-    """the picture showed another light than the times said; such a frame is unknown"""
     trims: int = 0
 
 
@@ -70,22 +67,21 @@ class SequencedCamera(CameraWrapper):
 
     def __init__(
         self, camera: Camera, groups: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], *,
-        mode: LightMode = LightMode.FREE, timing: CameraTiming | None = None, check: ContentCheck | None = None,
-        frames: int | None = None, strobe_edge: Edge = Edge.RISING, strobe_to_end_s: float | None = None,
+        mode: LightMode = LightMode.FREE, timing: CameraTiming | None = None, frames: int | None = None,
+        strobe_edge: Edge = Edge.RISING, strobe_to_end_s: float | None = None,
     ) -> None:  # fmt: skip
         """Show `groups` (n, 12, 3) uint8 RGB in turn, `frames` frame periods each (default: the fewest that can do).
 
-        `timing` is by default what `timing_of` tells. `check` compares every frame with the reference images.
-        `strobe_to_end_s` (EXT) is from the edge of the strobe to the end of the last row; default: the strobe's edge is
-        the start of the frame. Raises CameraError without a ring, BoardError where the board refuses, InputError for a
-        number of groups that it cannot hold.
+        `timing` is by default what `timing_of` tells. `strobe_to_end_s` (EXT) is from the edge of the strobe to the end
+        of the last row; default: the strobe's edge is the start of the frame. Raises CameraError without a ring,
+        BoardError where the board refuses, InputError for a number of groups that it cannot hold.
         """
         super().__init__(camera)
         if not 1 <= len(groups) <= protocol.GROUP_COUNT:
             raise InputError(f"{len(groups)} light groups: the board holds 1 to {protocol.GROUP_COUNT}")
         if camera.ring is None:
             raise CameraError(f"{camera.url} has no light ring to run a sequence on: connect the ring's board")
-        self.mode, self._check = mode, check
+        self.mode = mode
         self._given_timing, self._given_frames = timing, frames
         self._strobe_edge, self._strobe_to_end_s = strobe_edge, strobe_to_end_s
         self._groups = [np.asarray(group, np.uint8) for group in groups]
@@ -109,7 +105,7 @@ class SequencedCamera(CameraWrapper):
         )
         self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
         self._lock = PhaseLock(self._timing, frames=self.frames, leds=ring.led_count)
-        self._hold = Hold(self._camera, timing=self._timing, check=self._check)
+        self._hold = Hold(self._camera, timing=self._timing)
         if self.mode is not LightMode.HOLD:
             self._run(ring)
         self._started_on = ring
@@ -187,9 +183,8 @@ class SequencedCamera(CameraWrapper):
             frame = self._camera.read()
         assert self.watch is not None
         assert self._started_on is not None
-        timed = UNKNOWN_LABEL if frame.estimated else self.watch.label(frame.time_s, self.image_shape[0])
-        seen = self._check.label(frame.image) if self._check else None
-        frame = replace(frame, label=self._agree(timed, seen))
+        label = UNKNOWN_LABEL if frame.estimated else self.watch.label(frame.time_s, self.image_shape[0])
+        frame = replace(frame, label=label)
         if self.watch.silenced():  # this program was held up for so long that the board ended the sequence
             logger.warning(
                 "the board heard nothing from here and ended its sequence (machine busy?); it is started again"
@@ -206,16 +201,6 @@ class SequencedCamera(CameraWrapper):
             self._end()
             self._camera.adopt(controls, colours)
             self._before = colours
-
-    def _agree(self, timed: LightLabel, seen: LightLabel | None) -> LightLabel:
-        """Let the picture doubt what the times say; it never makes an uncertain frame clean."""
-        if seen is None or seen.state == LightState.UNKNOWN or seen == timed:
-            return timed
-        if timed.state == LightState.CLEAN:
-            self.counters.slips += 1
-            logger.warning("a frame timed as group %s shows %s light (group %s)", timed.group, seen.state, seen.group)
-            return UNKNOWN_LABEL
-        return seen if seen.state == LightState.MIXED else timed
 
     def _steer(self, frame: CameraFrame) -> None:
         """Keep the changes of the light between the frames."""

@@ -11,9 +11,9 @@ A stamp is one of these:
 - false: not on the right clock, or not later than the one before. Then the start is estimated so that it is never too
   late: the picture came after the driver was last found without one, and was held back for at most a period.
 
-The driver does not know `delay_us` and `readout_us`: they are measured against the light ring. Without them the delay
-is taken as 0 and the readout as a whole frame period. `stamp_error_us` bounds how far a stamp may be off; `cadence`
-measures how regularly stamps really come.
+The driver does not know `delay_us` and `readout_us`: `gellight doctor` measures them against the light ring. Without
+them the delay is taken as 0 and the readout as a whole frame period. `stamp_error_us` bounds how far a stamp may be
+off; `cadence` measures how regularly stamps really come.
 """
 
 from collections.abc import Sequence

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -148,16 +147,6 @@ def test_a_light_that_the_current_limit_scales_is_refused_and_the_ring_goes_dark
     with pytest.raises(BoardError, match=r"50\.0%.*: dim it, or raise"):
         exposures(queued_camera(fake, 0), LEVELS)
     assert fake.still is None
-
-
-def test_a_picture_that_shows_another_light_is_taken_again_and_then_told(fake: FakeRing) -> None:
-    answers = deque([LightLabel(state=LightState.MIXED), LightLabel(state=LightState.CLEAN, group=0)])
-    check = SimpleNamespace(label=lambda image: answers.popleft())
-    (frame,) = exposures(queued_camera(fake, 0), LEVELS[:1], check=check)
-    assert frame.label == LightLabel(state=LightState.CLEAN, group=0)
-    answers.extend([LightLabel(state=LightState.CLEAN, group=2)] * 3)
-    with pytest.raises(CameraError, match=r"clean light \(group 2\) where group 0 was asked"):
-        exposures(queued_camera(fake, 0), LEVELS[:1], check=check)
 
 
 def test_a_camera_without_a_ring_is_told() -> None:

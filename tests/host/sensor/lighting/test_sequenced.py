@@ -14,17 +14,12 @@ from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import LightRing
-from gellight.sensor.lighting.content import ContentCheck
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from tests.helpers.bench_board import VirtualTransport
 from tests.helpers.virtual_sensor import RING, VirtualCamera, virtual_sensor
 
 TRIPLES = colour_triples(RING)
 TIMING = CameraTiming(pulse_period_s=0.0005)
-
-
-def reference_check(camera: VirtualCamera) -> ContentCheck:
-    return ContentCheck([camera.picture(group / 255) for group in TRIPLES])
 
 
 def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Counter:
@@ -41,12 +36,11 @@ def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Co
 
 def test_free_and_locked_every_frame_of_a_thirty_hertz_camera_is_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = virtual_sensor(monkeypatch)
-    with SequencedCamera(camera, TRIPLES, timing=TIMING, check=reference_check(camera)) as sequenced:
+    with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
         assert sequenced.frames == 1
         follow(sequenced, camera, 25)
         locked = follow(sequenced, camera, 40)
         groups = [sequenced.read().label.group for _ in range(8)]
-        assert sequenced.counters.slips == 0
         assert 1 <= sequenced.counters.trims < 10
     assert locked["clean", "right"] >= 39
     assert locked["clean", "clean"] == locked["mixed", "clean"] == 0
@@ -65,9 +59,7 @@ def test_before_the_lock_nothing_mixed_is_called_clean(monkeypatch: pytest.Monke
 
 def test_with_a_strobe_no_frame_is_mixed_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = virtual_sensor(monkeypatch, strobe=True)
-    with SequencedCamera(
-        camera, TRIPLES, mode=LightMode.EXT, timing=TIMING, check=reference_check(camera)
-    ) as sequenced:
+    with SequencedCamera(camera, TRIPLES, mode=LightMode.EXT, timing=TIMING) as sequenced:
         counts = follow(sequenced, camera, 25)
     assert counts["mixed", "mixed"] == 0
     assert counts["clean", "right"] >= 23
@@ -89,7 +81,7 @@ def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
     monkeypatch: pytest.MonkeyPatch, mode: LightMode
 ) -> None:
     camera = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT)
-    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING, check=reference_check(camera)) as sequenced:
+    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING) as sequenced:
         follow(sequenced, camera, 5)
         camera.board.run(1_500_000)
         assert not camera.board.timeline.at(camera.board.now_us).any()
@@ -102,7 +94,7 @@ def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
 @pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT, LightMode.HOLD])
 def test_a_sensor_that_was_unplugged_gets_its_sequence_again(monkeypatch: pytest.MonkeyPatch, mode: LightMode) -> None:
     camera = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT)
-    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING, check=reference_check(camera)) as sequenced:
+    with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING) as sequenced:
         follow(sequenced, camera, 20)
         before, read = camera.ring, camera.read
         before.close()
@@ -152,26 +144,6 @@ def test_hold_gives_the_groups_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
         for number in range(6):
             frame = sequenced.read()
             assert frame.label == camera.truth(TRIPLES) == LightLabel(state=LightState.CLEAN, group=number % 4)
-
-
-def test_a_wrong_picture_of_a_light_makes_its_frames_unknown_not_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The board shows group 1 and 2 exchanged, as after a wiring fault: the times alone cannot know."""
-    camera = virtual_sensor(monkeypatch)
-    check = ContentCheck([camera.picture(group / 255) for group in TRIPLES[[0, 2, 1, 3]]])
-    with SequencedCamera(camera, TRIPLES, timing=TIMING, check=check) as sequenced:
-        follow(sequenced, camera, 20)
-        frames = [sequenced.read() for _ in range(20)]
-        assert sequenced.counters.slips >= 8
-    assert {frame.label.group for frame in frames if frame.label.state == LightState.CLEAN} == {0, 3}
-
-
-def test_a_stamp_that_is_wrong_is_found_by_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The camera stamps a whole frame early: no frame gets the label of the light before its own."""
-    camera = virtual_sensor(monkeypatch, late_s=-0.0333)
-    with SequencedCamera(camera, TRIPLES, timing=TIMING, check=reference_check(camera)) as sequenced:
-        counts = follow(sequenced, camera, 30)
-        assert sequenced.counters.slips > 15
-    assert counts["clean", "clean"] == counts["mixed", "clean"] == 0
 
 
 def test_a_stamp_that_is_too_late_leaves_frames_unknown(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,21 +3,33 @@
 import numpy as np
 import pytest
 
-from gellight.base.errors import CameraError
+from gellight.base.errors import CameraError, InputError
 from gellight.frames.timing import CameraTiming
+from gellight.lab.emulator.waveform import Light
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.simulator.shutter import Shutter, row_weights
+from gellight.lab.simulator.simulated_camera import built
 from gellight.ring.light_groups import colour_triples
-from gellight.sensor.lighting.content import BANDS, Content
-from gellight.sensor.lighting.shutter_meter import ShutterMeter, measure_shutter
+from gellight.sensor.lighting.shutter_meter import (
+    BANDS,
+    CELLS,
+    ShutterMeter,
+    TwoLights,
+    cells,
+    measure_shutter,
+    robust_fit,
+)
+from sim_reference.camera import CameraResponse, digitise
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
 PAIR = colour_triples(RING)[[0, 2]]
 HEIGHT = (np.arange(BANDS) + 0.5) / BANDS
 
 
-def seen(share: np.ndarray, old: int = 0, new: int = 1) -> Content:
-    coefficients = np.zeros((BANDS, 2))
-    coefficients[:, new], coefficients[:, old] = share, 1 - share
-    return Content(coefficients, np.ones(BANDS))
+def seen(share: np.ndarray, old: int = 0, new: int = 1) -> np.ndarray:
+    amounts = np.zeros((BANDS, 2))
+    amounts[:, new], amounts[:, old] = share, 1 - share
+    return amounts
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.021], ids=["stamps are starts", "stamps are ends"])
@@ -56,3 +68,47 @@ def test_too_few_changes_or_pictures_that_ignore_the_light_are_told() -> None:
         meter.add(seen(share), 0, 1, float(rng.uniform(-0.02, 0.02)))
     with pytest.raises(CameraError, match="do not follow"):
         meter.estimate()
+
+
+@pytest.mark.parametrize("press", [None, Press("BALL", 1.0, 7.0, -5.0)], ids=["untouched", "a ball in the gel"])
+def test_the_amounts_run_from_one_light_to_the_other_as_the_shutter_does(press: Press | None) -> None:
+    rows, rng = 240, np.random.default_rng(5)
+    geometry = built({"image_width_px": 320, "image_height_px": rows, "pixel_size_mm": 0.1176})
+    scene = Scene(geometry, CameraResponse())
+    ring = np.round(scene.light * 255).astype(np.uint8)
+    pair = colour_triples(ring)[[1, 3]]
+    lights = TwoLights((scene.show(None, pair[0] / 255)[0], scene.show(None, pair[1] / 255)[0]))
+    change = [Light(0.0, pair[0]), Light(1e6 + 10_000.0, pair[1])]
+    weights = row_weights(change, 1e6, rows, 500.0 * rng.random(12), Shutter())
+    found = lights.amounts(digitise(scene.show(press, weights)[0], 1.0, rng))
+    wanted = np.clip((12.0 * HEIGHT + 8.0 - 10.0 - 0.25) / 8.0, 0, 1)
+    told = np.isfinite(found).all(axis=1)
+    assert told.sum() >= (BANDS if press is None else BANDS - 6)
+    assert found[told, 1] == pytest.approx(wanted[told], abs=0.07)  # half a pulse of 0.5 ms, of an exposure of 8 ms
+    assert found[told].sum(axis=1) == pytest.approx(1.0, abs=0.08)
+
+
+def test_one_cell_in_three_may_be_anything() -> None:
+    rng = np.random.default_rng(0)
+    basis, wanted = rng.uniform(5, 100, (CELLS * 3, 2)), np.array([0.7, 0.3])
+    observed = basis @ wanted
+    observed[rng.choice(CELLS * 3, CELLS, replace=False)] *= rng.uniform(1.5, 3.0, CELLS)
+    assert robust_fit(basis, observed, 0.15 + 0.05 * observed) == pytest.approx(wanted, abs=0.05)
+
+
+def test_the_mean_of_a_cell_is_its_mean() -> None:
+    image = np.zeros((64, 128, 3), np.uint8)
+    image[4:8, 4:8, 1] = 200
+    found = cells(image).reshape(BANDS, CELLS, 3)
+    assert found[1, 1].tolist() == [0, 200, 0]
+    assert found.sum() == 200
+
+
+def test_pictures_that_cannot_be_told_apart_are_refused() -> None:
+    picture = np.random.default_rng(0).uniform(20, 200, (64, 128, 3)).astype(np.float32)
+    with pytest.raises(InputError, match="look the same"):
+        TwoLights((picture, 0.5 * picture))
+    with pytest.raises(InputError, match="group 1 is dark"):
+        TwoLights((picture, np.zeros_like(picture)))
+    with pytest.raises(InputError, match="12 x 10 px is too small"):
+        TwoLights((picture[:10, :12], picture[:10, :12]))
