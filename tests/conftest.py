@@ -26,7 +26,7 @@ LONGEST = (
     "vm", "test_first_hour.py", "firmware/test_mutants.py", "host/cli/test_signals.py", "soak/test_soak.py",
     "host/cli/test_calibrate.py", "host/cli/test_several_sensors.py", "firmware/test_fuzz.py",
     "host/lab/calibration/test_routine.py", "host/dashboard/test_page_layout.py", "host/dashboard/test_page.py",
-    "host/sensor/lighting/test_sequenced.py", "host/lab/calibration/lights/test_channel_fit.py",
+    "host/sensor/lighting/test_sequenced.py", "host/lab/optics/lights/test_channel_fit.py",
     "host/dashboard/test_wizard_layout.py", "host/cli/test_demo.py", "host/watch/test_monitor.py",
     "host/cli/test_without_torch.py", "host/dashboard/test_page_decodes.py", "host/reconstruction/test_native_path.py",
     "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/lab/design/test_report.py",

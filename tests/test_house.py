@@ -23,7 +23,9 @@ RUN = (
     "dashboard",
 )  # fmt: skip
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
-LAB = tuple(f"lab.{name}" for name in ("report", "emulator", "simulator", "training", "design", "calibration"))
+LAB = tuple(
+    f"lab.{name}" for name in ("report", "emulator", "simulator", "training", "optics", "design", "calibration")
+)
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
 ABOVE = ("lab.evaluation", "cli")
 """what stands above both halves"""
@@ -47,7 +49,7 @@ DOORS = {
         "lab/evaluation/demo_presses.py", "lab/evaluation/synthetic.py", "lab/evaluation/simulated_presses.py",
     ),
     "cv2": (
-        "bundle/bundle.py", "lab/calibration/lens/pins.py", "dashboard/view.py",
+        "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/image_files.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/cast_shadows.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py",

@@ -17,9 +17,9 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.calibration.lens.lens_fit import fit_lens, read_pins, spacing_px
-from gellight.lab.calibration.lens.measuring import add_lens, felt_depth_mm, figures, measure_lens
-from gellight.lab.calibration.lens.pins import dimples, spots
+from gellight.lab.optics.lens.lens_fit import fit_lens, read_pins, spacing_px
+from gellight.lab.optics.lens.measuring import add_lens, felt_depth_mm, figures, measure_lens
+from gellight.lab.optics.lens.pins import dimples, spots
 from gellight.lab.simulator.scene import Press as Pressed
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.presses import Ball, Press

@@ -16,9 +16,9 @@ from gellight.base.errors import InputError
 from gellight.frames.dots import find_dots
 from gellight.frames.image_files import read_grey, read_image
 from gellight.frames.view import View
-from gellight.lab.calibration.lights.ball_lights import check_lights, lights_from_balls
-from gellight.lab.calibration.lights.ball_series import BallSeries, held_out
-from gellight.lab.calibration.lights.channel_fit import channel_table
+from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.optics.lights.ball_series import BallSeries, held_out
+from gellight.lab.optics.lights.channel_fit import channel_table
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.labelling.circle import PressCircle, find_circles

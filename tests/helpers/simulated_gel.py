@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gellight.frames.frames import CameraFrame, ExposureSeries
-from gellight.lab.calibration.lights.reference_light import ReferencePictures, light_model
+from gellight.lab.optics.lights.reference_light import ReferencePictures, light_model
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry

@@ -133,6 +133,12 @@ class Camera(Protocol):
         self.close()
 
 
+def controls_of(camera: Camera) -> dict[str, float]:
+    """Return the controls in force, by name."""
+    controls = camera.controls
+    return {} if controls is None else {name: controls.read(name) for name in controls.names()}
+
+
 def set_controls(camera: Camera, controls: Mapping[str, float]) -> bool:
     """Set controls by name, and return whether one of them has changed.
 

@@ -11,7 +11,7 @@ from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frames.dots import find_dots
 from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
 from gellight.frames.view import View, read_view
-from gellight.lab.calibration.lens.grid_view import view_of_grid
+from gellight.lab.optics.lens.grid_view import view_of_grid
 from gellight.opening import open_camera
 from tests.helpers.dotted import CORNERS, TAKEN, from_the_side, with_dots
 from tests.helpers.linear_sensor import BUNDLE_SHAPE, linear_bundle

@@ -14,10 +14,10 @@ from gellight.cli.calibrate.training import SizedTraining, progress_bar
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.daemon.installing import sensor_name
 from gellight.lab.calibration.choices import RING_COLOURS
-from gellight.lab.calibration.lights.ball_series import LitBalls
-from gellight.lab.calibration.lights.channel_fit import fit_channels
-from gellight.lab.calibration.lights.live_series import take_series
 from gellight.lab.calibration.preparing import full_colours
+from gellight.lab.optics.lights.ball_series import LitBalls
+from gellight.lab.optics.lights.channel_fit import fit_channels
+from gellight.lab.optics.lights.live_series import take_series
 from gellight.lab.training.presses import Ball
 from gellight.opening import open_camera
 from gellight.sensor.lighting.sequence_choice import chosen_groups

@@ -11,8 +11,8 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.frames.image_files import image_files, read_grey
-from gellight.lab.calibration.lights.ball_lights import check_lights, lights_from_balls
-from gellight.lab.calibration.lights.ball_series import LitBalls, divided, read_series
+from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.optics.lights.ball_series import LitBalls, divided, read_series
 from gellight.lab.training.presses import Ball, read_presses
 from gellight.reconstruction.image_noise import noise_of_one
 

@@ -9,8 +9,7 @@ import typer
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.frames.image_files import image_files
-from gellight.lab.calibration.lens.measuring import add_lens, figures, measure_lens, write_overlay
-from gellight.lab.calibration.records import LensFigures
+from gellight.lab.optics.lens.measuring import LensFigures, add_lens, figures, measure_lens, write_overlay
 
 
 @with_options

@@ -8,7 +8,7 @@ import typer
 from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.daemon.assembly import chosen_bundle
-from gellight.lab.calibration.lights.adding import add_lights
+from gellight.lab.optics.lights.adding import add_lights
 
 
 @with_options

@@ -13,5 +13,5 @@ verify      verifying.py, verifying_prism.py            fresh presses of the bal
 `readiness.py` checks before the first step what all of them need. `judging.py` says how far a fresh press is felt off.
 `records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py`,
 `prism_report.py` and `report_pictures.py` make a page of it. `run.py` is what the steps share.
-`lens/` and `lights/` measure the lens and the light of each LED, `force/` what turns depth into newtons.
+`force/` measures what turns depth into newtons.
 """

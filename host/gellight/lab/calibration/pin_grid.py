@@ -14,13 +14,13 @@ from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.display import Picture, Progress
-from gellight.lab.calibration.lens.lattice import Lattice
-from gellight.lab.calibration.lens.lens_fit import check_pins, read_pins, spacing_px
-from gellight.lab.calibration.lens.measuring import add_lens, felt_lens, figures
-from gellight.lab.calibration.lens.pins import imprints, marked
 from gellight.lab.calibration.records import MeasuredLens, PinGrid, PixelSize
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
+from gellight.lab.optics.lens.lattice import Lattice
+from gellight.lab.optics.lens.lens_fit import check_pins, read_pins, spacing_px
+from gellight.lab.optics.lens.measuring import add_lens, felt_lens, figures
+from gellight.lab.optics.lens.pins import imprints, marked
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.reconstruction.lens.lens_file import has_lens
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import LedSetting
-from gellight.frames.camera import Camera, CameraControls
+from gellight.frames.camera import Camera, CameraControls, controls_of
 from gellight.lab.calibration import led_check
 from gellight.lab.calibration.records import Preparation, Uniformities
 from gellight.lab.calibration.run import CalibrationRun
@@ -46,7 +46,7 @@ def prepare(run: CalibrationRun) -> None:
         levels = _balanced(run)
     elif camera.controls is not None:
         _expose(run, camera.controls)
-    settings = settings_of(camera)
+    settings = controls_of(camera)
     camera.adopt(settings, levels)  # so it is set and lit again when it was unplugged
     led = None if levels is None else levels.tolist()
     image = mean_image([run.frame() for _ in range(options.reference_frames // 2)])
@@ -62,12 +62,6 @@ def prepare_again(run: CalibrationRun) -> None:
     """Set camera and LEDs as an interrupted calibration had set them."""
     prepared = run.folder.figures(Preparation)
     run.camera.adopt(prepared.camera, np.array(prepared.led, np.uint8) if prepared.led else None)
-
-
-def settings_of(camera: Camera) -> dict[str, float]:
-    """Return the controls in force, by name."""
-    controls = camera.controls
-    return {} if controls is None else {name: controls.read(name) for name in controls.names()}
 
 
 def led_settings(levels: list[list[int]] | None) -> tuple[LedSetting, ...]:

@@ -1,18 +1,11 @@
 """What a calibration measures: a record for each step, as it stands in `state.json` and is shown."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import ConfigDict
 
-
-class Record(BaseModel):
-    """Figures with their names."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures ready for JSON; what is unknown is left out."""
-        return self.model_dump(mode="json", exclude_none=True)
+from gellight.lab.optics.lens.measuring import LensFigures
+from gellight.lab.report.record import Record
 
 
 class StepFigures(Record):
@@ -133,24 +126,6 @@ class PinGrid(StepFigures):
     step = "lens"
     pictures: int
     pitch_mm: float | None = None
-
-
-class LensFigures(Record):
-    """How well a lens explains the pins; mm at the size of a pixel in the middle of the picture."""
-
-    pins: int
-    pictures: int
-    rms_before_px: float
-    rms_after_px: float
-    rms_before_mm: float
-    rms_after_mm: float
-    corner_moves_px: float
-    k1: float
-    k2: float
-    centre_px: tuple[float, float]
-    middle_mm_per_px: tuple[float, float]
-    bundle_mm_per_px: tuple[float, float]
-    not_seen_share: float
 
 
 class MeasuredLens(PinGrid, LensFigures):

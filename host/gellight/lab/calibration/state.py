@@ -23,12 +23,12 @@ from gellight.lab.calibration.records import (
     PixelSize,
     Preparation,
     PrismErrors,
-    Record,
     ShownCircle,
     ShownEdge,
     UntouchedGel,
     Verification,
 )
+from gellight.lab.report.record import Record
 from gellight.lab.training.presses import Press
 from gellight.lab.training.prisms import PrismPress, prism_angle_rad
 

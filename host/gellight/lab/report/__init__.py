@@ -1,1 +1,1 @@
-"""Pictures and charts for people: maps as pictures, charts as SVG, and the style sheet of both reports."""
+"""What people are shown: maps as pictures, charts as SVG, figures by name, and the style sheet of both reports."""

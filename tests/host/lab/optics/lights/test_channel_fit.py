@@ -13,10 +13,10 @@ from gellight.base.settings import LightingSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.main import app
 from gellight.daemon.assembly import open_session
-from gellight.lab.calibration.lights.ball_series import BallSeries, read_series
-from gellight.lab.calibration.lights.channel_fit import channel_table, fit_channels
-from gellight.lab.calibration.lights.live_series import take_series
 from gellight.lab.calibration.preparing import full_colours
+from gellight.lab.optics.lights.ball_series import BallSeries, read_series
+from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
+from gellight.lab.optics.lights.live_series import take_series
 from gellight.lab.training.presses import Ball, Press, TableOptions
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, ConfigError
-from gellight.lab.calibration.lights.reference_light import check_places, fit_pattern, light_model
+from gellight.lab.optics.lights.reference_light import check_places, fit_pattern, light_model
 from gellight.reconstruction.photometric.light_model import LightGroups, signals_of, unmixing
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import single_leds

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
-from gellight.lab.calibration.lights.ball_series import felt_radius_px
+from gellight.lab.optics.lights.ball_series import felt_radius_px
 from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.presses import Ball, Press
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.base.errors import InputError
-from gellight.lab.calibration.lights.ball_series import LEAST_BALLS, BallSeries, HeldOutBalls, count, held_out
+from gellight.lab.optics.lights.ball_series import LEAST_BALLS, BallSeries, HeldOutBalls, count, held_out
 from gellight.lab.training.presses import Ball
 from gellight.reconstruction.photometric.directions import LightDirections, view_places
 from gellight.reconstruction.photometric.solver import LEAST_LIGHTS

@@ -8,9 +8,9 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.lab.calibration.lens.lattice import find_lattice
-from gellight.lab.calibration.lens.lens_fit import LensFit, fit_lens, read_pins, spacing_px
-from gellight.lab.calibration.lens.pins import dimples, spots
+from gellight.lab.optics.lens.lattice import find_lattice
+from gellight.lab.optics.lens.lens_fit import LensFit, fit_lens, read_pins, spacing_px
+from gellight.lab.optics.lens.pins import dimples, spots
 from gellight.lab.simulator.scene import Press as Pressed
 from gellight.lab.simulator.scene import Scene
 from gellight.reconstruction.lens.model import middle_px

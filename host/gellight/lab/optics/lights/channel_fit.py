@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, write_bundle
-from gellight.lab.calibration.lights.ball_lights import check_lights, lights_from_balls
-from gellight.lab.calibration.lights.ball_series import BallSeries, HeldOutBalls, LitBalls, divided, held_out
+from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.optics.lights.ball_series import BallSeries, HeldOutBalls, LitBalls, divided, held_out
 from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.presses import Ball, PressTable, TableOptions, distance_px, sphere_gradient
 from gellight.lab.training.training import TrainingOptions, train

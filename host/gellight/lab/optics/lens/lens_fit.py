@@ -10,8 +10,8 @@ from scipy.linalg import polar
 from scipy.optimize import least_squares
 
 from gellight.base.errors import InputError
-from gellight.lab.calibration.lens.lattice import Lattice, find_lattice
-from gellight.lab.calibration.lens.pins import find_pins
+from gellight.lab.optics.lens.lattice import Lattice, find_lattice
+from gellight.lab.optics.lens.pins import find_pins
 from gellight.reconstruction.lens.model import Lens, distorted, half_diagonal_px, middle_px, undistorted
 
 Array = NDArray[np.float64]

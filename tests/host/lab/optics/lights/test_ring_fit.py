@@ -10,9 +10,9 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.lab.calibration.lights.adding import add_lights
-from gellight.lab.calibration.lights.ball_check import confirm_ring
-from gellight.lab.calibration.lights.ring_fit import coarse_points, fit_ring, flat_light
+from gellight.lab.optics.lights.adding import add_lights
+from gellight.lab.optics.lights.ball_check import confirm_ring
+from gellight.lab.optics.lights.ring_fit import coarse_points, fit_ring, flat_light
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry

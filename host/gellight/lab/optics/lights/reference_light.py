@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gellight.base.errors import BundleError
-from gellight.lab.calibration.lights.ring_fit import STEP_PX, coarse_points, flat_light, own_light
+from gellight.lab.optics.lights.ring_fit import STEP_PX, coarse_points, flat_light, own_light
 from gellight.reconstruction.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
 from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.photometric.static_scene import BLOCK_PX

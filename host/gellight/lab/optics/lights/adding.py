@@ -12,9 +12,9 @@ from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
-from gellight.lab.calibration.lights.ball_check import confirm_ring
-from gellight.lab.calibration.lights.reference_light import ReferencePictures, light_model
-from gellight.lab.calibration.lights.ring_fit import RingFit, fit_ring
+from gellight.lab.optics.lights.ball_check import confirm_ring
+from gellight.lab.optics.lights.reference_light import ReferencePictures, light_model
+from gellight.lab.optics.lights.ring_fit import RingFit, fit_ring
 from gellight.opening import open_camera
 from gellight.reconstruction.photometric.light_model import LightModel
 from gellight.reconstruction.photometric.lights_file import write_lights

@@ -11,14 +11,32 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.lab.calibration.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
-from gellight.lab.calibration.lens.pins import dimples, marked, spots
-from gellight.lab.calibration.records import LensFigures
+from gellight.lab.optics.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
+from gellight.lab.optics.lens.pins import dimples, marked, spots
 from gellight.lab.report.pictures import Picture, write_png
+from gellight.lab.report.record import Record
 from gellight.lab.training.training import read_reference
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.pipeline import Reconstructor
+
+
+class LensFigures(Record):
+    """How well a lens explains the pins; mm at the size of a pixel in the middle of the picture."""
+
+    pins: int
+    pictures: int
+    rms_before_px: float
+    rms_after_px: float
+    rms_before_mm: float
+    rms_after_mm: float
+    corner_moves_px: float
+    k1: float
+    k2: float
+    centre_px: tuple[float, float]
+    middle_mm_per_px: tuple[float, float]
+    bundle_mm_per_px: tuple[float, float]
+    not_seen_share: float
 
 
 def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, reference: str | None = None) -> LensFit:

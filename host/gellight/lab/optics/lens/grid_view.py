@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.view import View
-from gellight.lab.calibration.lens.lattice import find_lattice
-from gellight.lab.calibration.lens.pins import find_pins, spots
+from gellight.lab.optics.lens.lattice import find_lattice
+from gellight.lab.optics.lens.pins import find_pins, spots
 
 LEAST_POINTS = 9
 _LARGEST_MISS = 0.15

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError, InputError
-from gellight.frames.camera import Camera
-from gellight.lab.calibration.lights.ball_series import BallSeries, LitBalls
-from gellight.lab.calibration.preparing import settings_of
+from gellight.frames.camera import Camera, controls_of
+from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.presses import Ball, Press
@@ -62,7 +61,7 @@ def take_series(
     noise = noise_of_one(untouched[0][..., None]) * UNTOUCHED_FRAMES**0.5
     return LitBalls(
         series=tuple(found), untouched=untouched, ball=ball, noise_grey=noise, groups=groups, sensor=sensor,
-        camera=settings_of(camera),
+        camera=controls_of(camera),
     )  # fmt: skip
 
 

@@ -14,8 +14,8 @@ from gellight.base.errors import InputError
 from gellight.cli.calibrate.verbs import app
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_grey
-from gellight.lab.calibration.lights.ball_lights import check_lights, lights_from_balls
-from gellight.lab.calibration.lights.ball_series import BallSeries, divided
+from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.optics.lights.ball_series import BallSeries, divided
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.photometric.directions import LightDirections, view_places
