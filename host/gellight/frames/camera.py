@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import CameraError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, FrameJudge
+from gellight.frames.status import CameraStatus, PressStatus
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
 
@@ -45,9 +46,8 @@ class PressStage(Protocol):
     def take_over(self) -> None:
         """Lift the object, and let no programme press by itself any more."""
 
-    def status(self) -> dict[str, object]:
-        """Return object, depth_mm, x_mm, y_mm; visitor: whether someone other than a programme presses; preparing: the
-        object whose press is being computed, "" for none."""
+    def status(self) -> PressStatus:
+        """Return what is pressed now."""
 
 
 class CameraControls(Protocol):
@@ -105,7 +105,7 @@ class Camera(Protocol):
     def read(self) -> CameraFrame:
         """Wait for the next frame; raises EndOfStream after the last one and CameraError on a fault."""
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> CameraStatus:
         """Return what is known of the device, ready for JSON; nothing where there is none."""
         return {}
 

@@ -11,6 +11,7 @@ from gellight.base.turns import Turns
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
+from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
 from gellight.ring.board_link import SilentError
 from gellight.ring.light_ring import LightRing
@@ -58,7 +59,7 @@ class CameraWrapper(Camera):
         """Return the judge of the camera inside."""
         return self._camera.selfcheck(pixel_size_mm)
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> CameraStatus:
         """Return what is known of the camera inside."""
         return self._camera.status()
 

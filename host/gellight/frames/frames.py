@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.measures import Confidence, Force, FrameMeasures, MapOnRequest
+from gellight.frames.status import ExposuresStatus
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,11 +193,8 @@ class ExposureReport:
     least_lights: int
     """with fewer than this the slope of a pixel is a guess"""
 
-    def as_json(self) -> dict[str, object]:
-        """Return the figures without the maps.
-
-        `guessed` is the share of pixels that saw too few lights, `moving` that of the pixels that are flagged.
-        """
+    def as_json(self) -> ExposuresStatus:
+        """Return the figures without the maps."""
         return {
             "exposures": self.exposures,
             "duration_s": round(self.duration_s, 3),

@@ -5,6 +5,7 @@ import numpy as np
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.status import PathStatus
 from gellight.reconstruction.stages import Stages
 
 
@@ -23,7 +24,7 @@ class PicturePath:
         for array in (*self._nothing, self._no_depth, self._nowhere):
             array.flags.writeable = False
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> PathStatus:
         """Return the mode, and that nothing is computed, ready for JSON."""
         return {"mode": "network", "computed_by": "nothing: the sensor is not calibrated"}
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.status import PathStatus
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
@@ -39,7 +40,7 @@ class FramePath(Protocol):
     def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
         """Return the maps and the contact of one frame."""
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> PathStatus:
         """Return `mode`, and what else is known of the way it is computed, ready for JSON."""
 
 
@@ -132,7 +133,7 @@ class Reconstructor:
         check_image(camera_frame, self.bundle)
         return replace(self._path.reconstruct(camera_frame), measures=self._measures)
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> PathStatus:
         """Return the mode and what computes, ready for JSON."""
         return {"mode": "network", "computed_by": self._computed_by}
 

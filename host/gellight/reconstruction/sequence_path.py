@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, LightState, TactileFrame
+from gellight.frames.status import PathStatus
 from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import Reconstructor
 
@@ -19,7 +20,7 @@ class SequencePath:
         self._trained = {k for k, group in enumerate(groups) if light is not None and np.array_equal(group, light)}
         self._picture = PicturePath(self.bundle)
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> PathStatus:
         """Return the mode, ready for JSON."""
         return {**self._network.status(), "mode": "sequence", "groups_with_depth": sorted(self._trained)}
 

@@ -18,6 +18,7 @@ from gellight.base.allowed import query_of
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.frames.status import CameraStatus
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording
 
@@ -88,7 +89,7 @@ class ReplayCamera(Camera):
         self._closing.wait(max(due_s - time.monotonic(), 0.0))
         return min(due_s, time.monotonic())
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> CameraStatus:
         """Return what is replayed, ready for JSON."""
         return {"recording": str(self._recording.path), "whole": self._recording.whole, "speed": self._chosen.speed}
 

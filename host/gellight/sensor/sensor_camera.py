@@ -19,6 +19,7 @@ from gellight.base.errors import BoardError, CameraError, GellightError, InputEr
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, ReconnectingError
 from gellight.frames.frames import CameraFrame
+from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.connection import Connection, Setup, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
@@ -173,7 +174,7 @@ class SensorCamera(Camera):
             self._past += connection.camera.counts
             connection.close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> CameraStatus:
         """Return name, connection and counts over all connections, ready for JSON."""
         connection, absence = self._connection, self._absence
         camera = connection.camera if connection else None

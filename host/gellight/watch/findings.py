@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
+from gellight.frames.status import FindingStatus
 from gellight.watch.cells import CELL_PX
 from gellight.watch.expected import ExpectedError
 from gellight.watch.explanation import Explanation
@@ -39,6 +40,10 @@ class WatchFinding:
     text: str
     """what was seen, the likely cause and the remedy"""
     figures: dict[str, object]
+
+    def as_json(self) -> FindingStatus:
+        """Return it by name."""
+        return {"kind": self.kind, "severity": self.severity, "text": self.text, "figures": self.figures}
 
     @property
     def key(self) -> tuple[str, object]:

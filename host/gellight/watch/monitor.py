@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.status import WatchStatus
 from gellight.watch.cells import Cells, cell_means, spread
 from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
@@ -250,13 +251,13 @@ class SensorWatch:
     def _of_another_unit(self) -> list[WatchFinding]:
         return self._other_units[-1:] if len(self._other_units) == len(UNIT_LOOKS) else []
 
-    def status(self) -> dict[str, object]:
-        """Return all of it, ready for JSON: state, findings, expected errors, the zero, what it costs."""
+    def status(self) -> WatchStatus:
+        """Return all of it: state, findings, expected errors, the zero, what it costs."""
         judgement, expected = self._judgement, self._expected
         return {
             "state": self._state,
             "looks": self._looks,
-            "findings": [vars(finding) for finding in self.findings()],
+            "findings": [finding.as_json() for finding in self.findings()],
             "expected": expected.as_json() if expected else None,
             "change_grey": round(judgement.explanation.size_grey, 3) if judgement else None,
             "gains": [round(gain, 4) for gain in judgement.explanation.gains] if judgement else None,

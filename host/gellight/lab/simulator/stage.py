@@ -4,12 +4,13 @@ import itertools
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from math import hypot
 
 import numpy as np
 
 from gellight.base.errors import InputError
+from gellight.frames.status import PressStatus
 from gellight.lab.simulator.scene import Press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
@@ -124,14 +125,15 @@ class Stage:
         self._want(None)
         self._programme = None
 
-    def status(self) -> dict[str, object]:
-        """Return what is pressed now: object, depth_mm, x_mm, y_mm, visitor (false: the programme plays), and
-        preparing: the object whose press is being computed, "" for none."""
+    def status(self) -> PressStatus:
+        """Return what is pressed now."""
         with self._lock:
             press, visitor = self._wanted, self._frames_until_programme > 0
-        shown = asdict(press or Press("", 0.0))
-        preparing = next(iter(self._preparing), "")
-        return {"object": shown.pop("object_name"), **shown, "visitor": visitor, "preparing": preparing}
+        shown = press or Press("", 0.0)
+        return {
+            "object": shown.object_name, "depth_mm": shown.depth_mm, "x_mm": shown.x_mm, "y_mm": shown.y_mm,
+            "visitor": visitor, "preparing": next(iter(self._preparing), ""),
+        }  # fmt: skip
 
     def next_press(self) -> Press | None:
         """Return what is in the gel during the next frame."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.frames.status import PathStatus
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.photometric import static_scene
 from gellight.reconstruction.photometric.channel_network import ChannelNetwork
@@ -64,7 +65,7 @@ class ChannelPath:
         self._smoother = Smoother(smoothing_px)
         self._last: ExposureReport | None = None
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> PathStatus:
         """Return the mode, "channels" for GelNet, and what the last series said about its scene, ready for JSON."""
         lights = len(lights_of(self._lights.groups))
         mode = "channels" if self.mode == "network" else self.mode

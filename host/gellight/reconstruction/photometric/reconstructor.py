@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.frames.status import PathStatus
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.measures import BundleMeasures
@@ -88,7 +89,7 @@ class PhotometricReconstructor:
         self._last: ExposureReport | None = None
         self._measures = BundleMeasures(bundle, learnt=False)
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> PathStatus:
         """Return the mode and what the last series said about its scene, ready for JSON."""
         return {"mode": "photometric", "exposures": self._last.as_json() if self._last else None}
 

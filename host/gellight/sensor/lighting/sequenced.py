@@ -17,6 +17,7 @@ from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera, timing_of
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
+from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.board_link import RefusedError
@@ -221,10 +222,16 @@ class SequencedCamera(CameraWrapper):
         self._trim = trim
         self.counters.trims += 1
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> CameraStatus:
         """Return what is known of the camera inside, and what became of the frames of the sequence."""
-        told = {"light_mode": str(self.mode), "groups": len(self._groups), "frames_per_light": self.frames}
-        return {**super().status(), "light_sequence": {**told, **vars(self.counters)}}
+        return {
+            **super().status(),
+            "light_sequence": {
+                "light_mode": str(self.mode), "groups": len(self._groups), "frames_per_light": self.frames,
+                "clean": self.counters.clean, "mixed": self.counters.mixed, "unknown": self.counters.unknown,
+                "trims": self.counters.trims,
+            },
+        }  # fmt: skip
 
     @property
     def timing(self) -> CameraTiming:

@@ -9,8 +9,10 @@ import errno
 from ctypes import Structure
 from dataclasses import asdict, dataclass
 from mmap import mmap
+from typing import cast
 
 from gellight.base.errors import CameraError
+from gellight.frames.status import CameraStatus
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining, explanation
 from gellight.sensor.v4l2.formats import Ask
@@ -64,9 +66,9 @@ class Counts:
     wrong_stamps: int = 0
     """whose time cannot be true"""
 
-    def as_json(self) -> dict[str, int]:
-        """Return the counts by name."""
-        return asdict(self)
+    def as_json(self) -> CameraStatus:
+        """Return the counts by name, as they stand in a camera's status."""
+        return cast(CameraStatus, asdict(self))
 
     def __add__(self, other: "Counts") -> "Counts":
         """Return the sum, count by count."""

@@ -8,6 +8,7 @@ import numpy as np
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, EncodedImage
+from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.v4l2.controls import V4l2Controls
 from gellight.sensor.v4l2.decoding import decode
@@ -123,7 +124,7 @@ class V4l2Camera(Camera):
             )
         raise StalledError(f"{self.path} delivers {why}")
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> CameraStatus:
         """Return mode, card and counts, ready for JSON."""
         return {"mode": str(self.mode), "card": self._device.identity.card, **self.counts.as_json()}
 

@@ -126,16 +126,17 @@ def _pictures_of_ball(
 def _untouched(camera: Camera) -> Iterator[None]:
     """Lift off what a stage presses, and press it again, and nothing else, at the end."""
     stage = camera.stage
-    pressed = stage.status() if stage else {}
-    if stage:
-        stage.release()
+    if stage is None:
+        yield
+        return
+    pressed = stage.status()
+    stage.release()
     try:
         yield
     finally:
-        if stage:
-            stage.release()
-        if stage and pressed["object"]:
-            stage.press(*(pressed[name] for name in ("object", "depth_mm", "x_mm", "y_mm")))  # type: ignore[arg-type]
+        stage.release()
+        if pressed["object"]:
+            stage.press(pressed["object"], pressed["depth_mm"], pressed["x_mm"], pressed["y_mm"])
 
 
 def _take_pictures(camera: Camera, colours: NDArray[np.uint8], frames: int) -> ReferencePictures:
