@@ -8,6 +8,7 @@ from typing import Any
 from gellight.frames.camera import Camera
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.routine import Routine
+from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 
@@ -22,11 +23,11 @@ def camera(url: str = URL) -> Camera:
 
 
 def options(folder: Path, **changes: Any) -> RoutineOptions:
-    """Return what a short routine is told, with `changes`."""
-    few = {"presses": 12, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
-    return RoutineOptions(
-        out=folder / "bundle", sensor="one", **{**few, "training": TrainingOptions(recipe="fast"), **changes}
-    )
+    """Return what a short routine is told, with `changes`, sizes of tools among them."""
+    sizes = {name: changes.pop(name) for name in ToolSizes.model_fields if name in changes}
+    few: dict[str, Any] = {"presses": 12, "verifications": 2, "cylinder_presses": 2, "reference_frames": 8}
+    few |= {"training": TrainingOptions(recipe="fast"), "tools": ToolSizes.of(sizes), **changes}
+    return RoutineOptions(out=folder / "bundle", sensor="one", **few)
 
 
 def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 import platformdirs
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import CameraError, GellightError, InputError
@@ -28,11 +28,12 @@ from gellight.lab.calibration.choices import RING_COLOURS, RoutineOptions
 from gellight.lab.calibration.presets import PRESETS, Preset
 from gellight.lab.calibration.routine import Install, Routine
 from gellight.lab.calibration.state import discard, unfinished
+from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
 
 Picture = NDArray[np.uint8]
-TOOLS = ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm", "prism_angle_deg")
-"""what of a request an interrupted calibration was begun with"""
+LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pin_pitch_mm": 20.0, "pixel_size_mm": 1.0}
+"""of a size that the wizard takes: a larger one is in another unit"""
 RETRY_S = 1.0
 """between two attempts to set the sensor as its bundle says"""
 SETTLE_S = 5.0
@@ -50,17 +51,9 @@ class ViewFile(StrictModel):
         return view_in(self.content, self.name)
 
 
-class CalibrationRequest(StrictModel):
+class CalibrationRequest(ToolSizes, StrictModel):
     """What a user chooses before a calibration begins."""
 
-    ball_radius_mm: float = Field(default=4.0, gt=0, le=50)
-    cylinder_diameter_mm: float = Field(default=8.0, gt=0, le=50)
-    pin_pitch_mm: float | None = Field(default=None, gt=0, le=20)
-    """distance of two pins of the grid that measures the lens; None without one"""
-    pixel_size_mm: float | None = Field(default=None, gt=0, le=1)
-    """size of a pixel where it is known; None: the cylinder measures it"""
-    prism_angle_deg: float | None = Field(default=None, ge=1, le=75)
-    """angle of the faces of a prism that verifies beside the ball; None without one"""
     presses: int = Field(default=40, ge=8, le=400)
     view: ViewFile | None = None
     """part and perspective of the picture that is the gel; None: all of it"""
@@ -70,6 +63,13 @@ class CalibrationRequest(StrictModel):
     """a virtual hand presses, on a simulated sensor"""
     anew: bool = False
     """forget an interrupted calibration instead of going on with it"""
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        for name, largest_mm in LARGEST_MM.items():
+            if (getattr(self, name) or 0.0) > largest_mm:
+                raise ValueError(f"{name} = {getattr(self, name)} is not allowed: give {largest_mm:g} mm at most")
+        return self
 
 
 class CalibrationState(BaseModel):
@@ -178,7 +178,7 @@ class CalibrationService:
         hand = CalibrationRequest(hand=self._daemon.stage is not None)
         try:
             begun = unfinished(self._folder)
-            tools = {name: getattr(begun, name) for name in TOOLS} if begun else {}
+            tools = begun.sizes() if begun else {}
             picture = _in_words(begun.picture) if begun else ""
             return begun is not None, CalibrationRequest(hand=hand.hand, **tools), picture
         except (GellightError, ValidationError):  # `begin` says what is wrong with the folder
@@ -292,11 +292,7 @@ class CalibrationService:
         options = RoutineOptions(
             out=self._folder.with_name(self._folder.name + ".bundle"),
             sensor=self.sensor,
-            ball_radius_mm=request.ball_radius_mm,
-            cylinder_diameter_mm=request.cylinder_diameter_mm,
-            pin_pitch_mm=request.pin_pitch_mm,
-            pixel_size_mm=request.pixel_size_mm,
-            prism_angle_deg=request.prism_angle_deg,
+            tools=ToolSizes.of(request.sizes()),
             presses=request.presses,
             overwrite=True,
             led_colours=self._led_colours,

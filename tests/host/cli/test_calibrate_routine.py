@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import fields
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -17,6 +18,7 @@ from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from gellight.lab.calibration.display import Display, Progress
 from gellight.lab.calibration.records import LiveCoverage, ShownCircle, ShownEdge
+from gellight.lab.calibration.tools import ToolSizes
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
 from tests.helpers.dotted import sloping_gel, with_dots
@@ -45,20 +47,21 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -
 
 
 def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
-    assert Tools(cylinder_diameter_mm=6.0).chosen(None) == {"cylinder_diameter_mm": 6.0}
+    assert Tools(cylinder_diameter_mm=6.0).chosen(None) == ToolSizes(cylinder_diameter_mm=6.0)
+    assert set(ToolSizes.model_fields) == {field.name for field in fields(Tools)} - {"preset"}
     begin = identity(ball_mm=2.5, pins_mm=2.0, prism_deg=45.0)
     begun_in(tmp_path, begin)
     assert Target(folder=tmp_path, restart=True).begun() is None
     assert Target(folder=tmp_path, resume=True).begun() == begin
-    given = {"ball_radius_mm": 3.0, "cylinder_diameter_mm": 8.0, "pin_pitch_mm": 2.0, "prism_angle_deg": 45.0}
+    given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=8.0, pin_pitch_mm=2.0, prism_angle_deg=45.0)
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
 
 
 def test_a_preset_gives_its_ball_where_none_is_named() -> None:
-    assert Tools(preset="gelsight-mini").chosen(None) == {"ball_radius_mm": 2.35}
-    assert Tools(preset="gelsight-mini", ball_radius_mm=3.0).chosen(None) == {"ball_radius_mm": 3.0}
-    assert Tools(preset="digit", pixel_size_mm=0.06).chosen(None) == {"pixel_size_mm": 0.06}
-    assert Tools(preset="9dtact").chosen(identity(ball_mm=2.5))["ball_radius_mm"] == 2.5
+    assert Tools(preset="gelsight-mini").chosen(None) == ToolSizes(ball_radius_mm=2.35)
+    assert Tools(preset="gelsight-mini", ball_radius_mm=3.0).chosen(None) == ToolSizes(ball_radius_mm=3.0)
+    assert Tools(preset="digit", pixel_size_mm=0.06).chosen(None) == ToolSizes(pixel_size_mm=0.06)
+    assert Tools(preset="9dtact").chosen(identity(ball_mm=2.5)).ball_radius_mm == 2.5
     assert "did you mean digit?" in refused("--auto", "--preset", "digits")
 
 

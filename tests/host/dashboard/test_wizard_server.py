@@ -29,6 +29,7 @@ def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibrati
     for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
                  {"type": "begin", "request": {"ball_radius_mm": -4}}, {"type": "begin", "request": {"presses": 3}},
                  {"type": "begin", "request": {"prism_angle_deg": 80}},
+                 {"type": "begin", "request": {"ball_radius_mm": 51}},
                  {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
         status, answer = post(server, body)
         assert status == 400

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, TypedDict, cast
+from typing import Annotated
 
 import typer
 
@@ -29,6 +29,7 @@ from gellight.lab.calibration.presets import PRESETS, preset_called
 from gellight.lab.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import Identity, Steps, discard, unfinished
+from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.opening import open_camera
 
@@ -99,16 +100,6 @@ class Target:
         return serve
 
 
-class Sizes(TypedDict, total=False):
-    """Sizes of tools, mm, and the angle of the prism."""
-
-    ball_radius_mm: float
-    cylinder_diameter_mm: float
-    pin_pitch_mm: float
-    pixel_size_mm: float
-    prism_angle_deg: float
-
-
 @dataclass(frozen=True)
 class Tools:
     """The tools at hand."""
@@ -148,16 +139,17 @@ class Tools:
         ),
     ] = None
 
-    def chosen(self, begun: Identity | None) -> Sizes:
-        """Return what was given, else what the calibration was begun with, else the ball of the preset.
+    def chosen(self, begun: Identity | None) -> ToolSizes:
+        """Return the sizes given, else those the calibration was begun with, else the ball of the preset.
 
-        Nothing where a default holds. InputError for an unknown preset.
+        Raises InputError for an unknown preset, and for a size that no tool can have.
         """
-        ball = preset_called(self.preset).ball_radius_mm if self.preset else None
-        given = {name: size for name, size in vars(self).items() if name != "preset"}
-        sizes = {name: getattr(begun, name, None) if size is None else size for name, size in given.items()}
-        sizes["ball_radius_mm"] = ball if sizes["ball_radius_mm"] is None else sizes["ball_radius_mm"]
-        return cast(Sizes, {name: size for name, size in sizes.items() if size is not None})
+        preset = preset_called(self.preset) if self.preset else None
+        given = {name: size for name, size in vars(self).items() if name != "preset" and size is not None}
+        if begun is not None:
+            return ToolSizes.of({**begun.sizes(), **given})
+        ball = {"ball_radius_mm": preset.ball_radius_mm} if preset and preset.ball_radius_mm else {}
+        return ToolSizes.of({**ball, **given})
 
 
 @dataclass(frozen=True)
@@ -203,7 +195,7 @@ def command(
         limits=wanted.limits(),
         training=how.options(),
         overwrite=target.overwrite,
-        **tools.chosen(begun),
+        tools=tools.chosen(begun),
     )
     begun_s = time.monotonic()
     ended = _calibrate(target, options, begun, hand_seed=how.seed if auto else None, quiet=as_json)

@@ -1,13 +1,12 @@
 """What a calibration is asked for: the tools at hand, and how much of everything."""
 
-import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.bundle.limits import Limits
-from gellight.lab.training.prisms import prism_angle_rad
+from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.training.training import TrainingOptions
 from gellight.ring.wire import MOST_LEDS
 
@@ -27,14 +26,7 @@ class RoutineOptions:
     """what the sensor is known by, see `Manifest.sensor`"""
     name: str = ""
     """what people call the sensor; empty: as the interrupted calibration was begun with"""
-    ball_radius_mm: float = 4.0
-    cylinder_diameter_mm: float = 8.0
-    pixel_size_mm: float | None = None
-    """of a square pixel, where it is known already; None: the cylinder measures it"""
-    pin_pitch_mm: float | None = None
-    """distance of neighbouring pins of the grid that shows how the lens bends the picture; None: there is no grid"""
-    prism_angle_deg: float | None = None
-    """of a prism that verifies beside the ball, between each face and the gel at rest; None: there is no prism"""
+    tools: ToolSizes = field(default_factory=ToolSizes)
     reference_frames: int = 30
     cylinder_presses: int = 5
     presses: int = 40
@@ -52,17 +44,11 @@ class RoutineOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm", "pixel_size_mm"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value}: give the size in mm, greater than 0")
         if not re.fullmatch(f"[RGB]{{3,{MOST_LEDS}}}", self.led_colours) or len(set(self.led_colours)) < 3:
             raise InputError(
                 f"led_colours = {self.led_colours!r}: give a letter for each LED of the ring, R, G or B, each at least "
                 f"once, {MOST_LEDS} at most"
             )
-        if self.prism_angle_deg is not None:
-            prism_angle_rad(self.prism_angle_deg, "prism_angle_deg")
         least = {"presses": LEAST_PRESSES, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,
                  "reference_frames": 8}  # fmt: skip
         for name, count in least.items():

@@ -44,12 +44,12 @@ def collect_grid(run: CalibrationRun) -> None:
                 seen += _taken(run, capture, reference)
                 wanted = _missing(seen, run.camera.image_shape)
         wait_free(run, detector)
-    run.folder.finish(PinGrid(pictures=len(seen), pitch_mm=run.options.pin_pitch_mm))
+    run.folder.finish(PinGrid(pictures=len(seen), pitch_mm=run.options.tools.pin_pitch_mm))
 
 
 def _announce(run: CalibrationRun, done: int, wanted: str) -> None:
     run.display.update(
-        instruction=f"Press the pin grid ({run.options.pin_pitch_mm:g} mm apart) flat into the gel, over the "
+        instruction=f"Press the pin grid ({run.options.tools.pin_pitch_mm:g} mm apart) flat into the gel, over the "
         "whole view, some tenths of a millimetre deep. Hold still, then lift. Without one, go on.",
         progress=Progress(done=done, wanted=done + 1, unit="pictures"),
         problem=wanted if done else run.display.problem,
@@ -82,8 +82,8 @@ def _pins(run: CalibrationRun, picture: Picture, reference: Floats) -> Lattice:
 
 
 def _pitch_mm(run: CalibrationRun) -> float:
-    assert run.options.pin_pitch_mm is not None
-    return run.options.pin_pitch_mm
+    assert run.options.tools.pin_pitch_mm is not None
+    return run.options.tools.pin_pitch_mm
 
 
 def _missing(seen: list[Lattice], image_shape: tuple[int, int]) -> str:

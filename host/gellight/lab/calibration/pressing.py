@@ -23,7 +23,7 @@ _PATIENCE = 0.5
 def ball_of(run: CalibrationRun) -> Ball:
     """Return the ball as the camera sees it, now that the size of a pixel is known."""
     size_mm = run.folder.figures(PixelSize).pixel_size_mm
-    return Ball(radius_mm=run.options.ball_radius_mm, pixel_size_mm=size_mm)
+    return Ball(radius_mm=run.options.tools.ball_radius_mm, pixel_size_mm=size_mm)
 
 
 def collect_presses(run: CalibrationRun) -> None:
@@ -153,7 +153,7 @@ class _Collector:
         presses = self.run.folder.presses()
         images = [read_image(press.image) for press in presses]
         self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
-        named = self.run.options.ball_radius_mm
+        named = self.run.options.tools.ball_radius_mm
         if self.radius_mm is None or not ball_radius.is_another(self.radius_mm, named):
             return
         problem = (
@@ -173,7 +173,7 @@ class _Collector:
         words = advice(found, len(presses), wanted, settled=self.live.settled())
         doubtful = self.live.outliers()
         run.display.update(
-            instruction=f"Press the ball of {run.options.ball_radius_mm:g} mm radius, from a "
+            instruction=f"Press the ball of {run.options.tools.ball_radius_mm:g} mm radius, from a "
             "light touch to 2 mm deep, each time at another place, up to the edges. Hold still until it is taken, then "
             "lift. A wrong circle can be corrected or dropped.",
             progress=Progress(done=len(presses), wanted=wanted, unit="presses"),

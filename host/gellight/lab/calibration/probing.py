@@ -17,7 +17,7 @@ _LARGEST_SPREAD = 0.01
 
 def measure_pixel_size(run: CalibrationRun) -> None:
     """Keep mm per pixel: what was given, or else what presses of the cylinder say."""
-    if (given := run.options.pixel_size_mm) is not None:
+    if (given := run.options.tools.pixel_size_mm) is not None:
         run.folder.finish(PixelSize(x_mm=given, y_mm=given, pixel_size_mm=given))
         return
     options, reference = run.options, run.folder.reference()
@@ -34,15 +34,14 @@ def measure_pixel_size(run: CalibrationRun) -> None:
                 refused += 1
                 run.refuse(error, tolerate=refused <= options.cylinder_presses)
     wait_free(run, detector)
-    run.folder.finish(pixel_size(found, options.cylinder_diameter_mm))
+    run.folder.finish(pixel_size(found, options.tools.cylinder_diameter_mm))
 
 
 def _announce(run: CalibrationRun, done: int) -> None:
-    options = run.options
     run.display.update(
-        instruction=f"Press the {options.cylinder_diameter_mm:g} mm cylinder, its flat end straight, some tenths of a "
-        "millimetre deep, each time at another place of the picture. Hold still, then lift.",
-        progress=Progress(done=done, wanted=options.cylinder_presses, unit="presses"),
+        instruction=f"Press the {run.options.tools.cylinder_diameter_mm:g} mm cylinder, its flat end straight, some "
+        "tenths of a millimetre deep, each time at another place of the picture. Hold still, then lift.",
+        progress=Progress(done=done, wanted=run.options.cylinder_presses, unit="presses"),
     )
 
 

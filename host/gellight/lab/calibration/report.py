@@ -88,7 +88,7 @@ def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: 
         _verification(folder.state.checks, figures, example),
         prism,
         _preparation(run),
-        _pixel_size(folder.figures(PixelSize), run.options.cylinder_diameter_mm),
+        _pixel_size(folder.figures(PixelSize), run.options.tools.cylinder_diameter_mm),
         _lens(folder.state.steps.lens),
         _presses(folder.figures(BallPresses)),
         _training(folder.figures(Fit)),

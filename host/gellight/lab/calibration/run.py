@@ -30,12 +30,12 @@ class CalibrationRun:
     ) -> None:
         """Open the state in `folder`; InputError or BundleError for a folder or a bundle that cannot be written."""
         check_target(options, folder, camera.image_shape)
-        if hand is not None and options.prism_angle_deg is not None:
-            prism_of(options.prism_angle_deg)
+        if hand is not None and options.tools.prism_angle_deg is not None:
+            prism_of(options.tools.prism_angle_deg)
         self.camera = camera
         self.options = options
         self.hand = hand
-        self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.pin_pitch_mm is not None))
+        self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.tools.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
         if options.name:
             self.folder.state.name = options.name
@@ -114,10 +114,6 @@ def _identity(camera: Camera, options: RoutineOptions) -> Identity:
     return Identity(
         sensor=options.sensor,
         image_size_px=(width, height),
-        ball_radius_mm=options.ball_radius_mm,
-        cylinder_diameter_mm=options.cylinder_diameter_mm,
-        pin_pitch_mm=options.pin_pitch_mm,
-        pixel_size_mm=options.pixel_size_mm,
-        prism_angle_deg=options.prism_angle_deg,
+        **options.tools.sizes(),
         picture=steps_in(camera.picture_files),
     )

@@ -28,6 +28,7 @@ from gellight.lab.calibration.records import (
     UntouchedGel,
     Verification,
 )
+from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.report.record import Record
 from gellight.lab.training.presses import Press
 from gellight.lab.training.prisms import PrismPress, prism_angle_rad
@@ -93,19 +94,12 @@ class PrismRecord(PictureRecord, Edge):
         return ShownEdge(number=self.number, **{name: getattr(self, name) for name in Edge.model_fields})
 
 
-class Identity(Record):
+class Identity(ToolSizes, Record):
     """What a calibration cannot change once it has begun: the sensor, the size of its pictures, the tools."""
 
     sensor: str
     image_size_px: tuple[int, int]
     """(W, H)"""
-    ball_radius_mm: float
-    cylinder_diameter_mm: float
-    pin_pitch_mm: float | None = None
-    pixel_size_mm: float | None = None
-    """where it was given and not measured"""
-    prism_angle_deg: float | None = None
-    """of the prism that verifies, where there is one"""
     picture: PictureSteps | None = None
     """how its pictures are made of those as taken; None: they are those"""
 

@@ -61,8 +61,8 @@ def verify(run: CalibrationRun) -> Bundle | None:
             _take(run, capture, reference, judge)
     wait_free(run, detector)
     _announce(run)
-    if run.options.prism_angle_deg is not None:
-        check_prism(run, judge, run.options.prism_angle_deg)
+    if run.options.tools.prism_angle_deg is not None:
+        check_prism(run, judge, run.options.tools.prism_angle_deg)
     return _conclude(run, draft, judge)
 
 
@@ -98,7 +98,7 @@ def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
 
 
 def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None:
-    state, angle = run.folder.state, run.options.prism_angle_deg
+    state, angle = run.folder.state, run.options.tools.prism_angle_deg
     prism = prism_summary(state.prisms, angle) if state.prisms and angle is not None else None
     figures = summary(state.checks, _second_opinions(run, draft, judge.ball), prism)
     verdict = verdict_on(figures, run.options.limits)

@@ -29,7 +29,7 @@ _ROUNDING_PX = 2.0
 """where the column is missing"""
 _ROUNDED = 2.0
 """times the rounding: nearer to the edge the gel is less steep than the faces"""
-_STEEPEST_DEG = 75.0
+STEEPEST_DEG = 75.0
 _RIM_SHARE = 0.25
 """of the pixels beyond `RIM` of a face, how many are learnt from"""
 
@@ -130,10 +130,10 @@ def read_prisms(path: Path, *, image_shape: tuple[int, int], dots: Dots | None =
 
 def prism_angle_rad(angle_deg: float, where: str) -> float:
     """Return the angle in rad; InputError for one that no gel can follow."""
-    if not 1 <= angle_deg <= _STEEPEST_DEG:
+    if not 1 <= angle_deg <= STEEPEST_DEG:
         raise InputError(
             f"{where}: the angle of the prism is {angle_deg:g} degrees: give that between a face and the gel at rest, "
-            f"1 to {_STEEPEST_DEG:g}; a cube on its edge has 45"
+            f"1 to {STEEPEST_DEG:g}; a cube on its edge has 45"
         )
     return math.radians(angle_deg)
 

@@ -11,8 +11,8 @@ from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.presets import PRESETS, preset_called
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.simulator.virtual_hand import hand_of
-from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
+from tests.helpers.calibration_routine import options as short_options
 
 PIXEL_MM = 0.2352
 SMALL = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": PIXEL_MM}
@@ -20,10 +20,7 @@ URL = "sim://?fps=500&board=0"
 
 
 def options(folder: Path, **changes: Any) -> RoutineOptions:
-    few = {"presses": 12, "verifications": 2, "reference_frames": 8, "pixel_size_mm": PIXEL_MM}
-    return RoutineOptions(
-        out=folder / "bundle", sensor="one", **{**few, "training": TrainingOptions(recipe="fast"), **changes}
-    )
+    return short_options(folder, **{"pixel_size_mm": PIXEL_MM, **changes})
 
 
 def test_no_ring_and_no_cylinder_are_needed(tmp_path: Path) -> None:
@@ -60,7 +57,7 @@ def test_presets_are_known_by_name_and_documented() -> None:
     assert preset_called("gelsight-mini").ball_radius_mm == 2.35
     with pytest.raises(InputError, match="did you mean gelsight-mini"):
         preset_called("gelsight")
-    docs = (Path(__file__).parents[3] / "docs/other-sensors.md").read_text()
+    docs = (Path(__file__).parents[4] / "docs/other-sensors.md").read_text()
     for preset in PRESETS:
         assert f"`{preset.name}`" in docs
         assert preset.view_mm is None or f"{preset.view_mm[0]:g} x {preset.view_mm[1]:g} mm" in docs

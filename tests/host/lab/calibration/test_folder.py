@@ -159,3 +159,16 @@ def test_a_full_disk_is_told_and_what_was_measured_before_is_kept(
     again = begun_in(tmp_path)
     assert (again.figures(PinGrid), again.state.presses) == (GRID, [])
     assert not (tmp_path / "reference.npy").exists()
+
+
+def test_what_an_older_version_began_is_read(tmp_path: Path) -> None:
+    begun = {"sensor": "A17", "image_size_px": [320, 240], "ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0}
+    (tmp_path / "state.json").write_text(
+        json.dumps({"schema_version": 1, "identity": {**begun, "prism_angle_deg": 45}})
+    )
+    identity = unfinished(tmp_path)
+    assert identity is not None
+    assert identity.sizes() == {
+        "ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": None, "pixel_size_mm": None,
+        "prism_angle_deg": 45.0,
+    }  # fmt: skip
