@@ -25,15 +25,15 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.frames.timing import CameraTiming
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.photometric.light_model import LightGroups
+from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.photometric.light_model import LightGroups
-from gellight.reconstruction.photometric.lights_file import read_lights
-from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
-from gellight.reconstruction.photometric.window import WindowReconstructor
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
+from gellight.series.reconstructor import PhotometricReconstructor
+from gellight.series.window import WindowReconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.virtual_sensor import VirtualCamera, virtual_sensor

@@ -26,9 +26,9 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.picture import PictureSteps, steps_of
 from gellight.frames.view import View
+from gellight.photometric import lights_file
 from gellight.reconstruction.lens import lens_file
 from gellight.reconstruction.network_session import NetworkSession
-from gellight.reconstruction.photometric import lights_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.ring import protocol

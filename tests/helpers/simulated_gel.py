@@ -7,8 +7,8 @@ import numpy as np
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.optics.lights.reference_light import ReferencePictures, light_model
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

@@ -27,7 +27,7 @@ from gellight.daemon.daemon import Daemon
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.opening import REAL
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher

@@ -19,10 +19,10 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
-from gellight.reconstruction.photometric.channel_path import has_channels, read_directions, slopes_by
-from gellight.reconstruction.photometric.directions import LightDirections
-from gellight.reconstruction.photometric.recorded import frame_of_lights
+from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.series.recorded import frame_of_lights
+from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Method:
             self._refuse_useless("--lights", "least_squares", "dense")
             return iter([(frame_of_lights(LightDirections.read(self.lights), paths, self.white), paths[0])])
         bundle = load_bundle(str(self.calibration))
-        if has_channels(bundle):
+        if has_single_lights(bundle):
             self._refuse_useless("a bundle of several lights", "dense")
             return iter([(self._of_channels(bundle, paths), paths[0])])
         self._refuse_useless("a bundle of one light", "white", "least_squares")

@@ -9,12 +9,12 @@ from gellight.bundle.placeholder import placeholder
 from gellight.bundle.store import BundleStore
 from gellight.daemon.daemon import Daemon, Equipment
 from gellight.daemon.installing import SIMULATED, bundle_of
-from gellight.daemon.modes import channel_path, frame_path, tactile_camera
+from gellight.daemon.modes import frame_path, single_light_path, tactile_camera
 from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.opening import open_camera
-from gellight.reconstruction.photometric.channel_path import has_channels
 from gellight.reconstruction.picture_path import PicturePath
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
+from gellight.series.single_light_path import has_single_lights
 from gellight.watch.monitor import SensorWatch
 
 MODES = get_args(ReconstructionSettings.model_fields["mode"].annotation)
@@ -55,7 +55,7 @@ def open_session(settings: Settings, *, every: bool = False) -> Daemon:
 
 def equipment(bundle: Bundle, settings: Settings) -> Equipment:
     """Return what a sensor with `bundle` needs to run as `settings` say."""
-    changing = settings.lighting.sequence or settings.reconstruction.mode != "network" or has_channels(bundle)
+    changing = settings.lighting.sequence or settings.reconstruction.mode != "network" or has_single_lights(bundle)
     return Equipment(
         equip=lambda camera: tactile_camera(camera, bundle, settings.reconstruction, settings.lighting),
         rebuild=lambda replacement: path_for(replacement, settings),
@@ -110,8 +110,8 @@ def path_for(bundle: Bundle, settings: Settings) -> FramePath:
     """Return the frame path of `bundle` in the mode that `settings` say; BundleError where it cannot be."""
     if not bundle.calibrated:
         return PicturePath(bundle)
-    if has_channels(bundle):
-        return channel_path(bundle, settings.reconstruction, settings.lighting)
+    if has_single_lights(bundle):
+        return single_light_path(bundle, settings.reconstruction, settings.lighting)
     return frame_path(bundle, settings.reconstruction, reconstructor_for(bundle, settings), settings.lighting)
 
 

@@ -9,12 +9,9 @@ from gellight.base.errors import BundleError, CameraError, ConfigError
 from gellight.base.settings import LightingSettings, ReconstructionSettings
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, timing_of
+from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.lens.lens_file import FILE_NAME, has_lens
-from gellight.reconstruction.photometric.channel_path import ChannelPath, has_channels, read_directions
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
-from gellight.reconstruction.photometric.lights_file import read_lights
-from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
-from gellight.reconstruction.photometric.window import WindowReconstructor
 from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.reconstruction.sequence_path import SequencePath
 from gellight.sensor.lighting.lock import settle_s
@@ -22,6 +19,9 @@ from gellight.sensor.lighting.sequence_choice import chosen_groups
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera, clock_error_s
 from gellight.sensor.series_cameras import EXPOSURE, SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
+from gellight.series.reconstructor import PhotometricReconstructor
+from gellight.series.single_light_path import SingleLightPath, has_single_lights, read_directions
+from gellight.series.window import WindowReconstructor
 
 BRIGHT_GREY = 225.0
 """of the brightest pixel of the untouched gel under one light group"""
@@ -56,7 +56,7 @@ def frame_path(
     return path(bundle, model, kind, smoothing_px=settings.smoothing_px)
 
 
-def channel_path(bundle: Bundle, settings: ReconstructionSettings, lighting: LightingSettings) -> ChannelPath:
+def single_light_path(bundle: Bundle, settings: ReconstructionSettings, lighting: LightingSettings) -> SingleLightPath:
     """Return the frame path of a bundle with light groups of its own: GelNet, or least squares in photometric mode.
 
     Raises BundleError where the bundle does not tell its groups, ConfigError where mode or light do not go with it.
@@ -66,7 +66,7 @@ def channel_path(bundle: Bundle, settings: ReconstructionSettings, lighting: Lig
             f"{bundle.source} has a light sequence of its own, --sequence {lighting.sequence} does not go with it: "
             "leave it out"
         )
-    return ChannelPath(bundle, settings.mode, threads=settings.threads, smoothing_px=settings.smoothing_px)
+    return SingleLightPath(bundle, settings.mode, threads=settings.threads, smoothing_px=settings.smoothing_px)
 
 
 def groups_of(bundle: Bundle, lighting: LightingSettings) -> NDArray[np.uint8]:
@@ -97,7 +97,7 @@ def tactile_camera(
     mode and light do not go together.
     """
     mode, light_mode = settings.mode, LightMode(lighting.light_mode)
-    if has_channels(bundle):
+    if has_single_lights(bundle):
         groups = read_directions(bundle).groups
         if light_mode is LightMode.HOLD:
             return SeriesCamera(camera, groups, exposure_us=None, frames=settings.frames_per_light)

@@ -9,6 +9,7 @@ image_files.py     image files as a camera
 view.py            perspective and crop
 dots.py            marker dots, found and filled
 picture.py         what a bundle does to each picture, and the camera that does it
+pixel_grid.py      where pixels lie on the gel; means over blocks of them
 point_cloud.py     a depth map as points in space
 video_files.py     the pictures of a video file
 """

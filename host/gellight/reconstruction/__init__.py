@@ -10,7 +10,6 @@ linearised.py    the same from the network and its Jacobian at the means of cell
 network_session.py  the network in ONNX Runtime
 cast_shadows.py  which LEDs the surface hides from which pixels, and the slopes with their light
 at_rest.py       where the gel is at rest
-pixel_grid.py    where pixels lie on the gel; means over blocks of them
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it
 fine_pattern.py  what tells one unit from another
@@ -24,5 +23,4 @@ force_file.py    its constant, in a bundle
 measures.py      what a bundle says of a frame when somebody asks
 native/          the frame path in C, for the processors it is built for
 lens/            the distortion of a lens, taken out of the gradient map
-photometric/     slopes measured from several exposures instead of learnt
 """

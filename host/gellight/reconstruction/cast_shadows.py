@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.frames.pixel_grid import gel_points_mm
+from gellight.photometric.light_model import WHITE, LightGroups, LightModel
+from gellight.photometric.lights_file import has_lights, read_lights
+from gellight.photometric.solver import Points, light_row
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.photometric.light_model import WHITE, LightGroups, LightModel
-from gellight.reconstruction.photometric.lights_file import has_lights, read_lights
-from gellight.reconstruction.photometric.solver import Points, light_row
-from gellight.reconstruction.pixel_grid import gel_points_mm
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]

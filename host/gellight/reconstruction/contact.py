@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.frames.frames import Contact, Patch
-from gellight.reconstruction.pixel_grid import pixel_size_xy
+from gellight.frames.pixel_grid import pixel_size_xy
 
 THRESHOLD_MM = 0.02
 """Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""

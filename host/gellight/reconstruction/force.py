@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
+from gellight.frames.pixel_grid import block_means, spread_blocks
 from gellight.reconstruction.contact import THRESHOLD_MM
-from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from gellight.frames.pixel_grid import block_means, spread_blocks
 from gellight.reconstruction.image_noise import SIGNIFICANT, RestChange
 from gellight.reconstruction.network_session import NetworkSession
-from gellight.reconstruction.pixel_grid import block_means, spread_blocks
 
 Floats = NDArray[np.float32]
 

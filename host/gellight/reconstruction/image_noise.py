@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.pixel_grid import block_means
+from gellight.frames.pixel_grid import block_means
 
 SIDES_PX = (1, 4, 12)
 """of the squares over which limits are set on means"""

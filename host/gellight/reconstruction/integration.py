@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.bundle.manifest import BULGE
-from gellight.reconstruction.pixel_grid import pixel_size_xy
+from gellight.frames.pixel_grid import pixel_size_xy
 
 Floats = NDArray[np.floating]
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.pixel_grid import spread_blocks
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
@@ -14,7 +15,6 @@ from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
-from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Smoother
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages, tactile_frame
 

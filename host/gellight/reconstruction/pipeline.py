@@ -13,6 +13,7 @@ from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.status import PathStatus
+from gellight.photometric.directions import FILE_NAME
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
@@ -23,7 +24,6 @@ from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.numpy_path import NumpyPath
-from gellight.reconstruction.photometric.directions import FILE_NAME
 from gellight.reconstruction.picture_path import check_image
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath

@@ -18,7 +18,7 @@ import zenoh
 
 from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import TactileFrame
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
 from gellight.recording.ros_messages import CAMERA_INFO, DIAGNOSTICS, IMAGE, POINT, POINTS, WRENCH
 from gellight.stream.frame_thread import sending

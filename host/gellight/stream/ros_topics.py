@@ -21,8 +21,8 @@ import numpy as np
 from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import TactileFrame
 from gellight.frames.point_cloud import points_of
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.intrinsics import intrinsics
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import DepthKind, depth_image
 from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, POINT, POINTS, WRENCH, CdrWriter, RosImage
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.reconstruction.pixel_grid import block_means, gel_points_mm
+from gellight.frames.pixel_grid import block_means, gel_points_mm
 
 Cells = NDArray[np.float32]
 """(h, w, 3) RGB, grey levels, one value a cell"""

@@ -7,13 +7,13 @@ import pytest
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.evaluation.synthetic import ball_presses
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.pipeline import Reconstructor
-from gellight.reconstruction.pixel_grid import block_means
 from sim_reference import imaging
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

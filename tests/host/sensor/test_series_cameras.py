@@ -16,7 +16,7 @@ from gellight.daemon import modes
 from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
 from gellight.frames.camera import ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.photometric.light_model import LightGroups
+from gellight.photometric.light_model import LightGroups
 from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, clock_error_s
 from gellight.sensor.series_cameras import SeriesCamera

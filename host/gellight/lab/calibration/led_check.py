@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.records import GroupAnswer, LedAnswer, LedCheck
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import BLOCK_PX
-from gellight.reconstruction.pixel_grid import block_means
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.set_and_light import set_and_light
 

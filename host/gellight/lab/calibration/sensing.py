@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.calibration.records import UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.reconstruction.light_drift import light_drift
-from gellight.reconstruction.pixel_grid import block_means
 
 Floats = NDArray[np.float32]
 BLOCK_PX = 4

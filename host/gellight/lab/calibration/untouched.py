@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.records import UntouchedGel, WarmUp
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import BLOCK_PX, TouchDetector, check_light, detector_of
 from gellight.reconstruction.image_noise import measure_noise
 from gellight.reconstruction.light_drift import light_drift
-from gellight.reconstruction.pixel_grid import block_means
 
 Floats = NDArray[np.float32]
 WINDOW = 12

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.lab.evaluation.analytic_surfaces import Surface, smooth_cap
+from gellight.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.gelnet import BLOCK_ROWS
 from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.pipeline import Form, Reconstructor
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])

@@ -16,11 +16,11 @@ from gellight.daemon.modes import bright_exposure_of
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.evaluation.synthetic import NOISE_GREY, ball_presses
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.photometric.light_model import LightGroups
+from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
-from gellight.reconstruction.photometric.light_model import LightGroups
-from gellight.reconstruction.photometric.lights_file import read_lights
-from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.series.reconstructor import PhotometricReconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import SelfCheckResult, TactileFrame
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.simulator.selfcheck_bounds import bounds_of
-from gellight.reconstruction.pixel_grid import block_means
 from sim_reference.camera import linear_grey
 from sim_reference.imaging import normals, ring_irradiance, ring_light
 from sim_reference.integration import integrate

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.training.presses import Floats, Press, distance_px
 from gellight.reconstruction.gelnet import CELL_PX, WINDOWS_CELLS
 from gellight.reconstruction.image_noise import RestChange
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.pixel_grid import block_means
 
 _SIDES_PX = (CELL_PX, CELL_PX * WINDOWS_CELLS[-1])
 """of the smallest and the largest squares whose means the mask sets limits on"""

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frames.pixel_grid import gel_points_mm
 from gellight.reconstruction.lens.model import Lens, middle_px
-from gellight.reconstruction.pixel_grid import gel_points_mm
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]

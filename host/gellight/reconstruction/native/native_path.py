@@ -13,6 +13,7 @@ from scipy import fft
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.pixel_grid import spread_blocks
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import THRESHOLD_MM
@@ -30,7 +31,6 @@ from gellight.reconstruction.linearised import (
 )  # fmt: skip
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.work import WorkMemory
-from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import Windows
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
 

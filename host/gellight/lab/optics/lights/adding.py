@@ -16,9 +16,9 @@ from gellight.lab.optics.lights.ball_check import confirm_ring
 from gellight.lab.optics.lights.reference_light import ReferencePictures, light_model
 from gellight.lab.optics.lights.ring_fit import RingFit, fit_ring
 from gellight.opening import open_camera
-from gellight.reconstruction.photometric.light_model import LightModel
-from gellight.reconstruction.photometric.lights_file import write_lights
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.light_model import LightModel
+from gellight.photometric.lights_file import write_lights
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.series_cameras import EXPOSURE

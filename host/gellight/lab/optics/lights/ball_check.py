@@ -16,9 +16,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.lab.optics.lights.ball_series import felt_radius_px
 from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.presses import Ball, Press
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows
-from gellight.reconstruction.photometric.reconstructor import flat_gel
-from gellight.reconstruction.photometric.solver import light_rows, slopes, solve_robustly
+from gellight.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows
+from gellight.photometric.solver import flat_gel, light_rows, slopes, solve_robustly
 
 TOLERANCE = 0.1
 """relative difference of the radius felt from the ball's"""

@@ -1,6 +1,6 @@
 """The vectors of any lights from balls of known radius: there every normal is known.
 
-With the normals known, I_k / R_k = v_k . n is linear in v_k (see `reconstruction.photometric.directions`): least
+With the normals known, I_k / R_k = v_k . n is linear in v_k (see `photometric.directions`): least
 squares, repeated without what is far darker than the answer, which lies in shadow. From the flat gel alone a light
 cannot be found: how it falls off there hardly tells a low light from a high one.
 """
@@ -14,8 +14,8 @@ from scipy import ndimage
 from gellight.base.errors import InputError
 from gellight.lab.optics.lights.ball_series import LEAST_BALLS, BallSeries, HeldOutBalls, count, held_out
 from gellight.lab.training.presses import Ball
-from gellight.reconstruction.photometric.directions import LightDirections, view_places
-from gellight.reconstruction.photometric.solver import LEAST_LIGHTS
+from gellight.photometric.directions import LightDirections, view_places
+from gellight.photometric.solver import LEAST_LIGHTS
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -13,9 +13,9 @@ from gellight.lab.optics.lights.ball_series import BallSeries, HeldOutBalls, Lit
 from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.presses import Ball, PressTable, TableOptions, distance_px, sphere_gradient
 from gellight.lab.training.training import TrainingOptions, train
-from gellight.reconstruction.photometric.channel_network import ChannelNetwork, change_percent
-from gellight.reconstruction.photometric.directions import FILE_NAME, LightDirections
-from gellight.reconstruction.photometric.recorded import as_rgb
+from gellight.photometric.directions import FILE_NAME, LightDirections
+from gellight.series.channel_network import ChannelNetwork, change_percent
+from gellight.series.recorded import as_rgb
 
 Floats = NDArray[np.float32]
 OPTIONS = TableOptions(inset_px=1.0, flat_distance=1.9, flat_share=0.3)

@@ -12,8 +12,8 @@ from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.presses import Ball, Press
+from gellight.photometric.directions import levels_of
 from gellight.reconstruction.image_noise import noise_of_one
-from gellight.reconstruction.photometric.directions import levels_of
 from gellight.sensor.lighting.hold import Hold
 
 Floats = NDArray[np.float32]

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gellight.base.errors import BundleError
+from gellight.frames.pixel_grid import plane_means
 from gellight.lab.optics.lights.ring_fit import STEP_PX, coarse_points, flat_light, own_light
-from gellight.reconstruction.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.photometric.static_scene import BLOCK_PX
-from gellight.reconstruction.pixel_grid import plane_means
+from gellight.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
+from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.static_scene import BLOCK_PX
 from gellight.ring.light_groups import colour_triples, single_leds
 
 Array = NDArray[np.float64]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.photometric.solver import Points, light_rows
-from gellight.reconstruction.pixel_grid import gel_points_mm
+from gellight.frames.pixel_grid import gel_points_mm
+from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.solver import Points, light_rows
 
 Array = NDArray[np.float64]
 STEP_PX = 16

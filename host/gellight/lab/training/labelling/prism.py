@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.training.labelling.fitting import Bounds, Residual, cost, least, without
 from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
@@ -23,7 +24,6 @@ from gellight.lab.training.labelling.pattern import (
 from gellight.lab.training.labelling.prism_pattern import EdgeShape, columns, face, free_response, response
 from gellight.lab.training.labelling.search import explained
 from gellight.lab.training.prisms import PrismPress
-from gellight.reconstruction.pixel_grid import block_means
 
 Array = NDArray[np.float64]
 LEAST_FACE_PX = 5.0

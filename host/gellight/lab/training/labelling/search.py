@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.training.labelling.pattern import PressShape, response
-from gellight.reconstruction.pixel_grid import block_means
 
 Array = NDArray[np.float64]
 _COARSE_BALL_PX = 10.0

@@ -17,8 +17,8 @@ from gellight.frames.image_files import read_grey
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import BallSeries, divided
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
+from gellight.photometric.directions import LightDirections, view_places
 from gellight.reconstruction.integration import normals
-from gellight.reconstruction.photometric.directions import LightDirections, view_places
 from tests.helpers.places import REAL_CROPS
 
 SHAPE = (150, 200)

@@ -20,10 +20,10 @@ from gellight.lab.optics.lights.live_series import take_series
 from gellight.lab.training.presses import Ball, Press, TableOptions
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
-from gellight.reconstruction.photometric.channel_path import ChannelPath, read_directions
-from gellight.reconstruction.photometric.directions import levels_of, lights_of
+from gellight.photometric.directions import levels_of, lights_of
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.series.single_light_path import SingleLightPath, read_directions
 from tests.helpers.places import REAL_CROPS
 
 OEM = REAL_CROPS / "oem_six_lights"
@@ -76,7 +76,7 @@ def test_a_network_of_six_real_lights_in_16_bit_is_trained_judged_and_used(tmp_p
     with pytest.raises(BundleError, match="shown one after the other"):
         Reconstructor(bundle)
     with pytest.raises(BundleError, match="does not tell how a ring shows them"):
-        ChannelPath(bundle, "network")
+        SingleLightPath(bundle, "network")
 
 
 def test_the_rows_are_the_pixels_of_the_balls_and_of_flat_gel() -> None:
@@ -142,7 +142,7 @@ def settings(bundle: Bundle, **reconstruction: object) -> Settings:
     return Settings.model_validate({"sensor": sensor, "geometry": SMALL, "reconstruction": reconstruction})
 
 
-@pytest.mark.parametrize(("mode", "said"), [("network", "channels"), ("photometric", "photometric")])
+@pytest.mark.parametrize(("mode", "said"), [("network", "single_light"), ("photometric", "photometric")])
 def test_a_sensor_runs_with_the_lights_of_its_bundle(live: Bundle, mode: str, said: str) -> None:
     with open_session(settings(live, mode=mode)) as daemon:
         frame = daemon.wait_frame(-1, 60)

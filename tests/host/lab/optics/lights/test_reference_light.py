@@ -7,8 +7,8 @@ import pytest
 
 from gellight.base.errors import BundleError, ConfigError
 from gellight.lab.optics.lights.reference_light import check_places, fit_pattern, light_model
-from gellight.reconstruction.photometric.light_model import LightGroups, signals_of, unmixing
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.light_model import LightGroups, signals_of, unmixing
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import single_leds
 from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
 

@@ -14,8 +14,8 @@ from gellight.lab.optics.lights.adding import add_lights
 from gellight.lab.optics.lights.ball_check import confirm_ring
 from gellight.lab.optics.lights.ring_fit import coarse_points, fit_ring, flat_light
 from gellight.lab.simulator.scene import Press
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.ring_geometry import RingGeometry
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import untouched
 from tests.helpers.linear_sensor import linear_bundle

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from gellight.lab.simulator.scene import Press
-from gellight.reconstruction.photometric.level import Level, find_level, samples
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel, Signals, signals_of
-from gellight.reconstruction.photometric.reconstructor import flat_gel
-from gellight.reconstruction.photometric.solver import Points
+from gellight.photometric.level import Level, find_level, samples
+from gellight.photometric.light_model import LightGroups, LightModel, Signals, signals_of
+from gellight.photometric.solver import Points, flat_gel
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, SMALL, Gel
 
 

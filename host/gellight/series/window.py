@@ -11,7 +11,7 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureSeries
-from gellight.reconstruction.photometric.light_model import (
+from gellight.photometric.light_model import (
     Bools,
     Floats,
     GroupSignals,
@@ -21,9 +21,9 @@ from gellight.reconstruction.photometric.light_model import (
     group_signals,
     joined,
 )
-from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import Stages
+from gellight.series.reconstructor import PhotometricReconstructor
 
 BLOCK_PX = 2
 MOST_PIXELS = 100_000

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from gellight.base.errors import BundleError, ConfigError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.ring_geometry import RingGeometry
 
 FILE_NAME = "lights.json"
 REMEDY = "take it with `gellight calibrate lights --sensor URL --calibration BUNDLE --out NEW`, the gel untouched"

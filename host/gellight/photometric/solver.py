@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.frames.pixel_grid import gel_points_mm
+from gellight.photometric.ring_geometry import RingGeometry
 
 Floats = NDArray[np.floating]
 Bools = NDArray[np.bool_]
@@ -36,6 +37,12 @@ class Points:
     x_mm: Floats
     y_mm: Floats
     z_mm: Floats
+
+
+def flat_gel(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:
+    """Return the point of the untouched gel in every pixel, row by row, float32."""
+    x, y = np.moveaxis(gel_points_mm(image_shape, pixel_size_mm).astype(np.float32), 2, 0).reshape(2, -1)
+    return Points(x, y, np.zeros_like(x))
 
 
 def light_rows(points: Points, references: Floats, ring: RingGeometry) -> Floats:

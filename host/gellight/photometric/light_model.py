@@ -21,8 +21,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.pixel_grid import plane_means
+from gellight.frames.pixel_grid import plane_means
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
 
 Array = NDArray[np.float64]

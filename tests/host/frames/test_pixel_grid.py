@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
+from gellight.frames.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
 
 
 def plainly(image: np.ndarray, side: int) -> np.ndarray:

@@ -5,7 +5,7 @@ is computed, and the pixels that are touched or shadowed are solved again with i
 LEDs 20 mm away is lit from lower angles than the gel at rest: without this second look its slopes are 5 % wrong.
 """
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 import cv2
@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.frames.pixel_grid import block_means, plane_means, spread_blocks
 from gellight.frames.status import PathStatus
-from gellight.reconstruction.at_rest import far_from_touch
-from gellight.reconstruction.integration import integrate
-from gellight.reconstruction.measures import BundleMeasures
-from gellight.reconstruction.photometric import static_scene
-from gellight.reconstruction.photometric.level import find_level
-from gellight.reconstruction.photometric.light_model import (
+from gellight.photometric import static_scene
+from gellight.photometric.level import find_level
+from gellight.photometric.light_model import (
     Bools,
     Floats,
     LightGroups,
@@ -30,9 +28,9 @@ from gellight.reconstruction.photometric.light_model import (
     signals_of,
     without_shadows,
 )
-from gellight.reconstruction.photometric.solver import (
-    LEAST_LIGHTS,
+from gellight.photometric.solver import (
     Points,
+    flat_gel,
     inverse,
     light_rows,
     normal_matrix,
@@ -40,9 +38,12 @@ from gellight.reconstruction.photometric.solver import (
     slopes,
     solve_robustly,
 )
-from gellight.reconstruction.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
+from gellight.reconstruction.at_rest import far_from_touch
+from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
+from gellight.series.summary import as_picture, exposure_report
 
 STAGES = ("signals", "slopes", "depth", "refined", "still", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path."""
@@ -127,8 +128,7 @@ class PhotometricReconstructor:
         share = 1.0 if ours is None or series.exposure_us is None else ours / series.exposure_us
         light = np.rint(self.model.colours * share).astype(np.uint8)
         image = self._enlarged(self.model.grey(signals.light * np.float32(share), self._shape))
-        shown = {each.name: getattr(series, each.name) for each in fields(CameraFrame)}
-        return CameraFrame(**{**shown, "image": image, "light": light})
+        return as_picture(series, image, light)
 
     def _enlarged(self, image: Image) -> Image:
         """Return an image or a map of the solution's pixels at the size of the camera's."""
@@ -195,28 +195,13 @@ class PhotometricReconstructor:
         return scaled, used, predicted
 
     def _report(self, series: ExposureSeries, signals: Signals, used: Bools, predicted: Floats) -> ExposureReport:
-        change = static_scene.change_of_repetition(series.opening.image, series.closing.image)
-        misfit = static_scene.misfit(signals.grey, used, predicted, signals.deviation, self._shape)
-        limit = static_scene.repetition_limit(self.bundle.manifest.noise_grey)
-        shape = self.model.image_shape
         lights = used.sum(axis=0, dtype=np.uint8).reshape(self._shape)
-        return ExposureReport(
-            exposures=len(series.groups),
-            duration_s=series.closing.time_s - series.opening.time_s,
-            moved=bool((change > limit).any()) or misfit > 1,
-            repetition_grey=float(change.max()),
-            repetition_limit_grey=limit,
-            misfit=misfit,
-            lights=spread_blocks(lights, self._block, shape) if self._block > 1 else lights,
-            moving=spread_blocks(change > limit, static_scene.BLOCK_PX, shape),
-            least_lights=LEAST_LIGHTS,
+        return exposure_report(
+            series,
+            spread_blocks(lights, self._block, self.model.image_shape) if self._block > 1 else lights,
+            noise_grey=self.bundle.manifest.noise_grey,
+            misfit=static_scene.misfit(signals.grey, used, predicted, signals.deviation, self._shape),
         )
-
-
-def flat_gel(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:
-    """Return the point of the untouched gel in every pixel, row by row, float32."""
-    x, y = np.moveaxis(gel_points_mm(image_shape, pixel_size_mm).astype(np.float32), 2, 0).reshape(2, -1)
-    return Points(x, y, np.zeros_like(x))
 
 
 def _flat_solution(rows: NDArray[np.floating]) -> tuple[Floats, float]:

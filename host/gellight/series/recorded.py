@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_grey
+from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.integration import integrate
-from gellight.reconstruction.photometric.directions import LightDirections
 from gellight.reconstruction.stages import Stages, tactile_frame
 
 _RGB_OF = 3

@@ -1,7 +1,6 @@
 """The frame path of a bundle whose lights are shown in turn: GelNet over their channels, or least squares."""
 
 from collections.abc import Callable
-from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +9,18 @@ from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
 from gellight.frames.status import PathStatus
+from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
 from gellight.reconstruction.integration import integrate
-from gellight.reconstruction.photometric import static_scene
-from gellight.reconstruction.photometric.channel_network import ChannelNetwork
-from gellight.reconstruction.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
-from gellight.reconstruction.photometric.recorded import as_rgb
-from gellight.reconstruction.photometric.solver import LEAST_LIGHTS
-from gellight.reconstruction.pixel_grid import spread_blocks
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
+from gellight.series.channel_network import ChannelNetwork
+from gellight.series.recorded import as_rgb
+from gellight.series.summary import as_picture, exposure_report
 
 Floats = NDArray[np.float32]
 
 
-def has_channels(bundle: Bundle) -> bool:
+def has_single_lights(bundle: Bundle) -> bool:
     """Whether a bundle is of lights shown one after the other."""
     return FILE_NAME in bundle.files
 
@@ -46,7 +43,7 @@ def slopes_by(bundle: Bundle, lights: LightDirections, mode: str, *, threads: in
     return lambda levels: lights.gradient_map(levels)[0]
 
 
-class ChannelPath:
+class SingleLightPath:
     """Reconstructs series of exposures under the light groups of a bundle. One path serves one thread."""
 
     def __init__(self, bundle: Bundle, mode: str, *, threads: int = 1, smoothing_px: int = NARROWEST_PX) -> None:
@@ -66,9 +63,9 @@ class ChannelPath:
         self._last: ExposureReport | None = None
 
     def status(self) -> PathStatus:
-        """Return the mode, "channels" for GelNet, and what the last series said about its scene, ready for JSON."""
+        """Return the mode, "single_light" for GelNet, and what the last series said about its scene, ready for JSON."""
         lights = len(lights_of(self._lights.groups))
-        mode = "channels" if self.mode == "network" else self.mode
+        mode = "single_light" if self.mode == "network" else self.mode
         return {"mode": mode, "lights": lights, "exposures": self._last.as_json() if self._last else None}
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
@@ -83,8 +80,7 @@ class ChannelPath:
         if levels.shape != lights.untouched.shape:
             raise InputError(f"{camera_frame.source} is of another size than the calibration {self.bundle.source}")
         picture = np.clip(np.rint(as_rgb(levels)), 0, 255).astype(np.uint8)
-        shown = {each.name: getattr(series, each.name) for each in fields(CameraFrame)}
-        frame = CameraFrame(**{**shown, "image": picture, "light": None, "encoded": None})
+        frame = as_picture(series, picture, light=None)
         difference = np.subtract(picture, self.bundle.reference, dtype=np.float32)
         stages.end("signals")
         gradient_map, noise = self._smoother.narrow(np.ascontiguousarray(self._slopes(levels), np.float32))
@@ -93,23 +89,7 @@ class ChannelPath:
         depth_mm = integrate(gradient_map, size).astype(np.float32, copy=False)
         gradient_map = self._smoother.of_surface(depth_mm, size, gradient_map, noise)
         stages.end("depth")
-        self._last = report = self._report(series, levels)
+        lit = (levels > 0).sum(axis=0, dtype=np.uint8)
+        self._last = report = exposure_report(series, lit, noise_grey=self.bundle.manifest.noise_grey)
         stages.end("still")
         return tactile_frame(frame, difference, gradient_map, depth_mm, size, stages, report)
-
-    def _report(self, series: ExposureSeries, levels: Floats) -> ExposureReport:
-        """Say whether the scene rested, by the light that was shown twice."""
-        change = static_scene.change_of_repetition(series.opening.image, series.closing.image)
-        limit = static_scene.repetition_limit(self.bundle.manifest.noise_grey)
-        shape = self.bundle.image_shape
-        return ExposureReport(
-            exposures=len(series.groups),
-            duration_s=series.closing.time_s - series.opening.time_s,
-            moved=bool((change > limit).any()),
-            repetition_grey=float(change.max()),
-            repetition_limit_grey=limit,
-            misfit=0.0,
-            lights=(levels > 0).sum(axis=0, dtype=np.uint8),
-            moving=spread_blocks(change > limit, static_scene.BLOCK_PX, shape),
-            least_lights=LEAST_LIGHTS,
-        )

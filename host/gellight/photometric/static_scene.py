@@ -13,8 +13,8 @@ pixels themselves, with an eighth of the noise.
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.photometric.light_model import Bools, Floats
-from gellight.reconstruction.pixel_grid import block_means, plane_means
+from gellight.frames.pixel_grid import block_means, plane_means
+from gellight.photometric.light_model import Bools, Floats
 
 BLOCK_PX = 8
 LIMIT_DEVIATIONS = 7.0

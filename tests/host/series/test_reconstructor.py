@@ -9,10 +9,10 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.lab.simulator.scene import Press
+from gellight.photometric.light_model import LightGroups
+from gellight.photometric.solver import LEAST_LIGHTS
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.photometric.light_model import LightGroups
-from gellight.reconstruction.photometric.reconstructor import STAGES, PhotometricReconstructor
-from gellight.reconstruction.photometric.solver import LEAST_LIGHTS
+from gellight.series.reconstructor import STAGES, PhotometricReconstructor
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
 
@@ -119,7 +119,7 @@ def test_shadows_of_a_plate_are_left_out(gel: Gel, paths: dict[LightGroups, Phot
 
 def _blind(path: PhotometricReconstructor) -> PhotometricReconstructor:
     """A copy that takes every signal for light."""
-    from gellight.reconstruction.photometric import reconstructor
+    from gellight.series import reconstructor
 
     class Blind(PhotometricReconstructor):
         def _refined(self, scaled, depth, signals):  # type: ignore[no-untyped-def]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import UNZIPPING
-from gellight.reconstruction.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
+from gellight.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

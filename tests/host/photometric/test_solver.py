@@ -6,8 +6,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.photometric.solver import (
+from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.solver import (
     STEEPEST,
     Points,
     inverse,

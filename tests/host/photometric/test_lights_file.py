@@ -11,9 +11,9 @@ from gellight.base.errors import BundleError
 from gellight.base.settings import GeometrySettings, SensorSettings, Settings
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.lab.optics.lights.adding import led_colours
-from gellight.reconstruction.photometric.light_model import LightGroups, LightModel
-from gellight.reconstruction.photometric.lights_file import FILE_NAME, has_lights, read_lights, write_lights
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
+from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.lights_file import FILE_NAME, has_lights, read_lights, write_lights
+from gellight.photometric.ring_geometry import RingGeometry
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.simulated_gel import Gel
 

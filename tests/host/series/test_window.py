@@ -10,11 +10,11 @@ import pytest
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import CameraFrame, ExposureSeries, LightLabel, LightState, TactileFrame
 from gellight.lab.simulator.scene import Press
+from gellight.photometric.light_model import LightGroups
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.photometric import window
-from gellight.reconstruction.photometric.light_model import LightGroups
-from gellight.reconstruction.photometric.reconstructor import PhotometricReconstructor
-from gellight.reconstruction.photometric.window import WindowReconstructor
+from gellight.series import window
+from gellight.series.reconstructor import PhotometricReconstructor
+from gellight.series.window import WindowReconstructor
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, Gel
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.photometric.light_model import Bools, Floats, Signals
-from gellight.reconstruction.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.photometric.solver import Points, light_rows, predict, solve_robustly
+from gellight.photometric.light_model import Bools, Floats, Signals
+from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.solver import Points, light_rows, predict, solve_robustly
 
 Indices = NDArray[np.intp]
 SAMPLES = 2500
