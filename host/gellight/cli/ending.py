@@ -1,8 +1,11 @@
 """How a command ends: its exit status, and SIGTERM, which ends every verb as Ctrl-C does: LEDs dark, children gone."""
 
 import logging
+import os
 import signal
 import sys
+import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -35,20 +38,70 @@ MEANINGS = {
 }
 
 
+REMIND_S = 0.05
+"""a signal whose handler has not run by then is brought to mind"""
 _received: list[int] = []
 """the signals that came"""
+_looks = 0
+"""how often the main thread has looked for signals that came"""
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:
+    _look()
     _received.append(number)
     raise KeyboardInterrupt
 
 
-def end(command: Callable[[], object]) -> None:
-    """Run a command and exit with its status; a `GellightError` is printed in one line."""
+def _look(*_: object) -> None:
+    global _looks
+    _looks += 1
+
+
+def _hear_signals() -> None:
+    """Have SIGTERM and Ctrl-C interrupt the main thread wherever it is.
+
+    Python looks for signals between its own steps. One that comes after its last look before a system call that waits
+    would be noticed when that wait is over: a thread interrupts the wait by another signal. A handler's error that is
+    raised inside a destructor or a callback of a weak reference is lost: the thread sends the signal again.
+    """
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as a shell's background job has it
         signal.signal(signal.SIGINT, _interrupt)
+    if not hasattr(signal, "pthread_kill"):  # Windows, where waits notice Ctrl-C
+        return
+    signal.signal(signal.SIGURG, _look)
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    show = sys.unraisablehook
+
+    def unraisable(lost: "sys.UnraisableHookArgs") -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            os.write(writing, bytes([0]))
+        else:
+            show(lost)
+
+    sys.unraisablehook = unraisable
+    threading.Thread(target=_remind, args=(reading,), name="signals", daemon=True).start()
+
+
+def _remind(reading: int) -> None:
+    """Let the main thread notice each signal whose number comes through the pipe; 0: its interruption was lost."""
+    main, seen = threading.main_thread().ident, 0
+    assert main is not None
+    while number := os.read(reading, 1):
+        time.sleep(REMIND_S)
+        if number[0] == 0:
+            signal.pthread_kill(main, _received[-1])
+        while number[0] in (signal.SIGINT, signal.SIGTERM) and _looks == seen:
+            signal.pthread_kill(main, signal.SIGURG)
+            time.sleep(REMIND_S)
+        seen = _looks
+
+
+def end(command: Callable[[], object]) -> None:
+    """Run a command and exit with its status; a `GellightError` is printed in one line."""
+    _hear_signals()
     try:
         command()
     except GellightError as error:

@@ -23,9 +23,9 @@ Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER
 
 
 def _wait(lit: str, seconds: float) -> None:
-    """Say what is lit, and keep it lit for so long; 0: until Ctrl-C or SIGTERM."""
-    print(lit if seconds else f"{lit}   (Ctrl-C ends and makes the LEDs dark)", flush=True)
+    """Say what is lit, and keep it lit for this long; 0: until Ctrl-C or SIGTERM."""
     with until_interrupted():
+        print(lit if seconds else f"{lit}   (Ctrl-C ends and makes the LEDs dark)", flush=True)
         time.sleep(seconds or LONGEST_S)
 
 

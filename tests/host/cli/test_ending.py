@@ -12,6 +12,7 @@ from gellight.base.errors import InputError
 from gellight.cli import ending
 from gellight.cli.advice import activation, program, typeable
 from gellight.cli.ending import MEANINGS, Ending, end, until_interrupted
+from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT
 
 
@@ -19,7 +20,7 @@ from tests.helpers.places import CHECKOUT
 def restored(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tests go on handling signals as they did."""
     monkeypatch.setattr(ending, "_received", [])
-    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    monkeypatch.setattr(ending, "_hear_signals", lambda: None)
 
 
 def raising(error: BaseException) -> Callable[[], None]:
@@ -58,6 +59,32 @@ def test_what_runs_until_it_is_ended_takes_ctrl_c_for_its_end() -> None:
         raise KeyboardInterrupt
     with pytest.raises(KeyboardInterrupt), until_interrupted(False):
         raise KeyboardInterrupt
+
+
+LOST = {
+    # No step of Python lies between the signal, which the C library raises, and the wait.
+    "before a wait": """
+steps = (partial(getattr(ctypes.CDLL(None), "raise"), signal.SIGTERM), partial(time.sleep, 60))
+command = partial(list, map(operator.methodcaller("__call__"), steps))
+""",
+    "in a destructor": """
+class Held:
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+def command():
+    Held()
+    time.sleep(60)
+""",
+}
+
+
+@pytest.mark.parametrize("code", LOST.values(), ids=LOST.keys())
+def test_no_signal_is_lost(code: str) -> None:
+    imports = "import ctypes, operator, signal, time\nfrom functools import partial\n"
+    ended = run(
+        [sys.executable, "-c", f"{imports}{code}\nfrom gellight.cli.ending import end\nend(command)"], timeout_s=20
+    )
+    assert (ended.returncode, ended.stderr) == (Ending.TERMINATED, "")
 
 
 def test_the_document_and_the_help_list_every_status() -> None:

@@ -112,6 +112,15 @@ def test_who_waits_for_the_light_of_a_board_that_ends_waits_no_longer(monkeypatc
     assert not waiting.is_alive()
 
 
+def test_who_asks_whether_a_board_runs_takes_no_lock_of_its_process(terminal: SimulatedBoard) -> None:
+    """A signal whose handler raises while that lock is taken leaves it taken, and `close` waited for it for ever."""
+    terminal._process._waitpid_lock = None  # type: ignore[attr-defined]  # so `poll` would raise
+    assert terminal.running
+    terminal._process._waitpid_lock = threading.Lock()  # type: ignore[attr-defined]
+    terminal._process.kill()
+    eventually(lambda: not terminal.running)
+
+
 def test_real_pyserial_reaches_it_through_a_terminal(terminal: SimulatedBoard) -> None:
     with connect(terminal.path) as ring:
         ring.set_leds(RED)

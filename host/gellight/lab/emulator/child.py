@@ -144,8 +144,12 @@ class SimulatedBoard:
 
     @property
     def running(self) -> bool:
-        """Whether the board is there; False once its process has ended, however that came."""
-        return self._process.poll() is None
+        """Whether the board is there; False once its process has ended, however that came.
+
+        The process is not polled for it: a signal whose handler raises there would leave the lock of `Popen` taken,
+        and `close` would wait for it for ever.
+        """
+        return not self._silent
 
     # ---- light ----
 
