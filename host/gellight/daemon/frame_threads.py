@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from gellight.base.errors import CameraError
+from gellight.base.fair_lock import FairLock
 from gellight.base.mailbox import Mailbox
-from gellight.base.turns import Turns
 from gellight.daemon.realtime import run_first
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
@@ -67,7 +67,7 @@ class FrameThreads:
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
         self._cuts = 0
         """how often what came before was thrown away"""
-        self._capturing, self._reconstructing = Turns(), Turns()
+        self._capturing, self._reconstructing = FairLock(), FairLock()
         self._handing_on = threading.Lock()
         """held while a frame is delivered or the old ones are thrown away"""
         self._threads = [

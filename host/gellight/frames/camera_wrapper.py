@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.base.turns import Turns
+from gellight.base.fair_lock import FairLock
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
@@ -39,11 +39,11 @@ class CameraWrapper(Camera):
     def __init__(self, camera: Camera) -> None:
         """Take over `camera`."""
         self._camera = camera
-        self._turns = Turns()
+        self._fair_lock = FairLock()
 
-    def _alone(self) -> Turns:
+    def _alone(self) -> FairLock:
         """Use camera and ring alone. Threads take turns, so `adopt` need not wait for a pause of who reads."""
-        return self._turns
+        return self._fair_lock
 
     @property
     def picture_files(self) -> Mapping[str, bytes]:

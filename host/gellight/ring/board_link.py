@@ -1,13 +1,13 @@
 """Requests to the board, with retries, and the events it sends by itself; the commands themselves: light_ring.py."""
 
 import logging
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from typing import TypeVar
 
 from gellight.base.errors import BoardError
+from gellight.base.fair_lock import FairLock
 from gellight.ring import protocol
 from gellight.ring.enumerations import Status
 from gellight.ring.transport import Transport
@@ -44,31 +44,6 @@ class RefusedError(BoardError):
 
 class SilentError(BoardError):
     """The board did not answer."""
-
-
-class FairLock:
-    """A re-entrant lock: a thread that waits for it gets it before the one that gives it back can take it again."""
-
-    def __init__(self) -> None:
-        """Be free."""
-        self._next, self._lock = threading.Lock(), threading.Lock()
-        self._owner: int | None = None
-        self._depth = 0
-
-    def __enter__(self) -> None:
-        """Wait for the lock."""
-        if self._owner != threading.get_ident():
-            with self._next:
-                self._lock.acquire()
-            self._owner = threading.get_ident()
-        self._depth += 1
-
-    def __exit__(self, *_: object) -> None:
-        """Give it back."""
-        self._depth -= 1
-        if not self._depth:
-            self._owner = None
-            self._lock.release()
 
 
 class BoardLink:

@@ -12,7 +12,6 @@ import pytest
 from gellight.base.errors import BoardError
 from gellight.ring import board_link
 from gellight.ring import protocol as p
-from gellight.ring.board_link import FairLock
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, Record, decode, encode, u8
@@ -109,24 +108,6 @@ def test_others_speak_while_one_waits_for_its_light() -> None:
     ring.clock()
     waiting.join()
     assert found == [latched]
-
-
-def test_who_waits_for_the_lock_comes_before_the_one_who_gives_it_back() -> None:
-    lock, order = FairLock(), []
-
-    def other() -> None:
-        with lock:
-            order.append("other")
-
-    thread = threading.Thread(target=other)
-    with lock, lock:
-        thread.start()
-        while not lock._next.locked():
-            pass
-    with lock:
-        order.append("again")
-    thread.join()
-    assert order == ["other", "again"]
 
 
 @pytest.mark.parametrize("minor", [p.VERSION[1] + 1, 0])
