@@ -1,12 +1,15 @@
 """The thread that gives a daemon's newest frame to whatever publishes it."""
 
+import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from gellight.daemon.daemon import Daemon
+from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 
+logger = logging.getLogger(__name__)
 POLL_S = 0.5
 """how often the thread looks whether it should stop"""
 
@@ -18,22 +21,27 @@ def sending(
     """Call `send` with the newest frame, again and again, in a thread called `name`, as long as the context lasts.
 
     wanted: called before each frame; says whether one is needed, and may wait up to `POLL_S` until one is. A `send`
-    that is slow gets fewer frames and slows nothing else.
+    that is slow gets fewer frames and slows nothing else. What either raises is logged once, and the next frame tried.
     """
     ended = threading.Event()
 
     def work() -> None:
-        number = 0
+        number, problem = 0, ""
         while not ended.is_set():
-            if not wanted():
-                continue
             try:
-                number, frame = daemon.delivered.take(number, POLL_S)
-            except TimeoutError:
-                continue
-            except Exception:
-                return  # the frames have ended; the program that runs the daemon gets the reason
-            send(frame)
+                if not wanted():
+                    continue
+                number, frame = _newest(daemon, number)
+                if frame is not None:
+                    send(frame)
+                    problem = ""
+            except EndOfStream:
+                return  # the program that runs the daemon gets the reason
+            except Exception as error:
+                if problem != str(error):
+                    logger.exception("%s: a frame cannot be sent", name)
+                problem = str(error)
+                ended.wait(POLL_S)
 
     thread = threading.Thread(target=work, name=name, daemon=True)
     thread.start()
@@ -42,3 +50,13 @@ def sending(
     finally:
         ended.set()
         thread.join()
+
+
+def _newest(daemon: Daemon, after: int) -> tuple[int, TactileFrame | None]:
+    """Return the newest frame and its number, None where none comes; EndOfStream where the frames have ended."""
+    try:
+        return daemon.delivered.take(after, POLL_S)
+    except TimeoutError:
+        return after, None
+    except Exception as error:
+        raise EndOfStream(str(error)) from error

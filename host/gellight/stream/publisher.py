@@ -50,6 +50,8 @@ class Publisher:
         self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
         self._until = ExitStack()
         self._wanted, self._read_parts = threading.Event(), set[str]()
+        self._noting = threading.Lock()
+        """zenoh calls each listener in a thread of its own"""
         self._maps = set[MapOnRequest]()
         """that somebody asks for"""
         self._memory: FrameMemory | None = None
@@ -109,11 +111,9 @@ class Publisher:
         return announced(name, endpoint, camera.url, memory=memory, numbered=numbered)
 
     def _note_readers(self, part: str, status: zenoh.MatchingStatus) -> None:
-        (self._read_parts.add if status.matching else self._read_parts.discard)(part)
-        if self._read_parts:
-            self._wanted.set()
-        else:
-            self._wanted.clear()
+        with self._noting:
+            (self._read_parts.add if status.matching else self._read_parts.discard)(part)
+            (self._wanted.set if self._read_parts else self._wanted.clear)()
 
     def _note_wish(self, part: str, status: zenoh.MatchingStatus) -> None:
         """Note which maps somebody asks for by subscribing to `want/MAP`, where nothing is ever sent."""

@@ -14,7 +14,7 @@ import zenoh
 from numpy.typing import NDArray
 from zenoh.handlers import Callback
 
-from gellight.base.errors import InputError, StreamError
+from gellight.base.errors import GellightError, InputError, StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
@@ -71,7 +71,7 @@ def subscribe(
     session = subscribing_session(endpoint, config=path)
     try:
         name = _present(session, name, endpoint)
-        return Subscription(session, name, memory=memory, every=every, asked=asked, patience_s=patience_s)
+        return Subscription(session, name, memory_path=memory, every=every, asked=asked, patience_s=patience_s)
     except BaseException:
         close(session)
         raise
@@ -153,14 +153,41 @@ def _mapped(memory: str) -> MappedMemory | None:
         return None
 
 
-def _end(
-    session: zenoh.Session,
-    messages: Mailbox[zenoh.ZBytes | bytes],
-    listening: list[threading.Thread],
-    memory: MappedMemory | None,
-) -> None:
+class _Inbox:
+    """What zenoh calls when messages come, and holds: it knows nothing of the subscription, which can be dropped."""
+
+    def __init__(self, name: str, memory: MappedMemory | None, *, every: bool) -> None:
+        self._name, self._memory, self._every = name, memory, every
+        self._messages: Mailbox[zenoh.ZBytes | bytes] = Mailbox(BACKLOG if every else 1)
+        self._number = 0
+
+    def note_frame(self, sample: zenoh.Sample) -> None:
+        with suppress(OverwrittenError):  # in memory, what waits for its turn would be written over
+            self._messages.put(self._content(sample.payload) if self._every else sample.payload)
+
+    def note_presence(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.DELETE:
+            self.close(f"the daemon of {self._name} has ended: start it again, and subscribe anew")
+
+    def take(self, timeout_s: float) -> bytes:
+        """Wait for a message that was not taken yet; TimeoutError, or StreamError after `close`."""
+        while True:
+            self._number, payload = self._messages.take(self._number, timeout_s)
+            with suppress(OverwrittenError):
+                return payload if isinstance(payload, bytes) else self._content(payload)
+
+    def _content(self, payload: zenoh.ZBytes) -> bytes:
+        content = payload.to_bytes()
+        return self._memory.read(content) if self._memory else content
+
+    def close(self, why: str) -> None:
+        """Let who waits for messages raise StreamError."""
+        self._messages.close(StreamError(why))
+
+
+def _end(session: zenoh.Session, inbox: _Inbox, listening: list[threading.Thread], memory: MappedMemory | None) -> None:
     """End a subscription: first who waits for frames, then the session, then the memory that both read."""
-    messages.close(StreamError("the subscription was closed"))
+    inbox.close("the subscription was closed")
     for thread in listening:
         if thread is not threading.current_thread():
             thread.join(LISTENER_S)
@@ -181,7 +208,7 @@ class Subscription(FrameSource):
         session: zenoh.Session,
         name: str,
         *,
-        memory: str,
+        memory_path: str,
         every: bool,
         asked: Collection[MapOnRequest] = (),
         patience_s: float,
@@ -189,48 +216,38 @@ class Subscription(FrameSource):
         """Take over `session`, which is connected to the daemon of the sensor `name`; see `RunningDaemon.memory`."""
         super().__init__(patience_s=patience_s)
         self.name, self._session = name, session
-        shared, self._every = _mapped(memory), every
-        self._fetch = shared.read if shared else bytes
-        self._messages: Mailbox[zenoh.ZBytes | bytes] = Mailbox(BACKLOG if every else 1)
-        self._number = 0
+        memory = _mapped(memory_path)
+        self._inbox = inbox = _Inbox(name, memory, every=every)
         self._bundles: dict[str, Bundle] = {}
         # Called in zenoh's own threads: the interpreter would wait at its end for those that zenoh makes for Python.
-        note_frame = Callback(self._note_frame, indirect=False)
-        note_presence = Callback(self._note_presence, indirect=False)
-        nothing = Callback(_ignore, indirect=False)
+        note_frame, note_presence, nothing = (
+            Callback(note, indirect=False) for note in (inbox.note_frame, inbox.note_presence, _ignore)
+        )
         wishes = [session.declare_subscriber(key(name, f"want/{one}"), nothing) for one in asked]
-        frames = session.declare_subscriber(key(name, "note" if shared else "frame"), note_frame)
+        frames = session.declare_subscriber(key(name, "note" if memory else "frame"), note_frame)
         # Without its history zenoh does not tell a client that a daemon was killed which was there before.
         presence = session.liveliness().declare_subscriber(key(name, "alive"), note_presence, history=True)
         self._held = wishes, frames, presence
         # For programs that do not close it.
-        self._ended = weakref.finalize(self, _end, session, self._messages, self._listening, shared)
-
-    def _note_frame(self, sample: zenoh.Sample) -> None:
-        with suppress(OverwrittenError):  # in memory, what waits for its turn would be written over
-            self._messages.put(self._fetch(sample.payload.to_bytes()) if self._every else sample.payload)
-
-    def _note_presence(self, sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.DELETE:
-            self._messages.close(
-                StreamError(f"the daemon of {self.name} has ended: start it again, and subscribe anew")
-            )
+        self._ended = weakref.finalize(self, _end, session, inbox, self._listening, memory)
 
     def _take(self, timeout_s: float) -> TactileFrame:
-        while True:
-            self._number, payload = self._messages.take(self._number, timeout_s)
-            with suppress(OverwrittenError):
-                content = payload if isinstance(payload, bytes) else self._fetch(payload.to_bytes())
-                return decode(content, self._bundle_of)
+        return decode(self._inbox.take(timeout_s), self._bundle_of)
 
     def _why_none(self) -> str:
-        return str(self.status()["error"] or "the daemon is there and publishes none; see its log")
+        try:
+            return str(self.status()["error"] or "the daemon is there and publishes none; see its log")
+        except GellightError as error:
+            return str(error)
 
     def _release_all(self) -> None:
         self._ended()
 
     def _ask(self, call: Call) -> bytes:
-        replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=CALL_S))
+        try:
+            replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=CALL_S))
+        except zenoh.ZError as error:
+            raise StreamError(f"the daemon of {self.name} cannot be asked ({error}): subscribe anew") from error
         if not replies:
             raise StreamError(f"the daemon of {self.name} does not answer: is it still there?")
         if replies[0].ok is None:

@@ -14,6 +14,7 @@ from gellight.stream import subscription
 from gellight.stream.network import key, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
+from gellight.stream.source import NoFrameError
 from gellight.stream.subscription import subscribe
 from tests.helpers import children
 from tests.helpers.streamed import bump_daemon
@@ -42,6 +43,24 @@ def test_a_daemon_that_takes_too_long_is_said_to_be_busy(monkeypatch: pytest.Mon
             frames.status()
         assert asked.wait(30)
         answer.set()
+
+
+def test_why_no_frame_comes_is_told_as_far_as_the_daemon_says_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    daemon, _ = bump_daemon(period_s=60)
+    with daemon, Publisher(daemon), subscribe(patience_s=0.1) as frames:
+        monkeypatch.setattr(daemon, "status", lambda: 1 / 0)
+        with pytest.raises(NoFrameError, match=r"no frame for 0\.1 s: the call failed in the daemon; its log says why"):
+            frames.next_frame()
+
+
+def test_a_subscription_that_was_closed_says_so() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon):
+        frames = subscribe()
+        frames.close()
+        for ask in (frames.status, frames.zero, lambda: frames.bundle):
+            with pytest.raises(StreamError, match="subscribe anew"):
+                ask()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """How readers on the same computer get frames: through shared memory, or over the network where there is none."""
 
 import errno
+import gc
 import os
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -64,3 +66,23 @@ def test_publishers_and_readers_that_ended_leave_nothing_behind() -> None:
     for _ in range(3):
         once()
     assert held() == before
+
+
+@pytest.mark.parametrize("every", [False, True])
+def test_a_subscription_that_is_dropped_lets_go_of_what_it_holds(every: bool) -> None:
+    """Zenoh holds what it calls when messages come: that must not be the subscription."""
+
+    def dropped() -> "weakref.ref[subscription.Subscription]":
+        frames = subscribe("finger", every=every, maps=["confidence"])
+        frames.next_frame()
+        return weakref.ref(frames)
+
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"):
+        dropped()
+        gc.collect()
+        before = len(list(Path("/proc/self/fd").iterdir()))
+        references = [dropped() for _ in range(4)]
+        gc.collect()
+        assert [reference() for reference in references] == [None] * 4
+        assert len(list(Path("/proc/self/fd").iterdir())) == before
