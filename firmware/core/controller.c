@@ -6,7 +6,7 @@
 #include "lights.h"
 #include "watches.h"
 
-#define OVERDUE_US 20000u /* a light that was due so long ago will never come: its transfer broke off */
+#define OVERDUE_US 20000u /* a light that is later will never come: its transfer broke off */
 
 void controller_start(struct controller *controller, const struct port *port)
 {

@@ -49,7 +49,7 @@ struct port {
 
     /* Transfer the bytes to the LEDs at start_us (in the past: at once). Only called while none is waiting. */
     void (*light)(void *context, const uint8_t *wire, uint64_t start_us, uint16_t latch_us);
-    /* The trigger output pulses so long after the first bit of the next light, once it is latched. */
+    /* The trigger output pulses after_us after the first bit of the next light, once it is latched. */
     void (*pulse)(void *context, uint32_t after_us);
     /* Take a waiting light back; false if its transfer has begun, which is never torn. */
     bool (*light_cancel)(void *context);

@@ -32,7 +32,7 @@ bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_
  */
 bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale);
 
-/* Halve every colour so often, rounded up: what is lit stays lit. */
+/* Halve every colour `halvings` times, rounded up: what is lit stays lit. */
 void ring_dim(uint8_t halvings, uint8_t colours[COLOUR_BYTES]);
 
 /* WS2812B takes green, red, blue (data sheet, "Composition of 24 bit data"); `order` is of enum colour_order. */

@@ -69,7 +69,7 @@ struct controller {
 
     uint64_t packet_us;   /* when the last valid packet came */
     bool open;            /* somebody listens */
-    bool silent;          /* the host was silent for so long that the LEDs were darkened */
+    bool silent;          /* the host was silent, and the LEDs were darkened */
     uint64_t reported_us; /* when telemetry was sent last */
     uint64_t restart_us;  /* 0: no restart was asked for */
     uint16_t telemetry_ms;

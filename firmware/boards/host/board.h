@@ -42,10 +42,10 @@ struct board {
     bool listening, falling;
     bool restarted, bootloader;
 
-    uint32_t room;          /* for so many bytes more */
-    uint32_t reads_to_edge; /* an edge comes after so many readings of the clock, 0: none */
+    uint32_t room;          /* bytes that still fit */
+    uint32_t reads_to_edge; /* readings of the clock until an edge comes, 0: none */
     bool stuck;             /* transfers break off */
-    int32_t cut_after;      /* power fails after so many bytes were programmed or erased; -1: never */
+    int32_t cut_after;      /* bytes programmed or erased until power fails; -1: never */
     bool powerless;
 };
 

@@ -21,7 +21,7 @@ class CameraTiming:
     stamp_delay_s: float = 0.0
     """from the stamp of a frame to the start of its first row, where the camera stamps something else"""
     stamp_error_s: float = 0.001
-    """beginning and end of a row's exposure are at most so far from that, either way"""
+    """largest error of the beginning and the end of a row's exposure, either way"""
     pulse_period_s: float = 0.0025
     """longest cycle of the LEDs' pulse-width modulation: a latched colour shows within it (2 kHz parts: 0.0005)"""
 

@@ -71,7 +71,7 @@ class View(BaseModel):
 
     @classmethod
     def of_box(cls, box: tuple[int, int, int, int], taken_shape: tuple[int, int]) -> Self:
-        """Return the part of the picture with the top left pixel (x, y) and so many pixels in width and height.
+        """Return the part that `box`, (x, y, width, height) px, cuts out of the picture.
 
         Raises InputError where it leaves the picture.
         """

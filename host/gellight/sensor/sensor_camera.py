@@ -32,7 +32,7 @@ from gellight.sensor.v4l2.stream import Counts
 logger = logging.getLogger(__name__)
 
 LOOK_S = 0.5
-"""so long one `read` looks for a sensor that is away"""
+"""for which one `read` looks for a sensor that is away"""
 RETRY_S = 0.1
 
 

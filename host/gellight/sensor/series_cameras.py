@@ -23,7 +23,7 @@ class SeriesCamera(CameraWrapper):
     _next: CameraFrame | None = None
     _exposure_us: float | None = None
     _taken = 0
-    """series so far, which is how they are numbered"""
+    """number of the last series"""
 
     def __init__(self, camera: Camera, groups: NDArray[np.uint8], *, exposure_us: float | None, frames: int) -> None:
         """Take over `camera`, and light `groups` (G, 12, 3) uint8 in turn, `frames` of each, exposed `exposure_us`.

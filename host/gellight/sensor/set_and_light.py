@@ -29,7 +29,7 @@ MOST_DISCARDED = 60
 """a camera whose stamps are right delivers a frame of the new light within two frames and its queue"""
 MOST_ATTEMPTS = 3
 SETTLING_FRAMES = 4
-"""a camera may show up to so many more frames with the exposure or gain of before"""
+"""frames that a camera may still show with the exposure or gain of before"""
 
 
 def set_and_light(

@@ -14,7 +14,7 @@ from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import EXPOSURE
 
 PATIENCE_S = 10.0
-"""a sequence that gives no whole window for so long does not work"""
+"""a sequence without a whole window for longer does not work"""
 REMEDIES = {
     LightMode.FREE: "use --light-mode hold, a shorter exposure, or a less busy computer",
     LightMode.EXT: "connect the camera's strobe to the trigger pin of the board, or use --light-mode free or hold",

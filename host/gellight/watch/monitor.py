@@ -30,9 +30,9 @@ REST_LOOKS, FEWEST_LOOKS = 12, 6
 """looks at the gel at rest that a judgement is made of"""
 REST_MEMORY_S = 30.0
 NEVER_S = 120.0
-"""so long without a single look at the gel at rest since the start is a finding"""
+"""without a single look at the gel at rest since the start is a finding"""
 FREE_CELLS = 2
-"""so many cells may be outliers by chance"""
+"""number of cells that may be outliers by chance"""
 JUMP_GREY = 0.5
 """a look at rest that is farther than that from those before it begins anew"""
 NOISE_LOOKS = 20

@@ -11,7 +11,7 @@ B1, B2 = 1, 2
 """SYSINFO CHIP_ID, revision: of B0 and B1, and of B2"""
 CHIP_ID = 0x00002927
 RESET_NS, RECOVERY_NS = 3e6, 10e6
-"""the reset goes on for so long after the device has seen it, and the first request comes so much later"""
+"""how long the reset goes on after the device has seen it, and how much later the first request comes"""
 IDLE_NS = 800e3
 LINE_STATE, IDLE_STATE, CONNECTED = 3 << 2, 1 << 2, 1 << 16
 """SIE_STATUS; no line state means that the host resets"""

@@ -27,7 +27,7 @@ PACKAGES = Path(__file__).parents[3]
 """so that the child finds this very package, installed or not"""
 STOP_S = 5.0
 STANDSTILL_S = 10.0
-"""emulation that gets no further for so long has hung"""
+"""emulation that gets no further for longer has hung"""
 KEPT_POINTS = 4096
 
 
@@ -65,7 +65,7 @@ class SimulatedBoard:
         """Start the board; with `pty` its bytes go through the terminal `path` instead of `read` and `write`.
 
         `unique_id` are the 8 bytes from which it makes its serial number; None: those of every simulated board.
-        `leds`: it is configured for so many. Raises BoardError where it does not start.
+        `leds` is the number that it is configured for. Raises BoardError where it does not start.
         """
         if not 1 <= leds <= MOST_LEDS:
             raise BoardError(f"{leds} LEDs: a board drives 1 to {MOST_LEDS}")
@@ -114,7 +114,7 @@ class SimulatedBoard:
             raise BoardError(f"the simulated board is gone ({error}): open sim:// again") from error
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, waiting for the first byte at most so long."""
+        """Return what has arrived, waiting for the first byte for `timeout_s` at most."""
         try:
             ready = select.select([self._ours], [], [], timeout_s)[0]
             data = self._ours.recv(4096) if ready else None

@@ -124,7 +124,7 @@ class EmulatedBoard:
             self.clocks.generators,
             self.clocks.crystal,
         )
-        blocks[0x40000] = registers.Window({0: self.revision << 28 | CHIP_ID})
+        blocks[0x40000] = registers.RegisterBlock({0: self.revision << 28 | CHIP_ID})
         blocks[0x40028], blocks[0x4002C] = self.clocks.pll_sys, self.clocks.pll_usb
         flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id, self.clocks.set_flash_divider)
         chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))

@@ -6,12 +6,12 @@ fault, also where most chips on a desk would forgive it.
 
 from collections.abc import Callable
 
-from gellight.lab.emulator.registers import Window
+from gellight.lab.emulator.registers import RegisterBlock
 
 CRYSTAL_HZ = 12e6
 RING_OSCILLATOR_HZ = 6.5e6
 SLOWEST_CRYSTAL_US = 64_000.0
-"""some boards declare that their crystal needs so long to settle; the counter of XOSC knows nothing of that"""
+"""until the crystal of some boards has settled, as they declare; the counter of XOSC knows nothing of that"""
 VCO_HZ = (750e6, 1600e6)
 FEEDBACK = (16, 320)
 LOWEST_REFERENCE_HZ = 5e6
@@ -29,7 +29,7 @@ REF_CTRL, REF_SELECTED, SYS_CTRL, SYS_DIV, SYS_SELECTED, USB_CTRL = 0x30, 0x38, 
 """of CLOCKS"""
 
 
-class Crystal(Window):
+class Crystal(RegisterBlock):
     """XOSC with a slow crystal: STABLE only says that the counter of STARTUP is over."""
 
     def __init__(self, now_us: Callable[[], float], waiting: Callable[[], None]) -> None:
@@ -62,7 +62,7 @@ class Crystal(Window):
         return 0.0 if self._started_us is None else self._now_us() - self._started_us
 
 
-class Pll(Window):
+class Pll(RegisterBlock):
     """A PLL: locks when it has power and a feedback divider."""
 
     def __init__(self, changed: Callable[[], None]) -> None:
@@ -120,7 +120,7 @@ class Pll(Window):
         return found
 
 
-class Generators(Window):
+class Generators(RegisterBlock):
     """Clock generators: every switch succeeds at once."""
 
     def __init__(self, changed: Callable[[], None]) -> None:

@@ -17,7 +17,7 @@ FULL_LED_MA = 21
 
 
 def configuration_of(leds: int) -> Configuration:
-    """Return that of a simulated board with so many LEDs; with a supply of their own where USB could not light all."""
+    """Return that of a simulated board with `leds`; with a supply of their own where USB could not light all."""
     strong = leds * FULL_LED_MA > CURRENT_CAP_MA
     return Configuration(
         host_timeout_ms=1000, limit_ma=CURRENT_CAP_EXTERNAL_MA if strong else CURRENT_CAP_MA, quiescent_ua=1000,
@@ -34,5 +34,5 @@ def with_configuration(image: bytes, configuration: Configuration) -> bytes:
 
 
 def flash_of(image: bytes, leds: int) -> bytes:
-    """Return the flash of a simulated board with so many LEDs; as it comes, nothing is saved."""
+    """Return the flash of a simulated board with `leds`; as it comes, nothing is saved."""
     return image if leds == LED_COUNT else with_configuration(image, configuration_of(leds))

@@ -25,7 +25,7 @@ MOST_LAG_US = 50_000.0
 """where emulation is slower than the wall clock, virtual time falls further behind for good"""
 IDLE_S = 0.001
 PROGRESS_US = 4_000.0
-"""so often the parent learns how far virtual time has come"""
+"""of virtual time, after which the parent is told of it"""
 
 
 class Bytes:

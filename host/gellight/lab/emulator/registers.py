@@ -1,4 +1,4 @@
-"""Register windows in front of the emulator's: what it does not model, and accesses that real silicon would ignore."""
+"""Register blocks in front of the emulator's: what it does not model, and accesses that real silicon would ignore."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,10 +12,10 @@ IO_QSPI, PADS_QSPI, SYSCFG, SYSINFO = 6, 9, 18, 19
 ALL_RESETS = 0x1FFFFFF
 RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x40028: 12, 0x4002C: 13, 0x40054: 21,
               0x40034: 22, 0x50110: 24, 0x4004C: 0}  # fmt: skip
-"""window (address >> 12) -> bit of RESETS"""
+"""block (address >> 12) -> bit of RESETS"""
 
 
-class Window:
+class RegisterBlock:
     """A block of registers that behave as memory, with the aliases that set, clear and toggle bits."""
 
     def __init__(self, initial: dict[int, int] | None = None) -> None:
@@ -39,7 +39,7 @@ class Window:
         """Nothing: a reset makes a new chip."""
 
 
-class Resets(Window):
+class Resets(RegisterBlock):
     """Which blocks are held in reset; those that the boot ROM releases are free from the start."""
 
     def __init__(self, usb_held: Callable[[], None]) -> None:
@@ -148,7 +148,7 @@ class UsbGuard(Guard):
             self._await_frame()
 
 
-class FlashBus(Window):
+class FlashBus(RegisterBlock):
     """The serial interface to the flash as far as the firmware drives it by itself: command 4Bh, the unique number."""
 
     def __init__(self, unique_id: bytes, divided: Callable[[int], None]) -> None:

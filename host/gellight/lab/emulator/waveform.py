@@ -21,12 +21,12 @@ from gellight.ring.wire import LED_COUNT
 LATCH_NS = 280_000.0
 WINDOWS_NS = {"T0H": (250.0, 380.0), "T0L": (700.0, 1000.0), "T1H": (650.0, 950.0), "T1L": (580.0, 600.0)}
 RISE_NS = 10e6
-"""after the load switch has closed the supply of the LEDs may still rise for so long"""
+"""for which the supply of the LEDs may still rise after the load switch has closed"""
 ONE_NS = 500.0
 """a longer pulse is a 1"""
 BY_TIME = attrgetter("time_us")
 KEPT_LIGHTS = 4096
-"""at least so many are remembered: 8 s of the fastest sequence; a camera asks for the last tenth of a second"""
+"""lights that are remembered at least: 8 s of the fastest sequence; a camera asks for the last tenth of a second"""
 
 
 class Light(NamedTuple):
@@ -61,7 +61,7 @@ class Strip(NamedTuple):
 
     @property
     def bits(self) -> int:
-        """All LEDs together take so many."""
+        """Number that all LEDs together take."""
         return self.leds * (32 if self.order == ColourOrder.RGBW else 24)
 
     @property

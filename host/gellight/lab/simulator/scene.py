@@ -20,7 +20,7 @@ BRIGHTEST_GREY = 200.0
 deformed = lru_cache(maxsize=64)(press_object)
 """what a press does to the gel: the same for every scene, and wherever it happens"""
 READY = 3
-"""so many presses are kept that were computed ahead, 15 MB each"""
+"""presses computed ahead that are kept, 15 MB each"""
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ class SimulatedCamera(Camera):
         return SelfCheck(self._scene, pixel_size_mm)
 
     def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
-        """Expose for so long from the next frame on, each channel amplified; the noise is amplified with it."""
+        """Set the exposure from the next frame on, and amplify each channel; the noise is amplified with it."""
         base = self._response
         ratio = exposure_us / Shutter().exposure_us
         rows = np.array(base.crosstalk) * np.array(channel_gain)[:, None]

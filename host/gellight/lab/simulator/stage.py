@@ -16,7 +16,7 @@ from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
 
 RETURN_FRAMES = 300
-"""so long after a visitor's last touch the programme goes on"""
+"""after a visitor's last touch until the programme goes on"""
 OFFERED_DEPTH_MM = 0.8
 """where the page's slider stands at first"""
 PROGRAMME = (

@@ -34,7 +34,7 @@ WIRE_S = 30e-6
 LATCH_S = 0.30e-3
 """low time after which the LEDs take their data, as the board waits for it"""
 EXACT = 1e-9
-"""so much of a frame is rounding: an exact multiple is not one frame more"""
+"""share of a frame that is rounding: an exact multiple is not one frame more"""
 
 
 def settle_s(timing: CameraTiming, clock_error_s: float = 0.0, *, leds: int = LED_COUNT) -> float:

@@ -34,7 +34,7 @@ CLOCK_ERROR_S = 0.001
 """what the host is assumed to be off about the board's clock when the hold is chosen"""
 EDGES_MISSED = 4
 TRIM_LIGHTS = 4
-"""a trim has taken effect so many lights later"""
+"""lights until a trim has taken effect"""
 
 
 class LightMode(StrEnum):
@@ -186,7 +186,7 @@ class SequencedCamera(CameraWrapper):
         assert self._started_on is not None
         label = UNKNOWN_LABEL if frame.estimated else self.watch.label(frame.time_s, self.image_shape[0])
         frame = replace(frame, label=label)
-        if self.watch.silenced():  # this program was held up for so long that the board ended the sequence
+        if self.watch.silenced():  # this program was held up, and the board ended the sequence
             logger.warning(
                 "the board heard nothing from here and ended its sequence (machine busy?); it is started again"
             )

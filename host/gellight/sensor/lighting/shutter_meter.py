@@ -41,14 +41,14 @@ STEP_PX = 2
 """every second pixel of every second row is enough for the mean of a cell"""
 ROUNDS = 4
 NOISE_GREY, SHADING = 0.15, 0.05
-"""a cell is off by so many grey levels through noise, and by this share of its level through drift and reflexes"""
+"""error of a cell: grey levels of noise, and the share of its level by drift and reflexes"""
 FITTING = 0.6
 """a band says something where this share of its cells fit"""
 FEWEST_BANDS = 60
 BETWEEN = (0.08, 0.92)
 """shares outside are as good as 0 and 1"""
 BACKWARDS = -0.002
-"""share a band; a global shutter may scatter so much about 0"""
+"""share a band; as far as that of a global shutter scatters below 0"""
 FRAMES_A_LIGHT = 2.37
 """no simple ratio, so that the changes fall on every phase of the frames"""
 STEPS, LONGER = 16, 0.157

@@ -45,7 +45,7 @@ _TOLERATED_MCUS = 16
 """a surplus that is no fault: some cameras put up to ten bytes too many before a marker, and an MCU of three colours
 takes at least 14 bits"""
 _CANDIDATES = 4
-"""of so many MCUs one after the other, at least two are not cut off by the right edge"""
+"""among this number of MCUs in a row, at least two are not cut off by the right edge"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,9 +82,9 @@ class Cadence:
     period_s: float
     """the usual one"""
     wander_s: float
-    """95 % of the stamps are at most so far from a steady rate"""
+    """distance from a steady rate that 95 % of the stamps keep"""
     farthest_s: float
-    """all of them are"""
+    """that all of them keep"""
     left_out: int
     """pictures that are missing between stamps although the driver numbered the others without a gap"""
 

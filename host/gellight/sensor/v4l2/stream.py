@@ -20,7 +20,7 @@ from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel
 
 BUFFERS = 4
 BAD_LIMIT = 60
-"""so many unusable pictures in a row are a fault"""
+"""number of unusable pictures in a row that is a fault"""
 OLDEST_STAMP_S = 2.0
 _LARGEST_STEP = 2**31
 

@@ -24,7 +24,7 @@ FIRST_FRAME_S = 5.0
 BLANK_GREY = 8
 """a picture whose pixels differ by no more is dark or white all over"""
 STALL_S = 2.0
-"""so long without a picture is a stall, or ten frame periods, if that is longer"""
+"""without a picture is a stall, or ten frame periods, if that is longer"""
 
 
 class V4l2Camera(Camera):

@@ -52,7 +52,7 @@ class VirtualSensor:
                  leds: int = LED_COUNT, faults: Faults = NO_FAULTS) -> None:  # fmt: skip
         """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
 
-        `has_board`: while it has power, an emulated board with the same serial number and so many `leds` runs the
+        `has_board`: while it has power, an emulated board with the same serial number and `leds` runs the
         firmware's image.
         """
         self.serial_number = checked_serial(serial_number)

@@ -20,11 +20,11 @@ class Faults(BaseModel):
     duplicate: float = Field(default=0.0, ge=0, le=1)
     """share of the frames that are sent a second time instead of the next one"""
     late_ms: float = Field(default=0.0, ge=0)
-    """each frame is held back, up to so long, before it is sent: the kernel's time stamp is wrong by as much"""
+    """the longest that a frame is held back before it is sent: the kernel's time stamp is wrong by as much"""
     stall_after: int = Field(default=0, ge=0)
-    """so many frames after the start of a stream the camera falls silent; 0: never"""
+    """frames after the start of a stream until the camera falls silent; 0: never"""
     unplug_after: int = Field(default=0, ge=0)
-    """so many frames after the start of a stream the cable is pulled; 0: never"""
+    """frames after the start of a stream until the cable is pulled; 0: never"""
     stuck: str = ""
     """name of a control (exposure_us, gain, white_balance_k, ...) that takes a new value and does not keep it"""
 
