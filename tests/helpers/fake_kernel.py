@@ -7,7 +7,7 @@ import pytest
 from gellight.sensor.v4l2.kernel import Kernel
 from tests.helpers.simulated_kernel import CameraDevice as FakeCamera
 from tests.helpers.simulated_kernel import DeviceControl as FakeControl
-from tests.helpers.simulated_kernel import DeviceMemory, SimulatedKernel, refuse
+from tests.helpers.simulated_kernel import SimulatedKernel, refuse
 
 __all__ = ["FakeCamera", "FakeControl", "FakeKernel", "refuse"]
 
@@ -18,7 +18,6 @@ class FakeKernel(SimulatedKernel):
     def __init__(self, cameras: dict[str, FakeCamera] | None = None) -> None:
         super().__init__(cameras)
         self.now_s = 100.0
-        self.mapped: list[DeviceMemory] = []
         self.events: list[tuple[float, Callable[[], None]]] = []
 
     def take_over(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,10 +38,6 @@ class FakeKernel(SimulatedKernel):
     def wait_until(self, time_s: float) -> None:
         soonest = [moment for moment, _ in self.events[:1] if moment > self.now_s]
         self._until(min([time_s, *soonest]))
-
-    def mmap(self, descriptor: int, length: int, offset: int) -> DeviceMemory:
-        self.mapped.append(super().mmap(descriptor, length, offset))
-        return self.mapped[-1]
 
     def _until(self, time_s: float) -> None:
         while self.events and self.events[0][0] <= time_s:

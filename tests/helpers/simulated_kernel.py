@@ -86,6 +86,7 @@ class CameraDevice:
         self.queued: deque[int] = deque()
         self.filled: deque[v.Buffer] = deque()
         self.contents: dict[int, bytearray] = {}
+        self.mapped: list[DeviceMemory] = []
         self.number, self.next_s = 0, 0.0
         self.streams = self.size_bytes = 0
 
@@ -183,7 +184,8 @@ class SimulatedKernel(Kernel):
     def mmap(self, descriptor: int, length: int, offset: int) -> Any:
         """Map a buffer."""
         camera = self.opened[descriptor]
-        return DeviceMemory(camera.contents.setdefault(offset, bytearray(length)))
+        camera.mapped.append(DeviceMemory(camera.contents.setdefault(offset, bytearray(length))))
+        return camera.mapped[-1]
 
     def poll(self, descriptor: int, timeout_s: float) -> int:
         """Wait for a picture or a fault; see `Kernel.poll`."""
@@ -255,6 +257,9 @@ class SimulatedKernel(Kernel):
         argument.numerator, argument.denominator = 10_000_000 // camera.mode[3], 10_000_000
 
     def _reqbufs(self, camera: CameraDevice, argument: v.RequestBuffers) -> None:
+        camera.mapped = [memory for memory in camera.mapped if not memory.closed]
+        if camera.mapped:  # a driver cannot free what is still mapped
+            raise refuse(errno.EBUSY)
         camera.stop()
 
     def _querybuf(self, camera: CameraDevice, buffer: v.Buffer) -> None:

@@ -137,7 +137,8 @@ def test_a_camera_without_memory_for_two_pictures_is_told_and_nothing_stays_mapp
     camera.errors[v.STREAMON] = errno.EIO
     with pytest.raises(CameraError, match="fails to start its stream"):
         V4l2Camera(PATH, kernel=kernel)
-    assert all(memory.closed for memory in kernel.mapped)
+    assert all(memory.closed for memory in camera.mapped)
+    assert camera.mapped
 
 
 def test_the_controls_of_a_camera_that_was_closed_say_so() -> None:
