@@ -113,7 +113,7 @@ def judged(of: World, table: PressTable) -> dict[str, tuple[float, float, float,
     for label, seen in of.judges.items():
         felt, right, errors = [], [], []
         for surface, image in seen:
-            slopes, _ = smoother.narrow(polynomial.gradient_map(difference_of(image, reference, follow_light=False)))
+            slopes, _ = smoother.prefilter(polynomial.gradient_map(difference_of(image, reference, follow_light=False)))
             depth = integrate(slopes, BALL.pixel_size_mm, at_rest=surface.depth_mm < 0.005)
             felt.append(float(depth.max()))
             right.append(float(surface.depth_mm.max()))

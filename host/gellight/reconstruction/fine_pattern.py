@@ -72,5 +72,5 @@ def _spectrum(image: NDArray[Any]) -> NDArray[np.complexfloating]:
     fine = ndimage.gaussian_filter(light, FINE_PX) - ndimage.gaussian_filter(light, COARSE_PX)
     most = _MOST_SPREADS * _SPREAD_TIMES * float(np.median(np.abs(fine)))
     fine = np.clip(fine, -most, most)
-    window = np.outer(*(np.hanning(size).astype(np.float32) for size in fine.shape))
-    return np.asarray(scipy.fft.rfft2((fine - fine.mean()) * window))
+    taper = np.outer(*(np.hanning(size).astype(np.float32) for size in fine.shape))
+    return np.asarray(scipy.fft.rfft2((fine - fine.mean()) * taper))

@@ -27,7 +27,7 @@ BLOCK_ROWS = 4096
 CELL_PX = 4
 COARSE_PX = 8
 """pixels a side over which the difference is averaged where it is not significant"""
-WINDOWS_CELLS = (1, 2, 3)
+SQUARES_CELLS = (1, 2, 3)
 """cells a side of the squares over which the difference is averaged: small ones see fine texture, large ones gentle
 slopes"""
 CLEAR = 7.2
@@ -87,8 +87,8 @@ class GradientNetwork:
         """Mark the (ceil(H / 4), ceil(W / 4)) cells that `touched` spreads to pixels."""
         self._check(difference)
         means = cell_means(difference, CELL_PX)
-        windows = [_window_means(means, side) for side in WINDOWS_CELLS]
-        clear, significant = (_beyond(windows, limits) for limits in self.limits_grey)
+        squares = [_square_means(means, side) for side in SQUARES_CELLS]
+        clear, significant = (_beyond(squares, limits) for limits in self.limits_grey)
         cells = clear if clear.any() else significant
         return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
 
@@ -96,9 +96,9 @@ class GradientNetwork:
     def limits_grey(self) -> list[list[tuple[float, float]]]:
         """Limits on the mean difference, clear ones and significant ones.
 
-        For each window: on the channels together, and on the largest.
+        For each square: on the channels together, and on the largest.
         """
-        sides = [side * CELL_PX for side in WINDOWS_CELLS]
+        sides = [side * CELL_PX for side in SQUARES_CELLS]
         return [[self.at_rest.limits_grey(side, limit) for side in sides] for limit in (CLEAR, SIGNIFICANT)]
 
     def gradient_map(self, difference: Floats, mask: NDArray[np.bool_] | None = None) -> Floats:
@@ -113,12 +113,12 @@ class GradientNetwork:
             return (self.infer(pixels, self.position) - self.zero).reshape(*self.image_shape, 2)
         if not mask.any():
             return np.zeros((*self.image_shape, 2), np.float32)
-        slopes = self.gentle_slopes(difference)
+        slopes = self.coarse_slopes(difference)
         inside = np.flatnonzero(mask)
         slopes.reshape(-1, 2)[inside] = self.infer(pixels, self.position, inside) - np.take(self.zero, inside, axis=0)
         return slopes
 
-    def gentle_slopes(self, difference: Floats) -> Floats:
+    def coarse_slopes(self, difference: Floats) -> Floats:
         """Slopes (H, W, 2) from the means of 8 x 8 pixels, linear in between."""
         means = cell_means(difference, COARSE_PX)
         return self.spread(self.infer(means.reshape(-1, 3), self.coarse_position) - self.coarse_zero)
@@ -163,25 +163,25 @@ def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
     return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
 
 
-def _beyond(windows: list[Floats], limits: list[tuple[float, float]]) -> NDArray[np.bool_]:
-    """(h, w) where a mean over some window exceeds both of its limits."""
-    beyond = np.zeros(windows[0].shape[:2], np.bool_)
-    for window, (together, largest) in zip(windows, limits, strict=True):
-        beyond |= ((window**2).sum(axis=2) > together**2) & (np.abs(window).max(axis=2) > largest)
+def _beyond(squares: list[Floats], limits: list[tuple[float, float]]) -> NDArray[np.bool_]:
+    """(h, w) where a mean over some square exceeds both of its limits."""
+    beyond = np.zeros(squares[0].shape[:2], np.bool_)
+    for square, (together, largest) in zip(squares, limits, strict=True):
+        beyond |= ((square**2).sum(axis=2) > together**2) & (np.abs(square).max(axis=2) > largest)
     return beyond
 
 
-def _window_means(means: Floats, side: int) -> Floats:
+def _square_means(means: Floats, side: int) -> Floats:
     """(h, w, 3) mean of the `side` x `side` cells around each cell; of two a side the cell is the lower right one.
 
-    At the border the window is moved inwards: a cell that counted twice would bring twice its noise. A window that is
+    At the border the square is moved inwards: a cell that counted twice would bring twice its noise. A square that is
     larger than the image is as large as the image.
     """
     sides = [min(side, cells) for cells in means.shape[:2]]
-    window = ndimage.uniform_filter(means, size=(*sides, 1), mode="nearest")
+    square = ndimage.uniform_filter(means, size=(*sides, 1), mode="nearest")
     beyond = [(side // 2, (side - 1) // 2) for side in sides]
     inside = tuple(slice(first, cells - last) for (first, last), cells in zip(beyond, means.shape, strict=False))
-    return np.pad(window[inside], (*beyond, (0, 0)), mode="edge")
+    return np.pad(square[inside], (*beyond, (0, 0)), mode="edge")
 
 
 def cell_means(difference: Floats, size: int) -> Floats:

@@ -70,21 +70,20 @@ class CellNetwork:
     def gradient_map(self, difference: Floats, cells: Bools) -> Floats:
         """Turn a (H, W, 3) difference image into (H, W, 2) slopes; cells: what `touched_cells` marked, not empty.
 
-        Outside the cells the slopes are those of `GradientNetwork.gradient_map`, but for what `_gentle_slopes` says.
+        Outside the cells the slopes are those of `GradientNetwork.gradient_map`, but for what `_coarse_slopes` says.
         """
-        gentle = not cells.all()
-        slopes = self._gentle_slopes(difference) if gentle else np.empty((*difference.shape[:2], 2), np.float32)
+        slopes = np.empty((*difference.shape[:2], 2), np.float32) if cells.all() else self._coarse_slopes(difference)
         near = _widened(cells)
-        box, window = _box(near, difference.shape[:2])
+        box, inside = _box(near, difference.shape[:2])
         planes = self._planes(cell_means(difference, CELL_PX), near)[box]
-        mask = _spread(cells[box], difference[window].shape[:2])
-        found, away = _blend(planes, difference[window])
-        np.copyto(slopes[window], found, where=mask[..., None])
+        mask = _spread(cells[box], difference[inside].shape[:2])
+        found, away = _blend(planes, difference[inside])
+        np.copyto(slopes[inside], found, where=mask[..., None])
         rows, columns = np.nonzero(mask & _wrong(found, away, doubts(planes, near[box]), self.noise_grey))
-        self._single(slopes, difference, (rows + window[0].start) * difference.shape[1] + columns + window[1].start)
+        self._single(slopes, difference, (rows + inside[0].start) * difference.shape[1] + columns + inside[1].start)
         return slopes
 
-    def _gentle_slopes(self, difference: Floats) -> Floats:
+    def _coarse_slopes(self, difference: Floats) -> Floats:
         """Slopes (H, W, 2) from the means m of 8 x 8 pixels: J m with J at no difference, as most of them are small."""
         means = cell_means(difference, COARSE_PX).reshape(-1, 3)
         slopes = (self.at_rest.reshape(-1, 2, 3) * means[:, None]).sum(axis=2)
@@ -96,12 +95,12 @@ class CellNetwork:
     def _planes(self, means: Floats, near: Bools) -> Floats:
         """(h, w, 11): g - J m / 2 of both slopes, the mean m of three channels, and J; 0 where a cell is not near."""
         blocks, network = cell_means(means, 2), self.network
-        steep = near & _far_from_blocks(means, blocks)
-        planes = self._asked(means, steep, self.middle, self.zero)
-        gentle = near & ~steep
-        if gentle.any():
-            around = self._asked(blocks, _widened(_joined(gentle)), network.coarse_position, network.coarse_zero)
-            planes[gentle] = _from_blocks(around, means)[gentle]
+        high_contrast = near & _far_from_blocks(means, blocks)
+        planes = self._asked(means, high_contrast, self.middle, self.zero)
+        low_contrast = near & ~high_contrast
+        if low_contrast.any():
+            around = self._asked(blocks, _widened(_joined(low_contrast)), network.coarse_position, network.coarse_zero)
+            planes[low_contrast] = _from_blocks(around, means)[low_contrast]
         return planes
 
     def _asked(self, means: Floats, chosen: Bools, middle: Floats, zero: Floats) -> Floats:

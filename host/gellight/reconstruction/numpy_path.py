@@ -59,7 +59,7 @@ class NumpyPath:
         touched = spread_blocks(cells, CELL_PX, self._bundle.image_shape)
         answered = self._slopes(difference, cells, touched)
         # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
-        slopes, noise = self._smoother.narrow(answered)
+        slopes, noise = self._smoother.prefilter(answered)
         stages.end("gradient")
         if self._undistortion is not None:
             slopes, touched = self._undistortion.apply(slopes, touched)
@@ -69,7 +69,7 @@ class NumpyPath:
             self._shadows
             and (change := self._shadows.change(difference, depth_mm, np.moveaxis(slopes, 2, 0))) is not None
         ):
-            slopes, noise = self._smoother.narrow(answered + np.moveaxis(change, 0, 2))
+            slopes, noise = self._smoother.prefilter(answered + np.moveaxis(change, 0, 2))
             depth_mm = self._depth(slopes, touched)
         stages.end("depth")
         where = touched if self._masked else None

@@ -76,7 +76,7 @@ class Reconstructor:
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
-        threads: of the network. smoothing_px: half width of the narrowest window that smooths the gradient map. masked:
+        threads: of the network. smoothing_px: half width of the narrowest filter that smooths the gradient map. masked:
         run the network only where the image differs from the reference; without, everywhere, pixel by pixel.
         undistorted: take the lens out of the maps where the bundle has one; without, they lie over the picture, as
         labels do. cast_shadows: give pixels the light back that the surface keeps from them, where the bundle knows

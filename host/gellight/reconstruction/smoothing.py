@@ -1,14 +1,14 @@
-"""Noise taken out of a gradient map, over as wide a window as the surface itself allows.
+"""Noise taken out of a gradient map, as widely as the surface itself allows.
 
-A Savitzky-Golay filter (1964) puts a quadratic through a window of pixels and keeps every slope that varies like one
-across it. The wider the window the less noise is left, and the wider a contact must be to be kept. So it is done twice:
+A Savitzky-Golay filter (1964) puts a quadratic through the pixels around and keeps every slope that varies like one
+across it. The wider the filter the less noise is left, and the wider a contact must be to be kept. So it is done twice:
 
-* `Smoother.narrow` smooths the slopes as measured by the narrowest window, before they are integrated, so that no
+* `Smoother.prefilter` smooths the slopes as measured by the narrowest filter, before they are integrated, so that no
   contact loses height. What it takes away is nearly all noise: its strength, place by place, is measured from that.
-* `Smoother.widen` smooths the slopes of the integrated surface further, pixel by pixel as far as they allow, by
-  Lepski's principle (Goldenshluger and Nemirovski 1997; Katkovnik 1999): the next wider window is taken as far as its
-  answer differs from the narrower one's by no more than that noise explains. At a rim it differs by far more, and
-  nothing is changed there.
+* `Smoother.smooth_adaptively` smooths the slopes of the integrated surface further, pixel by pixel as far as they
+  allow, by Lepski's principle (Goldenshluger and Nemirovski 1997; Katkovnik 1999): the next wider filter is taken as
+  far as its answer differs from the narrower one's by no more than that noise explains. At a rim it differs by far
+  more, and nothing is changed there.
 """
 
 from dataclasses import dataclass
@@ -24,23 +24,23 @@ from gellight.reconstruction.integration import surface_gradient
 Floats = NDArray[np.float32]
 
 NARROWEST_PX = 2
-"""Default half width of the narrowest window: it leaves half of the noise (x 0.49), and a Gaussian contact of sigma
+"""Default half width of the narrowest filter: it leaves half of the noise (x 0.49), and a Gaussian contact of sigma
 3 px keeps 99.4 % of its height. 3 would leave a third of the noise and 97.5 % of that height."""
 LADDER = (1.5, 2.5, 4.5)
-"""half widths of the wider windows, as multiples of the narrowest"""
+"""half widths of the wider filters, as multiples of the narrowest"""
 _CELL = 4
-"""noise and choice are looked at in means over cells of so many pixels a side"""
+"""noise and choice are looked at in means over cells of this many pixels a side"""
 _NOISE_CELLS = 9
 """cells a side over which the strength of the noise is averaged"""
 _PERIOD = 128
-"""waves of all frequencies that fit into so many pixels stand for white noise"""
+"""waves of all frequencies that fit into this many pixels stand for white noise"""
 _AGREE, _DIFFER = 1.5, 3.0
-"""energy of the difference between two windows, as a multiple of what noise makes: up to the first the wider window is
+"""energy of the difference between two filters, as a multiple of what noise makes: up to the first the wider filter is
 taken whole, from the second on not at all"""
 
 
 def half_widths(narrowest: int) -> tuple[int, ...]:
-    """Return the half widths of the wider windows, px, for that of the narrowest."""
+    """Return the half widths of the wider filters, px, for that of the narrowest."""
     return tuple(round(narrowest * step) for step in LADDER)
 
 
@@ -51,7 +51,7 @@ def weights(half_width: int) -> NDArray[np.float64]:
 
 
 def fixed(slopes: Floats, half_width: int, out: Floats | None = None) -> Floats:
-    """Smooth (H, W, 2) slopes along both axes by one window; beyond the border the last value continues."""
+    """Smooth (H, W, 2) slopes along both axes by one filter; beyond the border the last value continues."""
     if half_width < 2:  # a parabola through three samples passes through them
         return slopes
     taps = weights(half_width)
@@ -59,13 +59,13 @@ def fixed(slopes: Floats, half_width: int, out: Floats | None = None) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
-    """The windows of one narrowest half width, at least 2, as the native path takes them."""
+class FilterTaps:
+    """The weights of the filters of one narrowest half width, at least 2, as the native path takes them."""
 
     narrowest: NDArray[np.float32]
     """weights from the middle outwards"""
-    taps: NDArray[np.float32]
-    """the same of the three wider windows, one after the other"""
+    wider: NDArray[np.float32]
+    """the same of the three wider filters, one after the other"""
     reach: NDArray[np.int32]
     """half widths of all four, px; then half widths of the energies' means, cells"""
     energies: NDArray[np.float32]
@@ -74,11 +74,11 @@ class Windows:
     @classmethod
     def of(cls, narrowest: int) -> Self:
         """Return those of a narrowest half width, px."""
-        wider, first = half_widths(narrowest), weights(narrowest)[narrowest:]
-        reach = [narrowest, *wider, *(_cells(width) // 2 for width in (narrowest, *wider))]
+        widths, first = half_widths(narrowest), weights(narrowest)[narrowest:]
+        reach = [narrowest, *widths, *(_cells(width) // 2 for width in (narrowest, *widths))]
         return cls(
             narrowest=first.astype(np.float32),
-            taps=np.concatenate([weights(width)[width:] for width in wider]).astype(np.float32),
+            wider=np.concatenate([weights(width)[width:] for width in widths]).astype(np.float32),
             reach=np.array(reach, np.int32),
             energies=np.array([first[0] ** 2 / 2, *_energies(narrowest)], np.float32),
         )
@@ -91,12 +91,12 @@ class Smoother:
     """
 
     def __init__(self, narrowest: int = NARROWEST_PX) -> None:
-        """Take the half width of the narrowest window, px; below 2 nothing is smoothed."""
+        """Take the half width of the narrowest filter, px; below 2 nothing is smoothed."""
         self.narrowest = narrowest
         self._memory: list[Floats] = []
 
-    def narrow(self, slopes: Floats) -> tuple[Floats, Floats]:
-        """Smooth (H, W, 2) measured slopes by the narrowest window; return them, and the variance of their noise.
+    def prefilter(self, slopes: Floats) -> tuple[Floats, Floats]:
+        """Smooth (H, W, 2) measured slopes by the narrowest filter; return them, and the variance of their noise.
 
         The variance is that of one pixel before the smoothing, (ceil(H / 4), ceil(W / 4), 2), were the noise white.
         """
@@ -116,21 +116,21 @@ class Smoother:
         *,
         where: NDArray[np.bool_] | None = None,
     ) -> Floats:
-        """Return the (H, W, 2) slopes of the (H, W) depth map integrated from `measured`, smoothed by `widen`.
+        """Return the (H, W, 2) slopes of the (H, W) depth map integrated from `measured`, smoothed adaptively.
 
         They have no curl, slopes measured in noise do: what fits no surface is left out.
         """
         gradient_map = surface_gradient(depth_mm, pixel_size_mm)
-        self.widen(gradient_map, measured, noise, where=where)
+        self.smooth_adaptively(gradient_map, measured, noise, where=where)
         return gradient_map
 
-    def widen(
+    def smooth_adaptively(
         self, surface: Floats, measured: Floats, noise: Floats, *, where: NDArray[np.bool_] | None = None
     ) -> None:
         """Smooth (H, W, 2) slopes of a surface further, in place, each pixel as widely as the surface allows.
 
-        measured, noise: what `narrow` returned. surface: what `reconstruction.surface_gradient` makes of the measured
-        slopes after their integration. Where the two differ by more than the noise explains, the measured ones are
+        measured, noise: what `prefilter` returned. surface: what `surface_gradient` makes of the measured slopes after
+        their integration. Where the two differ by more than the noise explains, the measured ones are
         taken: slopes that are wrong somewhere, as where nothing was learnt, would spoil the surface around.
 
         Slopes that vary like a quadratic stay as they are, but for the border, where the last value continues. Of white
@@ -138,13 +138,13 @@ class Smoother:
         surface is smooth over 19 pixels, and of 0.33 at a rim. where: (H, W) nothing is done outside the rectangle
         around these pixels, which saves time.
         """
-        window = _window(where, surface.shape)
-        if self.narrowest < 2 or window is None:
+        box = _box(where, surface.shape)
+        if self.narrowest < 2 or box is None:
             return
-        rows, columns = window
+        rows, columns = box
         noise = noise[rows.start // _CELL : -(-rows.stop // _CELL), columns.start // _CELL : -(-columns.stop // _CELL)]
         noise = noise + np.finfo(np.float32).tiny
-        self._widen(surface[window], noise * self._reconcile(surface[window], measured[window], noise))
+        self._add_wider(surface[box], noise * self._reconcile(surface[box], measured[box], noise))
 
     def _reconcile(self, surface: Floats, measured: Floats, noise: Floats) -> Floats:
         """Replace slopes of the surface by the measured ones where they differ by more than noise explains.
@@ -153,14 +153,14 @@ class Smoother:
         """
         change, work = self._arrays(surface.shape, 2)
         cv2.subtract(surface, measured, change)
-        # Half of what the narrowest window leaves has a curl, and is what the surface leaves out.
+        # Half of what the narrowest filter leaves has a curl, and is what the surface leaves out.
         energy = weights(self.narrowest)[self.narrowest] ** 2 / 2
-        share = _explained(_cell_energy(change, _cells(self.narrowest), work) / noise, energy)
+        share = _noise_weight(_cell_energy(change, _cells(self.narrowest), work) / noise, energy)
         cv2.resize(cv2.merge((share, share)), (surface.shape[1], surface.shape[0]), work)
         cv2.add(measured, cv2.multiply(change, work, change), surface)
         return np.asarray(1 + (1 - share[..., None]) ** 2)
 
-    def _widen(self, slopes: Floats, noise: Floats) -> None:
+    def _add_wider(self, slopes: Floats, noise: Floats) -> None:
         """Smooth a whole map, whose noise is nowhere 0."""
         before, last, wider, change, work = self._arrays(slopes.shape, 5)
         for copy in (before, last):
@@ -169,7 +169,7 @@ class Smoother:
         for width, energy in zip(half_widths(self.narrowest), _energies(self.narrowest), strict=True):
             fixed(before, width, wider)
             cv2.subtract(wider, last, change)
-            share *= _explained(_cell_energy(change, _cells(width), work) / noise, energy)
+            share *= _noise_weight(_cell_energy(change, _cells(width), work) / noise, energy)
             cv2.resize(cv2.merge((share, share)), size, work)
             slopes += cv2.multiply(change, work, change)
             last, wider = wider, last
@@ -182,13 +182,13 @@ class Smoother:
         return [memory[:size].reshape(shape) for memory in self._memory[:count]]
 
 
-def _explained(seen: Floats, energy: float) -> Floats:
+def _noise_weight(seen: Floats, energy: float) -> Floats:
     """(h, w) share to which noise of this energy explains the difference `seen` (h, w, 2): 1 wholly, 0 not at all."""
     worst = np.maximum(seen[..., 0], seen[..., 1]) / np.float32(energy)
     return np.clip((_DIFFER - worst) / np.float32(_DIFFER - _AGREE), 0, 1)
 
 
-def _window(where: NDArray[np.bool_] | None, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
+def _box(where: NDArray[np.bool_] | None, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
     """Rows and columns of the bounding box of `where`, begun at a cell; None for an empty one."""
     if where is None:
         return slice(0, shape[0]), slice(0, shape[1])
@@ -201,9 +201,9 @@ def _window(where: NDArray[np.bool_] | None, shape: tuple[int, ...]) -> tuple[sl
 
 @cache
 def _energies(narrowest: int) -> tuple[float, ...]:
-    """Variance of the difference between each window and the next narrower one, for white noise of variance 1.
+    """Variance of the difference between each filter and the next narrower one, for white noise of variance 1.
 
-    Before the windows the noise passes the narrowest window and the integration. The integration leaves half of its
+    Before the filters the noise passes the narrowest filter and the integration. The integration leaves half of its
     energy: the part without curl.
     """
     frequencies = np.fft.fftfreq(_PERIOD)
@@ -214,19 +214,19 @@ def _energies(narrowest: int) -> tuple[float, ...]:
 
 
 def _answer(half_width: int, frequencies: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(n, n) answer of a window to waves of these frequencies, 1 / px, along both axes."""
+    """(n, n) answer of a filter to waves of these frequencies, 1 / px, along both axes."""
     at = np.arange(-half_width, half_width + 1)
     along = np.cos(2 * np.pi * np.outer(frequencies, at)) @ weights(half_width)
     return np.outer(along, along)
 
 
 def _cells(half_width: int) -> int:
-    """Cells a side over which the answers of a window are compared: about its width, and at least three."""
+    """Cells a side over which the answers of a filter are compared: about its width, and at least three."""
     return max(3, round((2 * half_width + 1) / _CELL) | 1)
 
 
 def _cell_energy(values: NDArray[Any], cells: int, work: NDArray[Any]) -> Floats:
-    """(h, w, 2) mean square of (H, W, 2) values in cells, over so many cells a side; `work` is overwritten."""
+    """(h, w, 2) mean square of (H, W, 2) values in cells, over `cells` cells a side; `work` is overwritten."""
     height, width = (-(-n // _CELL) for n in values.shape[:2])
     energy = cv2.resize(cv2.multiply(values, values, work), (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.blur(energy, (cells, cells), borderType=cv2.BORDER_REFLECT))

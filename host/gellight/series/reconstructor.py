@@ -154,9 +154,9 @@ class PhotometricReconstructor:
         return gradient_map, depth, used, predicted
 
     def _slopes(self, scaled: Floats) -> tuple[Floats, Floats]:
-        """Return the gradient map, smoothed by the narrowest window, and its noise."""
+        """Return the gradient map, smoothed by the narrowest filter, and its noise."""
         planes = slopes(scaled).reshape(2, *self._shape)
-        return self._smoother.narrow(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32))
+        return self._smoother.prefilter(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32))
 
     def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
         """Integrate, and set the height by the gel at rest or by the light."""

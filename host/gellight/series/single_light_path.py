@@ -83,7 +83,7 @@ class SingleLightPath:
         frame = as_picture(series, picture, light=None)
         difference = np.subtract(picture, self.bundle.reference, dtype=np.float32)
         stages.end("signals")
-        gradient_map, noise = self._smoother.narrow(np.ascontiguousarray(self._slopes(levels), np.float32))
+        gradient_map, noise = self._smoother.prefilter(np.ascontiguousarray(self._slopes(levels), np.float32))
         stages.end("slopes")
         size = self.bundle.pixel_size_mm
         depth_mm = integrate(gradient_map, size).astype(np.float32, copy=False)

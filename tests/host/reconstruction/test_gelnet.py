@@ -84,7 +84,7 @@ def test_inside_the_mask_the_answer_is_the_dense_one_and_outside_it_is_an_averag
 
 
 @pytest.mark.parametrize("shape", [(60, 80), (61, 83), (63, 66)])
-def test_gentle_slopes_are_placed_where_they_are(shape: tuple[int, int]) -> None:
+def test_coarse_slopes_are_placed_where_they_are(shape: tuple[int, int]) -> None:
     """A slope that grows linearly over the view comes back through the averages, also where cells are cut."""
     x, y = centred_grid(shape)
     slopes = np.stack([0.001 * x, 0.002 * y - 0.0005 * x], axis=2)

@@ -23,9 +23,9 @@ def slopes(surface: Surface) -> NDArray[np.float32]:
 
 
 def stages(measured: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """The slopes after the narrowest window, of the surface, and of the surface smoothed further."""
+    """The slopes after the narrowest filter, of the surface, and of the surface smoothed further."""
     smoother = Smoother()
-    smoothed, variance = smoother.narrow(measured)
+    smoothed, variance = smoother.prefilter(measured)
     surface = surface_gradient(integrate(smoothed, 1.0), 1.0)
     widened = smoother.of_surface(integrate(smoothed, 1.0), 1.0, smoothed, variance)
     return smoothed, surface, widened
@@ -43,9 +43,9 @@ def test_the_weights_are_those_of_savitzky_and_golay() -> None:
 @pytest.mark.parametrize("half_width", [0, 1])
 def test_a_window_below_five_pixels_smooths_nothing(half_width: int) -> None:
     smoother = Smoother(half_width)
-    smoothed, variance = smoother.narrow(noise(0))
+    smoothed, variance = smoother.prefilter(noise(0))
     np.testing.assert_array_equal(smoothed, noise(0))
-    smoother.widen(smoothed, smoothed.copy(), variance)
+    smoother.smooth_adaptively(smoothed, smoothed.copy(), variance)
     np.testing.assert_array_equal(smoothed, noise(0))
 
 
@@ -68,7 +68,7 @@ def test_one_window_leaves_the_noise_that_its_weights_say(half_width: int, left:
 def test_the_noise_is_told_by_what_the_narrowest_window_takes_away() -> None:
     wide = slopes(gaussian(SHAPE, 40.0, (10.0, 5.0)))
     for strength in (0.1, 1.0, 10.0):
-        _, variance = Smoother().narrow(wide + np.float32(strength) * noise(2))
+        _, variance = Smoother().prefilter(wide + np.float32(strength) * noise(2))
         np.testing.assert_allclose(np.sqrt(variance).mean(), strength * NOISE, rtol=0.03)
 
 
@@ -133,13 +133,13 @@ def test_any_size_of_map_is_smoothed(shape: tuple[int, int]) -> None:
 
 def test_only_the_rectangle_around_what_is_marked_changes() -> None:
     smoother = Smoother()
-    smoothed, variance = smoother.narrow(noise(8))
+    smoothed, variance = smoother.prefilter(noise(8))
     where = np.zeros(SHAPE, np.bool_)
     widened = smoothed.copy()
-    smoother.widen(widened, smoothed, variance, where=where)
+    smoother.smooth_adaptively(widened, smoothed, variance, where=where)
     np.testing.assert_array_equal(widened, smoothed)
     where[41:90, 100:170] = True
-    smoother.widen(widened, smoothed, variance, where=where)
+    smoother.smooth_adaptively(widened, smoothed, variance, where=where)
     changed = (widened != smoothed).any(axis=2)
     assert changed[41:90, 100:170].mean() > 0.99
     changed[40:90, 100:170] = False
@@ -150,13 +150,15 @@ def test_what_was_smoothed_before_does_not_matter() -> None:
     used, where = Smoother(), np.zeros(SHAPE, np.bool_)
     where[100:130, 50:200] = True
     for before in (noise(9, (64, 61)), noise(10)):
-        slopes_before, variance = used.narrow(before)
-        used.widen(slopes_before, slopes_before.copy(), variance, where=where if before.shape[:2] == SHAPE else None)
+        slopes_before, variance = used.prefilter(before)
+        used.smooth_adaptively(
+            slopes_before, slopes_before.copy(), variance, where=where if before.shape[:2] == SHAPE else None
+        )
     measured = slopes(gaussian(SHAPE, 8.0, (3.0, 2.0))) + noise(11)
     results = []
     for smoother in (used, Smoother()):
-        smoothed, variance = smoother.narrow(measured)
-        smoother.widen(smoothed, smoothed.copy(), variance)
+        smoothed, variance = smoother.prefilter(measured)
+        smoother.smooth_adaptively(smoothed, smoothed.copy(), variance)
         results.append(smoothed)
     np.testing.assert_array_equal(results[0], results[1])
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.training.presses import Floats, Press, distance_px
-from gellight.reconstruction.gelnet import CELL_PX, WINDOWS_CELLS
+from gellight.reconstruction.gelnet import CELL_PX, SQUARES_CELLS
 from gellight.reconstruction.image_noise import RestChange
 from gellight.reconstruction.light_drift import difference_of
 
-_SIDES_PX = (CELL_PX, CELL_PX * WINDOWS_CELLS[-1])
+_SIDES_PX = (CELL_PX, CELL_PX * SQUARES_CELLS[-1])
 """of the smallest and the largest squares whose means the mask sets limits on"""
 _FAR_SHARE = 0.75
 """of the view is nearer to the press than what counts as at rest"""

@@ -120,7 +120,7 @@ def frames_by(
     for press in presses:
         camera_frame = frame_of(press)
         difference = difference_of(camera_frame.image, reference, follow_light=follow_light)
-        slopes, noise = smoother.narrow(baseline.gradient_map(difference))
+        slopes, noise = smoother.prefilter(baseline.gradient_map(difference))
         depth_mm = np.asarray(integrate(slopes, pixel_size_mm), np.float32)
         gradient_map = smoother.of_surface(depth_mm, pixel_size_mm, slopes, noise)
         frames.append(tactile_frame(camera_frame, difference, gradient_map, depth_mm, pixel_size_mm, Stages()))

@@ -68,8 +68,8 @@ class Undistortion:
         moved = self._resampled(gradient_map, (slice(None), slice(None)), cv2.INTER_LINEAR)
         left, top, width, height = cv2.boundingRect(moved_touch)
         if width and height:
-            window = slice(top, top + height), slice(left, left + width)
-            moved[window] = self._resampled(gradient_map, window, cv2.INTER_LANCZOS4)
+            part = slice(top, top + height), slice(left, left + width)
+            moved[part] = self._resampled(gradient_map, part, cv2.INTER_LANCZOS4)
         if self._turn is not None:
             moved = _leaning(moved, self._turn)
         if not self.seen.all():
@@ -80,8 +80,8 @@ class Undistortion:
         """Return (H, W, 3) grey levels over the picture as the same over the gel, each from the nearest pixel."""
         return cast("Image", cv2.remap(image, self._x, self._y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE))
 
-    def _resampled(self, gradient_map: Floats, window: tuple[slice, slice], how: int) -> Floats:
-        x, y = self._x[window], self._y[window]
+    def _resampled(self, gradient_map: Floats, part: tuple[slice, slice], how: int) -> Floats:
+        x, y = self._x[part], self._y[part]
         return np.asarray(cv2.remap(gradient_map, x, y, how, borderMode=cv2.BORDER_REPLICATE), np.float32)
 
 

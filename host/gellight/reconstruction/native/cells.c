@@ -28,7 +28,7 @@ static int reaches_out(const uint8_t *touched, int i, int j, int w, int h) {
 /* Slopes of blocks less zero, (h2 w2, 2): J m with the Jacobian at no difference, (h2 w2, 6), as the differences are small
  * where nothing touches. strong: the blocks that differ by more than `limit` in a channel and still count outside the
  * touched cells; the caller asks the network for those. Returns how many. */
-EXPORT int gentle_blocks(const float *blocks, const float *jacobian, const uint8_t *touched, float limit, float *slopes,
+EXPORT int coarse_slopes(const float *blocks, const float *jacobian, const uint8_t *touched, float limit, float *slopes,
                          uint8_t *strong, int width, int height) {
     const int w = cells_of(width), h = cells_of(height), w2 = (w + 1) / 2, h2 = (h + 1) / 2;
     int count = 0;
@@ -45,25 +45,26 @@ EXPORT int gentle_blocks(const float *blocks, const float *jacobian, const uint8
     return count;
 }
 
-/* Divide the cells near a touch: gentle ones, which differ from each of the four blocks that they are blended from by at most
- * `limit` in all channels, and steep ones. around: the blocks that gentle ones are blended from. Returns how many are gentle. */
-EXPORT int split_cells(const float *cells, const float *blocks, const uint8_t *near, float limit, uint8_t *steep,
-                       uint8_t *gentle, uint8_t *around, int width, int height) {
+/* Divide the cells near a touch: those of low contrast, which differ from each of the four blocks that they are blended from
+ * by at most `limit` in all channels, and those of high contrast. around: the blocks that low contrast is blended from.
+ * Returns how many are of low contrast. */
+EXPORT int split_cells(const float *cells, const float *blocks, const uint8_t *near, float limit, uint8_t *high_contrast,
+                       uint8_t *low_contrast, uint8_t *around, int width, int height) {
     const int w = cells_of(width), h = cells_of(height), w2 = (w + 1) / 2, h2 = (h + 1) / 2;
     int count = 0;
     for (int at = 0; at < w2 * h2; at++) around[at] = 0;
     for (int i = 0; i < h; i++)
         for (int j = 0; j < w; j++) {
             const ptrdiff_t at = (ptrdiff_t)i * w + j;
-            steep[at] = gentle[at] = 0;
+            high_contrast[at] = low_contrast[at] = 0;
             if (!near[at]) continue;
             const int rows[2] = {(i - 1) / 2, clamped((i + 1) / 2, h2)}, columns[2] = {(j - 1) / 2, clamped((j + 1) / 2, w2)};
             for (int k = 0; k < 4; k++) {
                 const float *m = cells + 5 * at, *block = blocks + 5 * ((ptrdiff_t)rows[k / 2] * w2 + columns[k % 2]);
-                for (int c = 0; c < 3; c++) steep[at] |= __builtin_fabsf(m[c] - block[c]) > limit;
+                for (int c = 0; c < 3; c++) high_contrast[at] |= __builtin_fabsf(m[c] - block[c]) > limit;
             }
-            if (steep[at]) continue;
-            gentle[at] = 1;
+            if (high_contrast[at]) continue;
+            low_contrast[at] = 1;
             count++;
             for (int k = 0; k < 4; k++) around[rows[k / 2] * w2 + columns[k % 2]] = 1;
         }
@@ -98,14 +99,14 @@ EXPORT void store_cells(const int32_t *index, const float *rows, const float *sl
     }
 }
 
-/* The planes of gentle cells from those of the blocks around: the formula of the pixels, with a cell's mean m_i for d:
+/* The planes of cells of low contrast from those of the blocks around: the formula of the pixels, with a cell's mean m_i for d:
  * q_i = q + J (m_i - m) / 2 and J_i = J, where q, m and J are blended. work: 12 (w + 16). */
-EXPORT void cells_from_blocks(const float *blocks, const float *cells, const uint8_t *gentle, float *planes, float *work,
-                              int width, int height) {
+EXPORT void cells_from_blocks(const float *blocks, const float *cells, const uint8_t *low_contrast, float *planes,
+                              float *work, int width, int height) {
     const int w = cells_of(width), h = cells_of(height), w2 = (w + 1) / 2, h2 = (h + 1) / 2, stride = w + 16;
     const ptrdiff_t size = (ptrdiff_t)w * h;
     for (int i = 0; i < h; i++) {
-        const uint8_t *row = gentle + (ptrdiff_t)i * w;
+        const uint8_t *row = low_contrast + (ptrdiff_t)i * w;
         int any = 0;
         for (int j = 0; j < w; j++) any |= row[j];
         if (!any) continue;
@@ -132,7 +133,7 @@ EXPORT void cells_from_blocks(const float *blocks, const float *cells, const uin
 }
 
 /* One row of slopes from the means of 8 x 8 pixels, linear in between. coarse: (h8 w8, 2) slopes less zero. */
-static void gentle_row(const float *coarse, int y, float *const out[2], float *work, int width, int height) {
+static void coarse_row(const float *coarse, int y, float *const out[2], float *work, int width, int height) {
     const int w = (width + 7) / 8, h = (height + 7) / 8, i = (2 * y + 9) / 16 - 1;
     const float share = ((float)y + 0.5f) / 8 - 0.5f - (float)i;
     const float *above = coarse + 2 * (ptrdiff_t)clamped(i, h) * w, *below = coarse + 2 * (ptrdiff_t)clamped(i + 1, h) * w;
@@ -244,7 +245,7 @@ EXPORT int blend(const float *difference, const uint8_t *touched, int touched_co
     for (int y = 0; y < height; y++) {
         float *const out[2] = {slopes + (ptrdiff_t)y * width, slopes + plane + (ptrdiff_t)y * width};
         const uint8_t *mask = touched + (ptrdiff_t)(y / CELL) * w;
-        if (touched_count < w * h) gentle_row(coarse, y, out, cells, width, height);
+        if (touched_count < w * h) coarse_row(coarse, y, out, cells, width, height);
         for (int first = 0, last; first < w; first = last) {
             for (last = first; last < w && mask[last] == mask[first]; last++);
             if (!mask[first]) continue;

@@ -36,7 +36,7 @@ EXPORT void difference_and_means(const uint8_t *image, const float *reference, c
 }
 
 /* The sums of `side` cells down, for row i of the three channels: with the row above from 2 on, and the one below at 3.
- * sums: w + 2 for each channel. At the border the cells beyond it are those that move the window inwards: a cell that
+ * sums: w + 2 for each channel. At the border the cells beyond it are those that move the square inwards: a cell that
  * counted twice would bring twice its noise. */
 INLINE void sum_down(const float *means, int side, int i, int columns, int rows, float *sums, int w, int h) {
     for (int c = 0; c < 3; c++) {
@@ -83,7 +83,7 @@ static void dilate(const uint8_t *from, uint8_t *to, int reach, uint8_t *along, 
 
 /* The mask as `GradientNetwork.touched_cells`; returns how many cells are touched.
  *
- * limits: two for each window, of 1, 2 and 3 cells a side. near: touched cells and their neighbours, between which slopes
+ * limits: two for each square, of 1, 2 and 3 cells a side. near: touched cells and their neighbours, between which slopes
  * are blended. work: 3 (w + 2); bytes: 2 w h. */
 EXPORT int touched_cells(const float *means, const float *limits, uint8_t *touched, uint8_t *near, float *work,
                          uint8_t *bytes, int width, int height) {

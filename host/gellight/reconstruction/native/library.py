@@ -16,7 +16,7 @@ SIGNATURES = {
     "difference_and_means": "ppppppii",
     "touched_cells": "ppppppii",
     "mean_rows": "pppii",
-    "gentle_blocks": "pppfppii",
+    "coarse_slopes": "pppfppii",
     "split_cells": "pppfpppii",
     "chosen_rows": "ppppi",
     "store_cells": "ppppppii",
@@ -25,17 +25,17 @@ SIGNATURES = {
     "blend": "ppipppfppppii",
     "pixel_rows": "pppii",
     "store_pixels": "ppppiii",
-    "narrow": "pppifpppii",
+    "prefilter": "pppifpppii",
     "divergence": "ppffpii",
     "solve_columns": "pppii",
     "resting_depths": "pppiiipii",
     "level_and_slopes": "pfpffpii",
-    "widen": "pppppppppiiiiiii",
+    "smooth_adaptively": "pppppppppiiiiiii",
     "slopes_and_normals": "pppii",
     "find_contact": "pfpppppppii",
 }
 """arguments of each function: pointer, int, float"""
-_COUNTING = ("touched_cells", "gentle_blocks", "split_cells", "chosen_rows", "blend", "resting_depths")
+_COUNTING = ("touched_cells", "coarse_slopes", "split_cells", "chosen_rows", "blend", "resting_depths")
 """functions that return an int; the others return nothing"""
 _KINDS = {"p": ctypes.c_void_p, "i": ctypes.c_int, "f": ctypes.c_float}
 

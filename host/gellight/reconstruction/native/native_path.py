@@ -31,7 +31,7 @@ from gellight.reconstruction.linearised import (
 )  # fmt: skip
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.work import WorkMemory
-from gellight.reconstruction.smoothing import Windows
+from gellight.reconstruction.smoothing import FilterTaps
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
 
 Floats = NDArray[np.float32]
@@ -65,8 +65,8 @@ class NativePath:
         self._c, self._bundle, self._network, self._cells = library, bundle, cells.network, cells
         self._undistortion, self._shadows = undistortion, shadows
         self._height, self._width = bundle.image_shape
-        self._windows = Windows.of(smoothing_px) if smoothing_px >= 2 else None
-        self._m = WorkMemory(bundle.image_shape, self._windows)
+        self._taps = FilterTaps.of(smoothing_px) if smoothing_px >= 2 else None
+        self._m = WorkMemory(bundle.image_shape, self._taps)
         self._m.coarse_rows[:, 3:] = self._network.coarse_position
         self._m.cell_rows[:, 3:] = cells.middle
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
@@ -87,7 +87,7 @@ class NativePath:
         if not touched:
             return self._flat.frame(camera_frame, difference, stages)
         self._slopes(difference, touched)
-        self._narrow()
+        self._prefilter()
         stages.end("gradient")
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
@@ -95,10 +95,10 @@ class NativePath:
         depth_mm = self._depth(touched_pixels)
         if self._shadows and (change := self._shadows.change(difference, depth_mm, self._m.measured)) is not None:
             self._m.slopes += change
-            self._narrow()
+            self._prefilter()
             depth_mm = self._depth(touched_pixels)
         stages.end("depth")
-        self._widen(self._m.touched if touched_pixels is None else touched_pixels)
+        self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
         stages.end("normals")
         contact = self._contact(depth_mm)
@@ -147,7 +147,7 @@ class NativePath:
     def _coarse(self) -> int:
         """The slopes of the blocks, for where nothing touches; returns of how many the network was asked."""
         m, at_rest = self._m, self._cells.at_rest
-        count = self._run("gentle_blocks", m.coarse_rows, at_rest, m.touched, LIMIT_GREY, m.coarse, m.around)
+        count = self._run("coarse_slopes", m.coarse_rows, at_rest, m.touched, LIMIT_GREY, m.coarse, m.around)
         if count:
             self._c.call("chosen_rows", m.coarse_rows, m.around, m.index, m.rows, len(m.coarse))
             at = m.index[:count]
@@ -157,10 +157,12 @@ class NativePath:
     def _at_cells(self) -> int:
         """The planes of the cells near a touch; returns of how many cells and blocks the network was asked."""
         m, asked = self._m, 0
-        if self._run("split_cells", m.cell_rows, m.coarse_rows, m.near, LIMIT_GREY, m.steep, m.gentle, m.around):
+        if self._run(
+            "split_cells", m.cell_rows, m.coarse_rows, m.near, LIMIT_GREY, m.high_contrast, m.low_contrast, m.around
+        ):
             asked = self._asked(m.coarse_rows, m.around, self._network.coarse_zero, m.coarse_planes)
-            self._run("cells_from_blocks", m.coarse_planes, m.cell_rows, m.gentle, m.planes, m.work)
-        asked += self._asked(m.cell_rows, m.steep, self._cells.zero, m.planes)
+            self._run("cells_from_blocks", m.coarse_planes, m.cell_rows, m.low_contrast, m.planes, m.work)
+        asked += self._asked(m.cell_rows, m.high_contrast, self._cells.zero, m.planes)
         self._run("cell_doubts", m.planes, m.near, self._doubt_limits, m.doubts, m.work_plane)
         return asked
 
@@ -175,14 +177,13 @@ class NativePath:
             self._c.call("store_cells", *answer, len(block), chosen.size)
         return count
 
-    def _narrow(self) -> None:
-        m, windows = self._m, self._windows
-        if windows is None:
+    def _prefilter(self) -> None:
+        m, taps = self._m, self._taps
+        if taps is None:
             m.measured[:] = m.slopes
             return
-        share = float(1 - windows.narrowest[0] ** 2)
-        taps, reach = windows.narrowest.astype(np.float32), len(windows.narrowest) - 1
-        self._run("narrow", m.slopes, m.measured, taps, reach, share, m.noise, m.energy, m.work)
+        share, reach = float(1 - taps.narrowest[0] ** 2), len(taps.narrowest) - 1
+        self._run("prefilter", m.slopes, m.measured, taps.narrowest, reach, share, m.noise, m.energy, m.work)
 
     def _without_lens(self) -> Bools | None:
         """Take the lens out of the measured slopes; return the touched pixels, None where there is no lens."""
@@ -220,20 +221,18 @@ class NativePath:
         count = self._run("resting_depths", depth, m.touched, everywhere, *everywhere.shape[::-1], step, m.work_plane)
         return m.work_plane[:count]
 
-    def _widen(self, touched: NDArray[Any]) -> None:
+    def _smooth_adaptively(self, touched: NDArray[Any]) -> None:
         """Smooth the slopes of the surface as far as they allow; touched: (h, w) cells, or (H, W) pixels."""
-        m, windows = self._m, self._windows
+        m, taps = self._m, self._taps
         side = CELL_PX if touched.shape == m.touched.shape else 1
         rows, columns = (np.flatnonzero(touched.any(axis=axis)) for axis in (1, 0))
-        if windows is None or not len(rows):
+        if taps is None or not len(rows):
             return
         top, left = (int(span[0]) * side // CELL_PX * CELL_PX for span in (rows, columns))
         bottom, right = min((int(rows[-1]) + 1) * side, self._height), min((int(columns[-1]) + 1) * side, self._width)
-        reach, energies = windows.reach, windows.energies
+        slopes, filters = (m.surface, m.measured, m.noise), (taps.wider, taps.reach, taps.energies)
         sizes = (m.kept_rows, left, top, right, bottom)
-        self._run(
-            "widen", m.surface, m.measured, m.noise, windows.taps, reach, energies, m.small, m.changes, m.work, *sizes
-        )
+        self._run("smooth_adaptively", *slopes, *filters, m.small, m.changes, m.work, *sizes)
 
     def _normals(self, depth_mm: Floats) -> tuple[Floats, Floats]:
         m = self._m

@@ -3,7 +3,7 @@
 
 #define TINY 1.17549435e-38f
 
-/* Row y of a plane through a symmetric window along both axes, borders continued. taps: from the middle outwards;
+/* Row y of a plane through a symmetric filter along both axes, borders continued. taps: from the middle outwards;
  * padded: width + 2 reach. */
 INLINE void filter_row(const float *plane, ptrdiff_t stride, int y, const float *taps, int reach, float *restrict padded,
                        float *restrict out, int width, int height) {
@@ -87,10 +87,10 @@ static void box_row(const float *cells, int i, int reach, float *restrict padded
     for (int j = 0; j < w; j++) out[j] *= scale;
 }
 
-/* `Smoother.narrow` on two planes: smoothed by the narrowest window, and the variance of the noise of one pixel in planes
- * (2, h, w): the mean square of what the window takes, over 9 x 9 cells, by the share of white noise that it takes.
+/* `Smoother.prefilter` on two planes: smoothed by the narrowest filter, and the variance of the noise of one pixel in planes
+ * (2, h, w): the mean square of what the filter takes, over 9 x 9 cells, by the share of white noise that it takes.
  * work: 2 width + 2 reach + w + 8; energy: w h. */
-EXPORT void narrow(const float *slopes, float *smoothed, const float *taps, int reach, float share, float *noise,
+EXPORT void prefilter(const float *slopes, float *smoothed, const float *taps, int reach, float share, float *noise,
                    float *energy, float *work, int width, int height) {
     const int w = cells_of(width), h = cells_of(height);
     const ptrdiff_t plane = (ptrdiff_t)width * height;
@@ -113,37 +113,37 @@ EXPORT void narrow(const float *slopes, float *smoothed, const float *taps, int 
     }
 }
 
-/* A rectangle of the image that begins at a cell, and what `widen` needs in it.
+/* A rectangle of the image that begins at a cell, and what `smooth_adaptively` needs in it.
  *
  * It goes down the rows of cells once, each step as far behind the one before as it needs, so that all it reads is still in
- * the cache. What a window changes is kept for `kept` rows of pixels alone. */
+ * the cache. What a filter changes is kept for `kept` rows of pixels alone. */
 typedef struct {
     int width, height, w, h, kept;
     ptrdiff_t stride, plane;
     const float *measured, *taps, *energies;
     const int32_t *reach;
     float *slopes, *noise, *shares, *energy, *changes, *work;
-} Window;
+} Region;
 
 /* Row y of a slope of the rectangle: of the surface, or as measured. */
-INLINE ptrdiff_t at_row(const Window *a, int o, int y) { return o * a->plane + y * a->stride; }
+INLINE ptrdiff_t at_row(const Region *a, int o, int y) { return o * a->plane + y * a->stride; }
 
-/* Row y of what window l changes in slope o. */
-INLINE float *change_row(const Window *a, int l, int o, int y) {
+/* Row y of what filter l changes in slope o. */
+INLINE float *change_row(const Region *a, int l, int o, int y) {
     return a->changes + ((ptrdiff_t)(2 * l + o) * a->kept + y % a->kept) * a->width;
 }
 
-/* Row i of cells of the energy that the change of window l has in slope o; l = 3: the surface against the measured slopes. */
-INLINE float *energy_row(const Window *a, int l, int o, int i) {
+/* Row i of cells of the energy that the change of filter l has in slope o; l = 3: the surface against the measured slopes. */
+INLINE float *energy_row(const Region *a, int l, int o, int i) {
     return a->energy + ((ptrdiff_t)(2 * l + o) * a->h + i) * a->w;
 }
 
 /* End of row i of cells, in rows of pixels. */
-INLINE int end_of(const Window *a, int i) { return smaller_int(CELL * (i + 1), a->height); }
+INLINE int end_of(const Region *a, int i) { return smaller_int(CELL * (i + 1), a->height); }
 
 /* Multiply a row of shares by how far noise explains the energy of a change: 1 up to 1.5 times what noise makes, 0 from 3
  * times on, for the worse of both slopes. seen: (2, w); noise: planes (2, h, w). */
-static void explain_row(const Window *a, const float *restrict seen, int i, float energy, float *restrict share) {
+static void weigh_row(const Region *a, const float *restrict seen, int i, float energy, float *restrict share) {
     const float *restrict nx = a->noise + (ptrdiff_t)i * a->w, *restrict ny = nx + (ptrdiff_t)a->w * a->h;
     const int w = a->w;
     for (int j = 0; j < w; j++) {
@@ -152,21 +152,21 @@ static void explain_row(const Window *a, const float *restrict seen, int i, floa
     }
 }
 
-/* Row i of the shares of change l from its energies, over 2 reach + 1 cells a side. share: those of the narrower window. */
-static void explain(const Window *a, int l, int i, int reach, float energy, float *share) {
+/* Row i of the shares of change l from its energies, over 2 reach + 1 cells a side. share: those of the narrower filter. */
+static void noise_weights(const Region *a, int l, int i, int reach, float energy, float *share) {
     float *seen = a->work, *padded = a->work + 2 * a->w;
     for (int o = 0; o < 2; o++) box_row(energy_row(a, l, o, 0), i, reach, padded, seen + o * a->w, a->w, a->h);
-    explain_row(a, seen, i, energy, share);
+    weigh_row(a, seen, i, energy, share);
 }
 
 /* Row y of the pixels' shares. */
-static void share_row(const Window *a, const float *share, int y, float *cells, float *out) {
+static void share_row(const Region *a, const float *share, int y, float *cells, float *out) {
     between_rows(share, CELL, y, a->h, a->w, 0, a->w, cells);
     between_columns(cells, a->w, out);
 }
 
 /* Row i of cells of the energy of the surface against the measured slopes. */
-static void compare(const Window *a, int i) {
+static void compare(const Region *a, int i) {
     float *change = a->work, *squares = change + a->width;
     for (int o = 0; o < 2; o++) {
         for (int y = CELL * i; y < end_of(a, i); y++) {
@@ -181,10 +181,10 @@ static void compare(const Window *a, int i) {
 
 /* How far row i of the surface is taken: where it differs from the measured slopes by more than noise explains, they are,
  * and the noise of the result grows by 1 + (1 - share)^2 (`Smoother._reconcile`). */
-static void trust(const Window *a, int i) {
+static void surface_weights(const Region *a, int i) {
     float *share = a->shares + (ptrdiff_t)(3 * a->h + i) * a->w;
     for (int j = 0; j < a->w; j++) share[j] = 1;
-    explain(a, 3, i, a->reach[4], a->energies[0], share);
+    noise_weights(a, 3, i, a->reach[4], a->energies[0], share);
     for (int o = 0; o < 2; o++) {
         float *restrict noise = a->noise + ((ptrdiff_t)o * a->h + i) * a->w;
         for (int j = 0; j < a->w; j++) noise[j] *= 1 + (1 - share[j]) * (1 - share[j]);
@@ -192,7 +192,7 @@ static void trust(const Window *a, int i) {
 }
 
 /* slope = measured + share (slope - measured) in row i of cells. */
-static void reconcile(const Window *a, int i) {
+static void reconcile(const Region *a, int i) {
     float *row = a->work, *cells = row + a->width + 8;
     for (int y = CELL * i; y < end_of(a, i); y++) {
         share_row(a, a->shares + (ptrdiff_t)3 * a->h * a->w, y, cells, row);
@@ -204,8 +204,8 @@ static void reconcile(const Window *a, int i) {
     }
 }
 
-/* What each of three wider windows changes in row i of cells against the next narrower one, and its energy. */
-static void wider_windows(const Window *a, int i) {
+/* What each of three wider filters changes in row i of cells against the next narrower one, and its energy. */
+static void wider_filters(const Region *a, int i) {
     float *smoothed[2] = {a->work, a->work + a->width}, *padded = a->work + 2 * a->width;
     for (int o = 0; o < 2; o++) {
         for (int y = CELL * i; y < end_of(a, i); y++) {
@@ -222,18 +222,18 @@ static void wider_windows(const Window *a, int i) {
     }
 }
 
-/* How far row i of each window is taken: as far as noise explains what it and all narrower ones change. */
-static void choose(const Window *a, int i) {
+/* How far row i of each filter is taken: as far as noise explains what it and all narrower ones change. */
+static void choose(const Region *a, int i) {
     const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
     for (int l = 0; l < 3; l++) {
         float *share = a->shares + l * size + (ptrdiff_t)i * a->w;
         for (int j = 0; j < a->w; j++) share[j] = l ? share[j - size] : 1;
-        explain(a, l, i, a->reach[5 + l], a->energies[1 + l], share);
+        noise_weights(a, l, i, a->reach[5 + l], a->energies[1 + l], share);
     }
 }
 
-/* Add the changes by their shares in row i of cells: slope += sum over windows of share change. */
-static void add_changes(const Window *a, int i) {
+/* Add the changes by their shares in row i of cells: slope += sum over filters of share change. */
+static void add_changes(const Region *a, int i) {
     const ptrdiff_t size = (ptrdiff_t)a->w * a->h;
     float *rows = a->work, *cells = a->work + 3 * (a->width + 8);
     for (int y = CELL * i; y < end_of(a, i); y++) {
@@ -248,22 +248,22 @@ static void add_changes(const Window *a, int i) {
     }
 }
 
-/* Run one step of `widen` for row i of cells, where there is one. */
-static void step(void (*run)(const Window *, int), const Window *a, int i) {
+/* Run one step of `smooth_adaptively` for row i of cells, where there is one. */
+static void step(void (*run)(const Region *, int), const Region *a, int i) {
     if (i >= 0 && i < a->h) run(a, i);
 }
 
-/* `Smoother.widen` inside the rectangle of pixels [left, right) x [top, bottom), left and top at cells.
+/* `Smoother.smooth_adaptively` inside the rectangle of pixels [left, right) x [top, bottom), left and top at cells.
  *
- * slopes: two planes of the integrated surface, changed in place; measured, noise: what `narrow` made. taps: of the three
- * windows one after the other. reach: of the windows, then of the cells that their energy is taken over; energies: what
- * white noise makes. Both begin with those of the narrowest window. small: 14 planes of cells; changes: 6 planes of
+ * slopes: two planes of the integrated surface, changed in place; measured, noise: what `prefilter` made. taps: of the three
+ * wider filters one after the other. reach: of the filters, then of the cells that their energy is taken over; energies: what
+ * white noise makes. Both begin with those of the narrowest filter. small: 14 planes of cells; changes: 6 planes of
  * `kept` rows; work: 6 width + 2 reach[3] + 64. */
-EXPORT void widen(float *slopes, const float *measured, const float *noise, const float *taps, const int32_t *reach,
-                  const float *energies, float *small, float *changes, float *work, int kept, int left, int top, int right,
-                  int bottom, int width, int height) {
+EXPORT void smooth_adaptively(float *slopes, const float *measured, const float *noise, const float *taps,
+                              const int32_t *reach, const float *energies, float *small, float *changes, float *work,
+                              int kept, int left, int top, int right, int bottom, int width, int height) {
     const ptrdiff_t begin = (ptrdiff_t)top * width + left, all = (ptrdiff_t)cells_of(width) * cells_of(height);
-    Window a = {.width = right - left, .height = bottom - top, .stride = width, .plane = (ptrdiff_t)width * height,
+    Region a = {.width = right - left, .height = bottom - top, .stride = width, .plane = (ptrdiff_t)width * height,
                 .kept = kept, .measured = measured + begin, .slopes = slopes + begin, .taps = taps, .reach = reach,
                 .energies = energies, .changes = changes, .work = work};
     a.w = cells_of(a.width), a.h = cells_of(a.height);
@@ -276,13 +276,13 @@ EXPORT void widen(float *slopes, const float *measured, const float *noise, cons
         }
     for (ptrdiff_t at = 0; at < 8 * size; at++) a.energy[at] = 0;
     /* Each step waits for the rows of cells below that it reads, and the last one changes no row that is still read. */
-    const int trusted = reach[4], reconciled = trusted + 1, widened = reconciled + cells_of(reach[3]);
+    const int weighed = reach[4], reconciled = weighed + 1, widened = reconciled + cells_of(reach[3]);
     const int chosen = widened + reach[7], added = larger_int(chosen + 1, widened + cells_of(reach[3]));
     for (int i = 0; i < a.h + added; i++) {
         step(compare, &a, i);
-        step(trust, &a, i - trusted);
+        step(surface_weights, &a, i - weighed);
         step(reconcile, &a, i - reconciled);
-        step(wider_windows, &a, i - widened);
+        step(wider_filters, &a, i - widened);
         step(choose, &a, i - chosen);
         step(add_changes, &a, i - added);
     }

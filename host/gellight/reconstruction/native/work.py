@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX
-from gellight.reconstruction.smoothing import Windows
+from gellight.reconstruction.smoothing import FilterTaps
 
 Floats = NDArray[np.float32]
 
@@ -12,15 +12,15 @@ Floats = NDArray[np.float32]
 class WorkMemory:
     """Arrays for images of one size; w, h are numbers of cells. frame_path.h has the terms."""
 
-    def __init__(self, image_shape: tuple[int, int], windows: Windows | None) -> None:
+    def __init__(self, image_shape: tuple[int, int], taps: FilterTaps | None) -> None:
         """Take it all, and write to each page, so that the first frame is as fast as the others."""
         height, width = image_shape
         h, w = (-(-n // CELL_PX) for n in image_shape)
         coarse_h, coarse_w = (-(-n // COARSE_PX) for n in image_shape)
-        widest, reach_cells = (int(windows.reach[k]) for k in (3, 7)) if windows else (0, 0)
+        widest, reach_cells = (int(taps.reach[k]) for k in (3, 7)) if taps else (0, 0)
         self.shift = _floats(width, 3)
         self.means = _floats(3, 2 * coarse_h, 2 * coarse_w)
-        self.touched, self.near, self.steep, self.gentle = np.zeros((4, h, w), np.uint8)
+        self.touched, self.near, self.high_contrast, self.low_contrast = np.zeros((4, h, w), np.uint8)
         self.around = np.zeros((coarse_h, coarse_w), np.uint8)
         self.bytes = np.zeros(2 * h * w + width + 4, np.uint8)
         self.cell_rows = _floats(h * w, 5)
