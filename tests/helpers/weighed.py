@@ -64,7 +64,7 @@ def weighed(
 class HeavyFrames:
     """Measures that say the same force, too heavy a one, of every depth map, and doubt half of each picture."""
 
-    learnt = True
+    from_network = True
 
     def force(self, depth_mm: np.ndarray) -> Force:
         return Force(normal_n=1.25, error_n=0.1, flags=(HEAVIER,), pressure_of=lambda: depth_mm / 8)

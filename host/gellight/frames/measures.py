@@ -67,8 +67,8 @@ class MapOnRequest(StrEnum):
 class FrameMeasures(Protocol):
     """Computes what a sensor can say of a frame beyond its maps."""
 
-    learnt: bool
-    """whether a network found the slopes, which is less sure where they are steeper than those it has learnt"""
+    from_network: bool
+    """whether a network found the slopes, which is less sure where they are steeper than those it was trained on"""
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None for a sensor without a constant for it."""

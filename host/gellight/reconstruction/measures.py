@@ -19,10 +19,13 @@ SLOPES = slice(5, 7)
 class BundleMeasures:
     """The measures of the frames of one sensor."""
 
-    def __init__(self, bundle: Bundle, *, learnt: bool = True) -> None:
-        """Take what the bundle knows; BundleError for a damaged file. learnt: the slopes are those of the network."""
+    def __init__(self, bundle: Bundle, *, from_network: bool = True) -> None:
+        """Take what the bundle knows; BundleError for a damaged file.
+
+        from_network: the slopes are those of the network.
+        """
         record = read_force(bundle)
-        self._bundle, self.learnt = bundle, learnt
+        self._bundle, self.from_network = bundle, from_network
         self._scale = record.scale if record else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
@@ -39,7 +42,7 @@ class BundleMeasures:
 
     @cached_property
     def _steepest(self) -> float | None:
-        """The steepest slope that the network has learnt; None where it was not learnt, or the bundle does not say."""
-        if not self.learnt or PRESSES not in self._bundle.files:
+        """The steepest slope that the network was trained on; None for measured slopes, or where no bundle says."""
+        if not self.from_network or PRESSES not in self._bundle.files:
             return None
         return steepest_of(self._bundle.presses()["rows"][:, SLOPES])

@@ -88,7 +88,7 @@ class PhotometricReconstructor:
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
         self._last: ExposureReport | None = None
-        self._measures = BundleMeasures(bundle, learnt=False)
+        self._measures = BundleMeasures(bundle, from_network=False)
 
     def status(self) -> PathStatus:
         """Return the mode and what the last series said about its scene, ready for JSON."""

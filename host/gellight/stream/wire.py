@@ -82,7 +82,7 @@ class Details(StrictModel):
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
     learnt: bool | None = None
-    """see `FrameMeasures`; None for a frame without measures, as one under another light"""
+    """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
 
 
@@ -118,8 +118,10 @@ class ReceivedFrame(TactileFrame):
     def measures(self) -> BundleMeasures | None:
         """Computes what does not travel, such as the pressure map, from the maps and the bundle."""
         assert self.provenance is not None
-        learnt = vars(self)["_learnt"]
-        return None if learnt is None else BundleMeasures(vars(self)["_bundle_of"](self.provenance.zero), learnt=learnt)
+        from_network = vars(self)["_from_network"]
+        if from_network is None:
+            return None
+        return BundleMeasures(vars(self)["_bundle_of"](self.provenance.zero), from_network=from_network)
 
 
 def encode(frame: TactileFrame, asked: Collection[MapOnRequest] = ()) -> bytes:
@@ -185,7 +187,7 @@ def _details(frame: TactileFrame) -> bytes:
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
-            learnt=frame.measures.learnt if frame.measures else None,
+            learnt=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
         )
     )
@@ -233,7 +235,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
-        "_learnt": details.learnt,
+        "_from_network": details.learnt,
         "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
     }
     frame = ReceivedFrame(bundle_of, fields)

@@ -68,7 +68,7 @@ def test_the_bundle_tells_what_its_network_has_learnt(tmp_path: Path) -> None:
     )  # fmt: skip
     image = REFERENCE.astype(np.uint8)
     assert (BundleMeasures(bundle).confidence(image, FLAT + 1).doubts == STEEP).all()
-    assert not BundleMeasures(bundle, learnt=False).confidence(image, FLAT + 1).doubts.any()
+    assert not BundleMeasures(bundle, from_network=False).confidence(image, FLAT + 1).doubts.any()
 
 
 def test_pins_throw_shadows_and_there_the_normals_are_worse() -> None:

@@ -115,17 +115,19 @@ def test_what_is_asked_for_travels_and_the_rest_is_computed_to_the_same(
         assert got.maps_on_request()[name].dtype == plane.dtype
 
 
-@pytest.mark.parametrize("learnt", [True, False])
-def test_the_confidence_computed_by_a_reader_knows_where_the_slopes_come_from(tmp_path: Path, learnt: bool) -> None:
+@pytest.mark.parametrize("from_network", [True, False])
+def test_the_confidence_computed_by_a_reader_knows_where_the_slopes_come_from(
+    tmp_path: Path, from_network: bool
+) -> None:
     """A slope beyond what a network has learnt says nothing against one that was measured."""
     plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
     rows = np.full((100, 7), 1e-3)  # nearly flat presses: every slope of the bump is steeper
     presses = io.BytesIO()
     np.savez(presses, rows=rows, press=np.zeros(100, int))
     bundle = extend_bundle(plain, tmp_path / "bundle", {"presses.npz": presses.getvalue()})
-    sent = replace(full_frame(), measures=BundleMeasures(bundle, learnt=learnt))
+    sent = replace(full_frame(), measures=BundleMeasures(bundle, from_network=from_network))
     got = decode(encode(sent), lambda _: bundle)
-    assert ((sent.confidence.doubts & STEEP).any()) == learnt
+    assert ((sent.confidence.doubts & STEEP).any()) == from_network
     assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
 
 
