@@ -220,7 +220,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gellight.cli.main import app
 def f():
-    import gellight.daemon.daemon
+    import gellight.daemon.session
     from gellight.sensor import udev
     importlib.import_module("gellight.opening")
     import_module(name)
@@ -229,7 +229,7 @@ def f():
 
 def test_an_import_is_seen_wherever_it_stands() -> None:
     assert set(imported(ast.parse(PLANTED))) == {
-        "typing.TYPE_CHECKING", "gellight.cli.main.app", "gellight.daemon.daemon", "gellight.sensor.udev",
+        "typing.TYPE_CHECKING", "gellight.cli.main.app", "gellight.daemon.session", "gellight.sensor.udev",
         "gellight.opening", "?",
     }  # fmt: skip
 

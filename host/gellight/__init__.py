@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gellight.base.errors import GellightError, StreamError
     from gellight.bundle.bundle import Bundle, load_bundle
-    from gellight.daemon.daemon import Daemon
+    from gellight.daemon.session import SensorSession
     from gellight.frames.camera import EndOfStream
     from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
     from gellight.opening import open_camera
@@ -29,7 +29,7 @@ _HOME = {
     "load_bundle": "bundle.bundle",
     "open_camera": "opening",
     "find_contact": "reconstruction.contact",
-    "Daemon": "daemon.daemon",
+    "SensorSession": "daemon.session",
     "GellightError": "base.errors",
     "StreamError": "base.errors",
     "EndOfStream": "frames.camera",
@@ -51,13 +51,13 @@ __all__ = [
     "Bundle",
     "CameraFrame",
     "Contact",
-    "Daemon",
     "EndOfStream",
     "GellightError",
     "NoFrameError",
     "Provenance",
     "Reconstructor",
     "Sensor",
+    "SensorSession",
     "StreamError",
     "Subscription",
     "TactileFrame",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from gellight.base.errors import CameraError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, ChooseBundle
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
 from gellight.frames.picture import prepared
 
@@ -22,18 +22,22 @@ REAL = ("auto", "sensor://", "v4l2://", *NODES)
 
 
 def open_camera(
-    url: str | Path, *, geometry: Mapping[str, float | int | str] | None = None, bundle: Bundle | None = None
+    url: str | Path,
+    *,
+    geometry: Mapping[str, float | int | str] | None = None,
+    bundle: Bundle | ChooseBundle | None = None,
 ) -> Camera:
     """Open the camera that a URL names, see the top of this file.
 
     `geometry` is how a simulated sensor differs from the default. A sensor is set and lit as when `bundle` was made:
     give the one that its frames are reconstructed with. Without a bundle the LEDs of a real sensor stay dark until
     `Camera.adopt` lights them, and a simulated one shows its ring full on. Where the bundle takes a view or fills
-    marker dots, the frames are prepared so; those of a recording already are. `close`, or the end of `with`, makes the
+    marker dots, the frames are prepared so; those of a recording already are. A function chooses the bundle as soon as
+    the board can be asked; the frames are then as taken. `close`, or the end of `with`, makes the
     LEDs dark. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
     camera = _opened(url, geometry, bundle)
-    if bundle is None or camera.url.startswith("replay://"):
+    if not isinstance(bundle, Bundle) or camera.url.startswith("replay://"):
         return camera
     try:
         return prepared(camera, bundle)
@@ -42,7 +46,9 @@ def open_camera(
         raise
 
 
-def _opened(url: str | Path, geometry: Mapping[str, float | int | str] | None, bundle: Bundle | None) -> Camera:
+def _opened(
+    url: str | Path, geometry: Mapping[str, float | int | str] | None, bundle: Bundle | ChooseBundle | None
+) -> Camera:
     """Return the camera that a URL names, set and lit as when `bundle` was made."""
     text = f"v4l2://{url}" if str(url).startswith(NODES) else str(url)
     scheme = text.partition("://")[0].partition("?")[0]
@@ -67,12 +73,12 @@ def _opened(url: str | Path, geometry: Mapping[str, float | int | str] | None, b
     return _adopted(ImageCamera(image_files(text), url=text), bundle)
 
 
-def _adopted(camera: Camera, bundle: Bundle | None) -> Camera:
+def _adopted(camera: Camera, bundle: Bundle | ChooseBundle | None) -> Camera:
     """Return `camera`, set and lit as when `bundle` was made; where that fails it is closed, and its LEDs are dark."""
-    if bundle is None:
-        return camera
     try:
-        camera.adopt(bundle.controls, bundle.colours)
+        chosen = bundle(camera) if callable(bundle) else bundle
+        if chosen is not None:
+            camera.adopt(chosen.controls, chosen.colours)
     except BaseException:
         camera.close()
         raise

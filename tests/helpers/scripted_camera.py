@@ -107,6 +107,9 @@ class CountingReconstructor:
         manifest=SimpleNamespace(sensor="scripted"),
         metrics={},
         files={},
+        controls={},
+        colours=None,
+        check_fits=lambda camera, image_shape: None,
     )
 
     def __init__(self) -> None:

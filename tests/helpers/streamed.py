@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from gellight.bundle.bundle import Bundle
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.frames import CameraFrame, ExposureReport, LightLabel, LightState, Provenance, TactileFrame
 from gellight.frames.measures import FrameMeasures
 from tests.helpers.dashboard_source import bump
 from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.sessions import session_of
 
 SHAPE = (48, 64)
 
@@ -23,8 +24,9 @@ class BumpReconstructor:
         self.measures = measures
         described = SimpleNamespace(sensor="formula")
         self.bundle: Any = bundle or SimpleNamespace(
-            pixel_size_mm=(0.1, 0.2), image_shape=SHAPE, files={}, identity="0" * 16, manifest=described, metrics={}
-        )
+            pixel_size_mm=(0.1, 0.2), image_shape=SHAPE, files={}, identity="0" * 16, manifest=described, metrics={},
+            source="formula", controls={}, colours=None, check_fits=lambda camera, image_shape: None,
+        )  # fmt: skip
         self.given: dict[int, TactileFrame] = {}
 
     def status(self) -> dict[str, object]:
@@ -43,11 +45,12 @@ def bump_daemon(
     *,
     measures: FrameMeasures | None = None,
     bundle: Bundle | None = None,
-) -> tuple[Daemon, BumpReconstructor]:
+) -> tuple[SensorSession, BumpReconstructor]:
     """Return a daemon (not started) that gives so many frames, and what computes them."""
     reconstructor = BumpReconstructor(bundle, measures)
     camera: Any = ScriptedCamera(count=frames, period_s=period_s)
-    return Daemon(camera, reconstructor), reconstructor
+    camera.image_shape = SHAPE
+    return session_of(camera, reconstructor), reconstructor
 
 
 def full_frame() -> TactileFrame:

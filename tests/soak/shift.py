@@ -12,7 +12,6 @@ import numpy as np
 
 from gellight.base.errors import GellightError
 from gellight.bundle.bundle import Bundle
-from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import Camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.recording_file import Recording
@@ -22,6 +21,7 @@ from gellight.sensor.sensor_camera import open_sensor
 from gellight.stream.publisher import Publisher
 from gellight.stream.recorder import Recorder
 from gellight.watch.monitor import SensorWatch
+from tests.helpers.sessions import session_of
 from tests.soak.hardware import SERIAL, SoakSensor
 from tests.soak.judging import Invariant, Judge
 from tests.soak.marks import read_number
@@ -91,7 +91,7 @@ class Shift:
             assert self._bundle.colours is not None
             watch = None if self.sequenced else SensorWatch(self._bundle, rezero=True)
             self.judge.begin_stream()
-            self.daemon = stack.enter_context(Daemon(camera, Reconstructor(self._bundle), watch=watch))
+            self.daemon = stack.enter_context(session_of(camera, Reconstructor(self._bundle), watch=watch))
             publisher = stack.enter_context(Publisher(self.daemon, name=f"{SERIAL}-{id(self):x}"))
             self.name = publisher.name
             thread = threading.Thread(target=self._judge_frames, name="judge", daemon=True)

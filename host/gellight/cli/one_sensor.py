@@ -23,7 +23,7 @@ from gellight.cli.advice import typeable
 from gellight.cli.ending import until_interrupted
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationService
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.opening import REAL
@@ -150,7 +150,7 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
 
 
 @contextmanager
-def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
+def published(daemon: SensorSession, settings: Settings) -> Iterator[None]:
     """Publish the frames to other programs, unless the settings say no, to ROS 2 and Foxglove where they say so."""
     chosen = settings.stream
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
@@ -174,7 +174,7 @@ def published(daemon: Daemon, settings: Settings) -> Iterator[None]:
 
 
 @contextmanager
-def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[str]:
+def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> Iterator[str]:
     """Serve the dashboard, if wanted, and yield its address, which is empty without one."""
     warn_of_foreign_bundle(daemon.bundle, settings)
     if not wanted:
@@ -189,7 +189,10 @@ def served(daemon: Daemon, settings: Settings, wanted: bool = True) -> Iterator[
 
 
 def follow(
-    daemon: Daemon, frames: int, show: Callable[[Mapping[str, object]], None] | None = None, patience_s: float = inf
+    daemon: SensorSession,
+    frames: int,
+    show: Callable[[Mapping[str, object]], None] | None = None,
+    patience_s: float = inf,
 ) -> dict[str, object]:
     """Follow the tactile frames until `frames` came (0: for ever); return the status with the figures of the run.
 

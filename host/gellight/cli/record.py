@@ -15,7 +15,7 @@ from gellight.cli.ending import until_interrupted
 from gellight.cli.one_sensor import WAIT_S, Running, published, served
 from gellight.cli.options import AsJson, Seconds, with_options
 from gellight.daemon.assembly import open_session
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.measures import MapOnRequest
 from gellight.recording.recording_file import DepthKind
@@ -63,7 +63,7 @@ def command(
         raise InputError(recorder.status.ended)
 
 
-def follow(daemon: Daemon, recorder: Recorder, frames: int, seconds: float) -> None:
+def follow(daemon: SensorSession, recorder: Recorder, frames: int, seconds: float) -> None:
     """Wait until so many frames or seconds are recorded (0: for ever), or until there is no more to record."""
     begun_s = shown_s = time.monotonic()
     sequence = -1

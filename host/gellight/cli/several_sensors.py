@@ -38,7 +38,7 @@ class Report:
     address: str = ""
     """of its dashboard"""
     status: Mapping[str, object] = field(default_factory=dict)
-    """see `Daemon.status`"""
+    """see `SensorSession.status`"""
     error: str | None = None
     """why it cannot go on"""
 

@@ -1,12 +1,14 @@
 """The running sensor: frames come in, depth goes out, and a calibration may run beside it.
 
-daemon.py               Daemon: the running sensor, whose bundle, zero and light can be changed
-in_use.py               the bundle that a sensor runs with, and what is said of it and of its frames
-frame_threads.py        the threads that capture and reconstruct; the daemon's camera for a second reader
-setting.py              how a sensor is set and lit, and how to set it the same again
-assembly.py             puts a daemon together as the settings say
-switched_camera.py      what stands in front of the sensor, replaced when the mode changes
-modes.py                network or photometric
+configuration.py        mode_config: all that runs, as one value, of a bundle and the settings
+active_pipeline.py      what was built of it, which every frame goes through
+session.py              SensorSession: the running sensor, and the one way to exchange what runs
+assembly.py             opens the sensor that the settings name
+bundle_choice.py        which bundle belongs to a sensor
+front_camera.py         what stands in front of the camera, so that frames are taken under the planned light
+switched_camera.py      the camera whose front is exchanged while it runs
+sensor_state.py         how a sensor is set and lit, and how to set it the same again
+frame_threads.py        the threads that capture and reconstruct; the session's camera for a second reader
 realtime.py             camera and reconstruction before all other programs
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard

@@ -18,9 +18,10 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore, ListedBundle
-from gellight.daemon.daemon import Daemon
-from gellight.daemon.installing import install, restore, sensor_name
+from gellight.daemon.bundle_choice import sensor_name
+from gellight.daemon.installing import install, restore
 from gellight.daemon.needs import Need, needs
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View, view_in
@@ -109,7 +110,7 @@ class CalibrationService:
 
     def __init__(
         self,
-        daemon: Daemon,
+        daemon: SensorSession,
         *,
         store: BundleStore | None = None,
         folder: Path | None = None,
@@ -198,12 +199,12 @@ class CalibrationService:
                 if request.anew:
                     discard(self._folder)
                 self._routine = routine = self._make_routine(request, self._install)
-                self._daemon.lend()
+                self._daemon.begin_calibration()
                 routine.act("start")
             except BaseException:
                 self._routine = before
                 back()
-                self._daemon.take_back()
+                self._daemon.end_calibration()
                 raise
             self._hand = request.hand
             self._end = threading.Thread(target=self._follow, args=(routine, back), name="calibration end", daemon=True)
@@ -232,7 +233,7 @@ class CalibrationService:
         routine.join()
         if not self._daemon.bundle.calibrated:  # none was made for the pictures as they are prepared
             back()
-        while not self._daemon.take_back() and not self._closing.wait(RETRY_S):
+        while not self._daemon.end_calibration() and not self._closing.wait(RETRY_S):
             pass
 
     def _check_idle(self, intention: str) -> None:

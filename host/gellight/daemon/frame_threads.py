@@ -63,9 +63,9 @@ class FrameThreads:
         """set when the frame that was captured last is being reconstructed"""
         self._asked_after, self._asked = -1, threading.Event()
         """the sequence number after which a frame was asked for last"""
-        self._newest = self._void = -1
+        self._newest = self._discard_until = -1
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
-        self._cuts = 0
+        self._flush_count = 0
         """how often what came before was thrown away"""
         self._capturing, self._reconstructing = FairLock(), FairLock()
         self._handing_on = threading.Lock()
@@ -106,7 +106,7 @@ class FrameThreads:
             self._asked_after = after_sequence
             self._asked.set()
 
-    def also(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
+    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
         """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
 
         What `look` raises is a problem until a later look succeeds.
@@ -114,12 +114,17 @@ class FrameThreads:
         name, job = look.__name__.strip("_"), self._look_now_and_then
         self._threads.append(threading.Thread(target=job, args=(look, period_s), name=name, daemon=True))
 
-    def throw_away(self) -> None:
-        """Deliver none of the frames that came until now, nor that which is being read: they show what was."""
+    def flush(self) -> None:
+        """Deliver none of the frames that came until now: they show what was.
+
+        The pictures of files show nothing of it: they are reconstructed anew.
+        """
         with self._handing_on:
-            self._void, self._cuts = self._newest, self._cuts + 1
-            self.captured.clear()
+            self._flush_count += 1
             self.delivered.clear()
+            if not self._camera.waits:
+                self._discard_until = self._newest
+                self.captured.clear()
 
     @contextmanager
     def halted(self) -> Iterator[None]:
@@ -128,7 +133,7 @@ class FrameThreads:
             try:
                 yield
             finally:
-                self.throw_away()
+                self.flush()
 
     def note(self, name: str, problem: str | None) -> None:
         """Show what is wrong with something, and log it once; None: nothing any more."""
@@ -150,7 +155,6 @@ class FrameThreads:
             self._end(error, self.captured)
 
     def _capture_one(self) -> None:
-        cuts = self._cuts
         try:
             frame = self._camera.read()
         except ReconnectingError as error:
@@ -158,8 +162,6 @@ class FrameThreads:
             return
         with self._handing_on:
             self._away, self._newest = None, frame.sequence
-            if cuts != self._cuts:
-                return
             self.statistics.note_captured(frame)
             self._taken.clear()
             self.captured.put(frame)
@@ -168,7 +170,7 @@ class FrameThreads:
         if self._away is None:
             logger.warning("%s", why)
         self._away = why
-        self.throw_away()
+        self.flush()
 
     def _reconstruct(self) -> None:
         number = 0
@@ -179,21 +181,34 @@ class FrameThreads:
                 except TimeoutError:
                     continue
                 self._taken.set()
-                with self._reconstructing:
-                    if frame.sequence > self._void:
-                        self._deliver(self._reconstruct_frame(frame))
+                self._deliver(frame)
+                self._wait_until_asked(frame)
         except Exception as error:
             self._end(error, self.captured, self.delivered)
             self._ended.set()
 
-    def _deliver(self, frame: TactileFrame) -> None:
-        with self._handing_on:
-            if frame.camera_frame.sequence > self._void:
-                self.statistics.note_delivered(frame, time.monotonic())
-                self.delivered.put(frame)
-        while self._every and not self.ended and self._asked_after < frame.camera_frame.sequence:
+    def _deliver(self, camera_frame: CameraFrame) -> None:
+        with self._reconstructing:
+            if camera_frame.sequence <= self._discard_until:
+                return
+            frame = self._reconstruct_frame(camera_frame)
+            with self._handing_on:
+                if camera_frame.sequence > self._discard_until:
+                    self.statistics.note_delivered(frame, time.monotonic())
+                    self.delivered.put(frame)
+
+    def _wait_until_asked(self, frame: CameraFrame) -> None:
+        """With `every`, wait for the reader, outside the turn: what runs may be exchanged meanwhile.
+
+        Then the frame that waits for the reader is of what ran before, and is reconstructed anew.
+        """
+        flushes = self._flush_count
+        while self._every and not self.ended and self._asked_after < frame.sequence:
             self._asked.wait(POLL_S)
             self._asked.clear()
+            if flushes != self._flush_count:
+                flushes = self._flush_count
+                self._deliver(frame)
 
     def _end(self, error: Exception, *mailboxes: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
         """Raise `error` where frames of `mailboxes` are waited for, and note it unless it is the proper end."""

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from gellight.base.errors import BundleError
-from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
-from gellight.daemon.daemon import Daemon
-from gellight.daemon.setting import Setting
+from gellight.daemon.bundle_choice import check_sensor
+from gellight.daemon.sensor_state import SensorState
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.picture import steps_of
 from gellight.ring.board_link import RefusedError
@@ -28,8 +29,6 @@ from gellight.watch.other_unit import UnitCheck
 
 DARK_WITHIN_S = 5.0
 """a board darkens its LEDs in a millisecond; an emulated one on a busy machine takes longer"""
-SIMULATED = "simulated"
-"""Sensor of the bundle that comes with GelLight."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,22 +40,12 @@ class Installed:
     """whether the board of the sensor remembers it; False where the sensor has no board"""
 
 
-def sensor_name(camera: Camera) -> str:
-    """Return the serial number of the board of a sensor, by which its bundles are known.
-
-    Where it has none it is the simulated sensor's name, or the URL without its parameters.
-    """
-    if camera.ring is not None:
-        return camera.ring.hello.unique_id.hex().upper()
-    return SIMULATED if camera.url.startswith("sim://") else camera.url.partition("?")[0]
-
-
 def install(
     bundle: Bundle,
     *,
     sensor: str,
     store: BundleStore,
-    running: Daemon | None = None,
+    running: SensorSession | None = None,
     camera: Camera | None = None,
     limits: Limits | None = None,
 ) -> Installed:
@@ -75,7 +64,12 @@ def install(
 
 
 def restore(
-    identity: str, *, sensor: str, store: BundleStore, running: Daemon | None = None, camera: Camera | None = None
+    identity: str,
+    *,
+    sensor: str,
+    store: BundleStore,
+    running: SensorSession | None = None,
+    camera: Camera | None = None,
 ) -> Installed:
     """Put a bundle of the store into service again: by its identity or its beginning, or the one before if empty.
 
@@ -88,7 +82,7 @@ def restore(
 
 
 def _serve(
-    chosen: StoredBundle, bundle: Bundle, store: BundleStore, running: Daemon | None, camera: Camera | None
+    chosen: StoredBundle, bundle: Bundle, store: BundleStore, running: SensorSession | None, camera: Camera | None
 ) -> Installed:
     ring = camera.ring if camera else None
     history = store.history(chosen.sensor)
@@ -98,7 +92,7 @@ def _serve(
         if running is not None:
             made.append((f"the sensor streams with bundle {bundle.identity}", running.replace_bundle(bundle)))
         elif camera is not None:
-            before = Setting.said_by(bundle).apply(camera)
+            before = SensorState.said_by(bundle).apply(camera)
             made.append((f"camera and LEDs are set as bundle {bundle.identity} says", partial(before.apply, camera)))
             refuse_other_unit(bundle, camera)
         if ring is not None:
@@ -127,15 +121,6 @@ def _take_back(made: list[tuple[str, Callable[[], object]]], cause: BaseExceptio
         raise BundleError(
             f"{cause}; not all could be taken back: {'; '.join(remaining)}. Stop the sensor and {remedy}"
         ) from cause
-
-
-def check_sensor(bundle: Bundle, sensor: str) -> None:
-    """Raise BundleError for a bundle of another sensor."""
-    if bundle.manifest.sensor != sensor:
-        raise BundleError(
-            f"{bundle.source} is the bundle of sensor {bundle.manifest.sensor!r}, this is {sensor!r}: nothing was "
-            "replaced; calibrate this sensor, or give the bundle of this one"
-        )
 
 
 def refuse_other_unit(bundle: Bundle, camera: Camera) -> None:
@@ -179,31 +164,3 @@ def _configure(ring: LightRing, configuration: Configuration) -> None:
             if error.status != Status.BUSY or time.monotonic() > patience_s:
                 raise
             time.sleep(0.005)
-
-
-def bundle_of(camera: Camera, store: BundleStore, *, default: str | None = None) -> Bundle:
-    """Return the bundle of the sensor behind a camera: the one its board names, else the one in service for it.
-
-    That of a recording came with its frames.
-    default: names the bundle of a sensor that has none yet; for the simulated sensor it is the one that comes with
-    GelLight. Raises BundleError where there is none, or where the bundle that the board names is of another sensor.
-    """
-    if camera.bundle is not None:
-        return camera.bundle
-    sensor = sensor_name(camera)
-    identity = camera.ring.configuration().bundle if camera.ring is not None else b""
-    if any(identity) and set(identity) != {0xFF}:
-        try:
-            bundle = store.find(identity.hex()).load()
-        except BundleError as error:
-            raise BundleError(
-                f"the board of sensor {sensor} names bundle {identity.hex()}, which cannot be had here ({error}): "
-                "bring it with `gellight calibrate install`, or calibrate the sensor again"
-            ) from error
-        check_sensor(bundle, sensor)
-        return bundle
-    if camera.url.startswith("sim://"):
-        default = SYNTHETIC
-    if default is not None and sensor not in store.sensors():
-        return load_bundle(default)
-    return store.current(sensor).load()

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from gellight.base.errors import GellightError
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.lab.calibration.readiness import check_room
 
 
@@ -24,12 +24,12 @@ class Need(BaseModel):
 TRAINER = Need(name="training", state="ready", text="by NumPy, nothing to install")
 
 
-def needs(daemon: Daemon, folder: Path, presses: int) -> tuple[Need, ...]:
+def needs(daemon: SensorSession, folder: Path, presses: int) -> tuple[Need, ...]:
     """Return the check list of a calibration that keeps so many presses in `folder`."""
     return (*_tools(daemon), _light(daemon), _camera(daemon), _room(daemon, folder, presses), TRAINER)
 
 
-def _tools(daemon: Daemon) -> tuple[Need, ...]:
+def _tools(daemon: SensorSession) -> tuple[Need, ...]:
     if daemon.stage is not None:
         return (Need(name="ball and cylinder", state="ready", text="the virtual hand has them"),)
     return (
@@ -39,13 +39,13 @@ def _tools(daemon: Daemon) -> tuple[Need, ...]:
     )
 
 
-def _light(daemon: Daemon) -> Need:
+def _light(daemon: SensorSession) -> Need:
     if daemon.camera.ring is None:
         return Need(name="light", state="yours", text="it cannot be driven from here: keep it as it is")
     return Need(name="light", state="ready", text=f"the ring of {daemon.camera.ring.led_count} LEDs answers")
 
 
-def _camera(daemon: Daemon) -> Need:
+def _camera(daemon: SensorSession) -> Need:
     status = daemon.status()
     fps, problem = status["fps"], status["error"]
     if problem:
@@ -55,7 +55,7 @@ def _camera(daemon: Daemon) -> Need:
     return Need(name="camera", state="ready", text=f"{fps:.0f} frames a second")
 
 
-def _room(daemon: Daemon, folder: Path, presses: int) -> Need:
+def _room(daemon: SensorSession, folder: Path, presses: int) -> Need:
     try:
         free_bytes = check_room(folder, daemon.camera.image_shape, presses)
     except GellightError as error:

@@ -1,71 +1,111 @@
-"""The camera of a daemon whose mode can be changed: what stands in front of the sensor is replaced while it runs."""
+"""The camera of a running sensor: what stands in front of it is exchanged while it runs."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gellight.base.errors import GellightError
-from gellight.daemon.setting import Setting
-from gellight.frames.camera import Camera
+from gellight.base.errors import BundleError, CameraError, GellightError
+from gellight.daemon.configuration import STILL, LightPlan, ModeConfig
+from gellight.daemon.front_camera import camera_for
+from gellight.daemon.sensor_state import SensorState
+from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
-from gellight.frames.picture import PictureSteps, PreparedCamera
+from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
+from gellight.frames.picture import PreparedCamera
 from gellight.sensor.series_cameras import EXPOSURE
-from gellight.sensor.set_and_light import set_and_settle
-
-Equip = Callable[[Camera], Camera]
-"""what the mode of a sensor puts in front of its camera; the camera itself where it needs nothing"""
+from gellight.sensor.set_and_light import SETTLING_FRAMES
 
 
 class SwitchedCamera(CameraWrapper):
-    """Passes on what a mode makes of the camera; the sequence numbers go on through a change of the mode."""
+    """Passes on what stands in front of a sensor's camera; the sequence numbers go on through every exchange."""
 
-    def __init__(self, camera: Camera, equip: Equip) -> None:
-        """Take over `camera`, and put what `equip` makes of it in front of it."""
-        self._exposure = Setting.of(camera, {EXPOSURE}).controls
-        """what the modes change, as it was before; a bundle need not say it"""
-        super().__init__(equip(camera))
-        self._bare = self._sensor = camera
-        self._equip = equip
+    def __init__(self, camera: Camera) -> None:
+        """Take over `camera`, as it is set and lit."""
+        super().__init__(camera)
+        self._bare = self._prepared = camera
+        self._light = STILL
+        self._exposure = SensorState.of(camera, {EXPOSURE}).controls
+        """what light plans change, as it was before; a bundle need not say it"""
+        self._state = SensorState(controls={}, colours=None)
+        """how the sensor was set last, for one that is away and cannot say it"""
         self._offset: int | None = 0
         self._last = 0
 
     def read(self) -> CameraFrame:
-        """Return the next frame as the mode makes it."""
+        """Return the next frame of what stands in front."""
         frame = self._camera.read()
         if self._offset is None:
             self._offset = self._last + 1 - frame.sequence
         self._last = frame.sequence + self._offset
         return replace(frame, sequence=self._last) if self._offset else frame
 
-    def prepare(self, steps: PictureSteps | None) -> None:
-        """Prepare the pictures of the sensor so, None: leave them as they are; nobody may read meanwhile.
+    def prepared(self, config: ModeConfig) -> Camera:
+        """Return the sensor's camera with its pictures prepared as `config` says; nothing is changed.
 
-        Raises BundleError for a view of pictures of another size; then nothing has changed.
+        Raises BundleError where they cannot be, or have another size than its bundle's.
         """
-        sensor = PreparedCamera(self._bare, steps) if steps else self._bare
-        self._release()
-        self._sensor, self._camera, self._offset = sensor, self._equip(sensor), None
+        steps, camera = config.pictures, self._bare
+        made = camera.picture_files.get(PICTURE_STEPS)
+        if made is not None and made != config.bundle.files.get(PICTURE_STEPS):
+            raise BundleError(
+                f"{config.bundle.source} takes another view of the gel, or fills other dots, than {camera.url}, whose "
+                "pictures are prepared already: use the bundle that came with them"
+            )
+        if camera.waits and made is None and steps != getattr(self._prepared, "picture_steps", None) and self._last:
+            raise BundleError(
+                f"{config.bundle.source} takes another view of the gel, or fills other dots, and pictures of "
+                f"{camera.url} are on their way: stop it, and start it with this bundle"
+            )
+        if steps and made is None:
+            camera = PreparedCamera(camera, steps)
+        config.bundle.check_fits(camera.url, camera.image_shape)
+        return camera
 
-    def switch(self, equip: Equip, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
-        """Set and light the sensor like this, then put what `equip` makes of it in front; nobody may read meanwhile.
+    def switch(self, prepared: Camera, light: LightPlan, state: SensorState | None) -> SensorState:
+        """Set and light the sensor like `state` (None: as it is), and put in front what `light` needs.
 
-        Raises what that raises; then what was there before is there again.
+        Nobody may read meanwhile. Returns how the sensor was set before. Raises what camera and ring raise; then all is
+        as before, or the error says what is not.
         """
+        if state is not None:
+            state = replace(state, controls={**self._exposure, **state.controls})
+        before, in_front = self._state_now(state), (self._prepared, self._light)
         self._release()
-        self._offset = None
         try:
-            set_and_settle(self._sensor, {**self._exposure, **controls})
-            self._sensor.adopt({**self._exposure, **controls}, colours)
-            self._camera = equip(self._sensor)
-        except GellightError:
-            self._camera = self._equip(self._sensor)
+            self._put(prepared, state)
+            if state is not None and self._bare.controls is not None and state.controls != before.controls:
+                self._settle()
+            self._camera, self._light = camera_for(prepared, light), light
+        except GellightError as error:
+            try:
+                self._put(in_front[0], before if state else None)
+                self._camera, self._light = camera_for(*in_front), in_front[1]
+            except GellightError as second:
+                raise CameraError(f"{error}; nor can camera and LEDs be set as before ({second})") from error
             raise
-        self._equip = equip
+        self._state = state or self._state
+        return before
+
+    def _state_now(self, changed: SensorState | None) -> SensorState:
+        """Return how the sensor is set now, of the controls that are to be changed."""
+        if self._bare.ring is None and self._bare.controls is None:
+            return self._state
+        return SensorState.of(self._bare, changed.controls if changed else self._exposure)
+
+    def _put(self, prepared: Camera, state: SensorState | None) -> None:
+        """Read `prepared` from now on, set and lit like `state`."""
+        self._camera, self._prepared, self._light, self._offset = prepared, prepared, STILL, None
+        if state is not None:
+            prepared.adopt(state.controls, state.colours)
+
+    def _settle(self) -> None:
+        """Read on until frames show the controls; one that is away is set anew when it is back."""
+        try:
+            for _ in range(SETTLING_FRAMES):
+                self._bare.read()
+        except ReconnectingError:
+            pass
 
     def _release(self) -> None:
-        """Give back what the mode has set and lit."""
-        if isinstance(self._camera, CameraWrapper) and self._camera is not self._sensor:
+        """Give back what the light plan has set and lit."""
+        if isinstance(self._camera, CameraWrapper) and self._camera is not self._prepared:
             self._camera.release()

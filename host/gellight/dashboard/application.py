@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import guard
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, explain
 from gellight.dashboard.messages import encode, without_nan
@@ -60,7 +60,7 @@ class Client:
 class Dashboard:
     """The application: one frame pump for all clients, and one sender for each."""
 
-    def __init__(self, source: Daemon, calibration: CalibrationService | None = None) -> None:
+    def __init__(self, source: SensorSession, calibration: CalibrationService | None = None) -> None:
         """Serve `source`, and the wizard where there is a `calibration`; nothing runs before the application starts."""
         self._source = source
         self._calibration = calibration

@@ -38,7 +38,7 @@ class Metrics:
 
 
 def metric_lines(status: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of Prometheus's text format for a status; see `Daemon.status`."""
+    """Yield the lines of Prometheus's text format for a status; see `SensorSession.status`."""
     for key, (name, meaning) in COUNTERS.items():
         yield from described(name, meaning, "counter", {"": status.get(key)})
     yield from described("gellight_up", "1 while the sensor works.", "gauge", {"": int(status.get("error") is None)})

@@ -15,7 +15,7 @@ from aiohttp import web
 
 from gellight.base.errors import ConfigError, ServerError
 from gellight.daemon.calibration_service import CalibrationService
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
 from gellight.dashboard.application import Dashboard
 
@@ -110,7 +110,7 @@ class DashboardServer(PageServer):
 
     def __init__(
         self,
-        source: Daemon,
+        source: SensorSession,
         *,
         port: int = DEFAULT_PORT,
         calibration: CalibrationService | None = None,

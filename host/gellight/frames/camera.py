@@ -1,6 +1,6 @@
 """What every camera of the host promises: frames, and beyond them what its sensor can do."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol, Self, runtime_checkable
 
@@ -137,6 +137,10 @@ def controls_of(camera: Camera) -> dict[str, float]:
     """Return the controls in force, by name."""
     controls = camera.controls
     return {} if controls is None else {name: controls.read(name) for name in controls.names()}
+
+
+ChooseBundle = Callable[[Camera], Bundle | None]
+"""chooses the bundle of a camera whose board can be asked already; None where it has none"""
 
 
 def set_controls(camera: Camera, controls: Mapping[str, float]) -> bool:

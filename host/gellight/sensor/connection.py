@@ -64,13 +64,21 @@ class Connection:
 
     ring: LightRing | None
 
-    def __init__(self, sensor: Sensor, setup: Setup, *, url: str, around: Surroundings) -> None:
-        """Open, set and light `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark."""
+    def __init__(
+        self, sensor: Sensor, setup_for: Callable[[LightRing | None], Setup], *, named_ring: str | None, url: str,
+        around: Surroundings,
+    ) -> None:  # fmt: skip
+        """Open, set and light `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark.
+
+        setup_for: says, of the open ring, how camera and ring are to be set. named_ring: URL of the ring to open, None
+        for the one beside the camera.
+        """
         self.sensor = sensor
-        self._named_ring = setup.options.ring
+        self._named_ring = named_ring
         self._clock = around.kernel.clock
         self.ring = self._open_ring(around)
         try:
+            setup = setup_for(self.ring)
             self.camera = V4l2Camera(
                 sensor.camera.path, setup.options, shape=setup.shape, url=url, kernel=around.kernel, sysfs=around.sysfs
             )

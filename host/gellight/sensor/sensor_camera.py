@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera, CameraControls, ReconnectingError
+from gellight.frames.camera import Camera, CameraControls, ChooseBundle, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
+from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Connection, Setup, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
 from gellight.sensor.v4l2.controls import KNOBS
@@ -48,20 +49,19 @@ class SensorCamera(Camera):
     """The camera of a real sensor, with its ring where it has one; closing it makes the LEDs dark."""
 
     def __init__(
-        self, sensor: Sensor, options: CaptureOptions, *, bundle: Bundle | None = None, url: str, by_serial: bool,
-        surroundings: Surroundings,
+        self, sensor: Sensor, options: CaptureOptions, *, bundle: Bundle | ChooseBundle | None = None, url: str,
+        by_serial: bool, surroundings: Surroundings,
     ) -> None:  # fmt: skip
         """Open `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark.
 
+        A function for `bundle` is called when the ring is open and the camera is not yet.
         `by_serial`: its serial number is its own, so it is found again at any port.
         """
         self.url = url
         self._sensor, self._by_serial = sensor, by_serial
         self._given = options
         self._setup = Setup(self._given, None)
-        if bundle is not None:
-            self._warn_of_dark(bundle.colours)
-            self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
+        self._choose = bundle
         self._surroundings, self._clock = surroundings, surroundings.kernel.clock
         self._closing = threading.Event()
         self._past = Counts()
@@ -71,13 +71,24 @@ class SensorCamera(Camera):
         self._connect(sensor)
 
     def _connect(self, sensor: Sensor) -> None:
-        connection = Connection(sensor, self._setup, url=self.url, around=self._surroundings)
+        connection = Connection(
+            sensor, self._setup_for, named_ring=self._given.ring, url=self.url, around=self._surroundings
+        )
         self._sensor, self._connection = sensor, connection
         self.ring = connection.ring
         self.controls: CameraControls | None = connection.camera.controls
         self.image_shape = connection.camera.image_shape
         self._offset = self._last + 1
         self._first: int | None = None
+
+    def _setup_for(self, ring: LightRing | None) -> Setup:
+        """Return how the sensor is to be set, whose ring is open: as its bundle says at first, then as adopted last."""
+        self.ring, choose, self._choose = ring, self._choose, None
+        bundle = choose(self) if callable(choose) else choose
+        if bundle is not None:
+            self._warn_of_dark(bundle.colours)
+            self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
+        return self._setup
 
     def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
         """Set and light the sensor like this from now on; controls that the URL names stay as it says.
@@ -196,7 +207,9 @@ class SensorCamera(Camera):
         self._release()
 
 
-def open_sensor(url: str, *, bundle: Bundle | None = None, surroundings: Surroundings | None = None) -> SensorCamera:
+def open_sensor(
+    url: str, *, bundle: Bundle | ChooseBundle | None = None, surroundings: Surroundings | None = None
+) -> SensorCamera:
     """Open `auto`, `sensor://NAME` or `v4l2:///dev/...`, each with the parameters of `CaptureOptions`.
 
     Raises CameraError, BoardError or InputError, naming what is there and what to do.

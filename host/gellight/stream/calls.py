@@ -13,13 +13,13 @@ from pydantic import Field, TypeAdapter, ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.ring.wire import MOST_LEDS
 from gellight.stream.wire import Byte
 
 
 class Status(StrictModel):
-    """What `Daemon.status` says."""
+    """What `SensorSession.status` says."""
 
     type: Literal["status"] = "status"
 
@@ -79,7 +79,7 @@ def read_call(content: bytes) -> Call:
         raise InputError(f"no call of GelLight: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
 
-def answer(daemon: Daemon, call: Call) -> bytes:
+def answer(daemon: SensorSession, call: Call) -> bytes:
     """Do what is asked and return the answer; raises what the daemon raises."""
     match call:
         case Status():
@@ -97,7 +97,7 @@ def answer(daemon: Daemon, call: Call) -> bytes:
     return b"{}"
 
 
-def move(daemon: Daemon, call: Press | Release) -> None:
+def move(daemon: SensorSession, call: Press | Release) -> None:
     """Press or lift an object; InputError on a sensor whose gel is not simulated."""
     if daemon.stage is None:
         raise InputError("objects can be pressed into a simulated gel only (sim://)")

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Self
 
 from gellight.base.errors import StreamError
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.recording.ros_messages import DEFINITIONS, DIAGNOSTICS
 from gellight.stream.frame_thread import sending
@@ -28,7 +28,7 @@ BACKLOG = 20
 class FoxgloveServer:
     """Shows a daemon that runs; a context manager."""
 
-    def __init__(self, daemon: Daemon, *, name: str, port: int, lan: bool = False) -> None:
+    def __init__(self, daemon: SensorSession, *, name: str, port: int, lan: bool = False) -> None:
         """Serve on `port`, 0 for a free one, of 127.0.0.1, or with `lan` of every network. name: shown in Foxglove."""
         self._daemon, self._name, self._port, self._host = daemon, name, port, "0.0.0.0" if lan else "127.0.0.1"
         self._messages = RosTopics(daemon, NAME)

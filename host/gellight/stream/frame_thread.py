@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 
@@ -16,7 +16,7 @@ POLL_S = 0.5
 
 @contextmanager
 def sending(
-    daemon: Daemon, name: str, send: Callable[[TactileFrame], None], wanted: Callable[[], bool] = lambda: True
+    daemon: SensorSession, name: str, send: Callable[[TactileFrame], None], wanted: Callable[[], bool] = lambda: True
 ) -> Iterator[None]:
     """Call `send` with the newest frame, again and again, in a thread called `name`, as long as the context lasts.
 
@@ -52,7 +52,7 @@ def sending(
         thread.join()
 
 
-def _newest(daemon: Daemon, after: int) -> tuple[int, TactileFrame | None]:
+def _newest(daemon: SensorSession, after: int) -> tuple[int, TactileFrame | None]:
     """Return the newest frame and its number, None where none comes; EndOfStream where the frames have ended."""
     try:
         return daemon.delivered.take(after, POLL_S)

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 import zenoh
 
 from gellight.base.errors import GellightError
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
@@ -45,7 +45,7 @@ def name_of_sensor(camera: Camera) -> str:
 class Publisher:
     """Publishes a daemon that was started; a context manager."""
 
-    def __init__(self, daemon: Daemon, *, name: str = "", lan: bool = False, config: Path | None = None) -> None:
+    def __init__(self, daemon: SensorSession, *, name: str = "", lan: bool = False, config: Path | None = None) -> None:
         """Publish `daemon` under `name`, by default that of its sensor; the rest: `network.publishing_session`."""
         self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
         self._until = ExitStack()

@@ -13,7 +13,7 @@ from typing import Self
 
 from gellight.base.errors import InputError
 from gellight.base.mailbox import Mailbox
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.reconstruction.force_file import read_force
@@ -52,7 +52,7 @@ class Recorder:
 
     def __init__(
         self,
-        daemon: Daemon,
+        daemon: SensorSession,
         path: Path,
         *,
         name: str = "",

@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import zenoh
 
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
@@ -60,7 +60,7 @@ class Ros2Publisher:
 
     def __init__(
         self,
-        daemon: Daemon,
+        daemon: SensorSession,
         router: str,
         *,
         name: str,

@@ -18,7 +18,7 @@ from math import nan
 
 import numpy as np
 
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.frames.point_cloud import points_of
 from gellight.photometric.ring_geometry import RingGeometry
@@ -38,7 +38,7 @@ Encode = Callable[[TactileFrame], bytes | None]
 class RosTopics:
     """The messages of one daemon."""
 
-    def __init__(self, daemon: Daemon, name: str, distance_mm: float = RingGeometry.camera_height_mm) -> None:
+    def __init__(self, daemon: SensorSession, name: str, distance_mm: float = RingGeometry.camera_height_mm) -> None:
         """Describe `daemon`; name: of the sensor, as ROS allows it, for the names of coordinate frames.
 
         distance_mm: from the gel to the camera, which the focal length of `camera_info` goes by.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.assembly import open_session
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.stream.calls import Press, Release, move
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
@@ -36,7 +36,7 @@ def connect(
 class Sensor(FrameSource):
     """A daemon in this process."""
 
-    def __init__(self, daemon: Daemon, *, every: bool = False, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, daemon: SensorSession, *, every: bool = False, patience_s: float = PATIENCE_S) -> None:
         """Start `daemon`, and stop it at the end."""
         super().__init__(patience_s=patience_s)
         self.daemon = daemon
@@ -57,7 +57,7 @@ class Sensor(FrameSource):
         self._until.close()
 
     def status(self) -> dict[str, object]:
-        """Return `Daemon.status`."""
+        """Return `SensorSession.status`."""
         return self.daemon.status()
 
     @property
@@ -66,15 +66,15 @@ class Sensor(FrameSource):
         return self.daemon.zeroed_bundle
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show colours on the LEDs, or the light of the bundle again (None); see `Daemon.light`."""
+        """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
         self.daemon.light(colours)
 
     def mode(self, mode: str) -> None:
-        """Go on in another mode; see `Daemon.change_mode`."""
+        """Go on in another mode; see `SensorSession.change_mode`."""
         self.daemon.change_mode(mode)
 
     def zero(self) -> None:
-        """Set the zero of the depth; see `Daemon.rezero`."""
+        """Set the zero of the depth; see `SensorSession.rezero`."""
         self.daemon.rezero()
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:

@@ -122,7 +122,7 @@ class FrameSource(ABC):
 
     @abstractmethod
     def status(self) -> dict[str, object]:
-        """Return what the daemon knows of the sensor; see `Daemon.status`."""
+        """Return what the daemon knows of the sensor; see `SensorSession.status`."""
 
     @property
     @abstractmethod

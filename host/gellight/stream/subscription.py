@@ -258,7 +258,7 @@ class Subscription(FrameSource):
         return replies[0].ok.payload.to_bytes()
 
     def status(self) -> dict[str, object]:
-        """Return `Daemon.status` of the daemon."""
+        """Return `SensorSession.status` of the daemon."""
         content: dict[str, object] = json.loads(self._ask(Status()))
         return content
 
@@ -275,15 +275,15 @@ class Subscription(FrameSource):
         return self._bundles[zero]
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show colours on the LEDs, or the light of the bundle again (None); see `Daemon.light`."""
+        """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
         self._ask(Light(colours=None if colours is None else [tuple(led) for led in np.asarray(colours).tolist()]))
 
     def mode(self, mode: str) -> None:
-        """Go on in another mode; see `Daemon.change_mode`."""
+        """Go on in another mode; see `SensorSession.change_mode`."""
         self._ask(Mode(mode=mode))
 
     def zero(self) -> None:
-        """Set the zero of the depth; see `Daemon.rezero`."""
+        """Set the zero of the depth; see `SensorSession.rezero`."""
         self._ask(Zero())
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:

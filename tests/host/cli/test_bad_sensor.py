@@ -27,6 +27,7 @@ from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.opencv_camera import OpenCvCamera
 from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.sensor_bench import Bench
+from tests.helpers.sessions import session_of
 from tests.helpers.settings import loaded
 
 
@@ -248,7 +249,6 @@ def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_a_frame_from_before_is_not_delivered_after_the_sensor_came_back() -> None:
     """A reconstruction that was under way when the sensor went is worthless, however late it is done."""
-    from gellight.daemon.daemon import Daemon
     from gellight.frames.camera import ReconnectingError
     from tests.helpers.scripted_camera import CountingReconstructor, ScriptedCamera
 
@@ -267,7 +267,7 @@ def test_a_frame_from_before_is_not_delivered_after_the_sensor_came_back() -> No
     camera = ScriptedCamera(leaving, period_s=0.002)
     parts: Any = camera, reconstructor
     delivered: list[int] = []
-    with Daemon(*parts) as daemon:
+    with session_of(*parts) as daemon:
         put = daemon._threads.delivered.put
 
         def noting(frame: Any) -> None:

@@ -17,8 +17,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
-from gellight.daemon.daemon import Daemon
 from gellight.daemon.frame_threads import SharedCamera
+from gellight.daemon.session import SensorSession
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
@@ -26,6 +26,7 @@ from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_calibration import snapshot
 from tests.helpers.scripted_camera import flat_camera
+from tests.helpers.sessions import session_of
 
 SHAPE = flat_camera().image_shape
 
@@ -61,10 +62,10 @@ class ScriptedRoutine:
 
 
 @pytest.fixture
-def daemon(tmp_path: Path) -> Iterator[Daemon]:
+def daemon(tmp_path: Path) -> Iterator[SensorSession]:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
     camera: Any = flat_camera(period_s=0.005)
-    with Daemon(camera, Reconstructor(bundle), watch=SensorWatch(bundle)) as daemon:
+    with session_of(camera, Reconstructor(bundle), watch=SensorWatch(bundle)) as daemon:
         yield daemon
 
 
@@ -74,7 +75,7 @@ def routines() -> list[ScriptedRoutine]:
 
 
 @pytest.fixture
-def service(daemon: Daemon, tmp_path: Path, routines: list[ScriptedRoutine]) -> Iterator[Service]:
+def service(daemon: SensorSession, tmp_path: Path, routines: list[ScriptedRoutine]) -> Iterator[Service]:
     def make_routine(request: Request, install: Callable[[Bundle], object]) -> ScriptedRoutine:
         routines.append(ScriptedRoutine(request, install))
         return routines[-1]
@@ -103,7 +104,7 @@ def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(
 
 
 def test_what_a_calibration_needs_is_listed_before_and_not_while_it_goes_on(
-    service: Service, daemon: Daemon, routines: list[ScriptedRoutine], monkeypatch: pytest.MonkeyPatch
+    service: Service, daemon: SensorSession, routines: list[ScriptedRoutine], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     daemon.wait_frame(1, 10)
     listed = {need.name: need for need in service.state().needs}
@@ -125,7 +126,7 @@ def test_what_a_calibration_needs_is_listed_before_and_not_while_it_goes_on(
 
 
 def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
-    service: Service, daemon: Daemon, routines: list[ScriptedRoutine], tmp_path: Path
+    service: Service, daemon: SensorSession, routines: list[ScriptedRoutine], tmp_path: Path
 ) -> None:
     service.begin(Request(presses=12))
     assert routines[0].request.presses == 12
@@ -145,7 +146,7 @@ def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
 
 
 def test_what_does_not_pass_leaves_the_stream_as_it_was(
-    service: Service, daemon: Daemon, routines: list[ScriptedRoutine], tmp_path: Path
+    service: Service, daemon: SensorSession, routines: list[ScriptedRoutine], tmp_path: Path
 ) -> None:
     before = daemon.bundle.identity
     service.begin(Request())
@@ -160,7 +161,7 @@ def test_what_does_not_pass_leaves_the_stream_as_it_was(
 
 
 def test_the_watch_rests_while_a_calibration_goes_on(
-    service: Service, daemon: Daemon, routines: list[ScriptedRoutine]
+    service: Service, daemon: SensorSession, routines: list[ScriptedRoutine]
 ) -> None:
     assert daemon.watch is not None
     service.begin(Request())
@@ -175,7 +176,7 @@ def test_the_watch_rests_while_a_calibration_goes_on(
     assert service.state().routine == {"step": "finished"}
 
 
-def test_leaving_the_service_stops_what_goes_on(daemon: Daemon, tmp_path: Path) -> None:
+def test_leaving_the_service_stops_what_goes_on(daemon: SensorSession, tmp_path: Path) -> None:
     routine = ScriptedRoutine(Request(), lambda _: None)
     with Service(
         daemon, store=BundleStore(tmp_path), folder=tmp_path / "x", make_routine=lambda *_: routine
@@ -232,7 +233,7 @@ def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path
     camera = open_camera("sim://?board=0&fps=100", geometry=small)
     running = linear_bundle(tmp_path / "running", (120, 160))
     with (
-        Daemon(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon,
+        session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon,
         Service(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as service,
     ):
         sequence = daemon.wait_frame(0, 20).camera_frame.sequence

@@ -16,8 +16,7 @@ from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.calibration_service import ViewFile
-from gellight.daemon.daemon import Daemon
-from gellight.daemon.switched_camera import SwitchedCamera
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
@@ -27,6 +26,7 @@ from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.sessions import session_of
 
 SHAPE = (120, 160)
 VIEW = View.of_box((16, 16, 128, 96), SHAPE)
@@ -67,9 +67,9 @@ class SeeingRoutine:
 
 
 @pytest.fixture(params=[True])
-def daemon(request: pytest.FixtureRequest) -> Iterator[Daemon]:
-    camera: Any = SwitchedCamera(gel_camera(dots=request.param), lambda camera: camera)
-    with Daemon(camera, PicturePath(placeholder(SHAPE)), rebuild=Reconstructor) as daemon:
+def daemon(request: pytest.FixtureRequest) -> Iterator[SensorSession]:
+    camera: Any = gel_camera(dots=request.param)
+    with session_of(camera, PicturePath(placeholder(SHAPE))) as daemon:
         yield daemon
 
 
@@ -79,7 +79,7 @@ def routines() -> list[SeeingRoutine]:
 
 
 @pytest.fixture
-def service(daemon: Daemon, tmp_path: Path, routines: list[SeeingRoutine]) -> Iterator[Service]:
+def service(daemon: SensorSession, tmp_path: Path, routines: list[SeeingRoutine]) -> Iterator[Service]:
     def make_routine(request: Request, install: Callable[[Bundle], object]) -> Any:
         routines.append(SeeingRoutine(daemon.camera, install))
         return routines[-1]
@@ -91,7 +91,7 @@ def service(daemon: Daemon, tmp_path: Path, routines: list[SeeingRoutine]) -> It
             routine.over.set()
 
 
-def shape_soon(daemon: Daemon, shape: tuple[int, int]) -> bool:
+def shape_soon(daemon: SensorSession, shape: tuple[int, int]) -> bool:
     """Whether the frames have a shape (H, W) within some seconds."""
     until_s = time.monotonic() + 10
     while time.monotonic() < until_s:
@@ -101,7 +101,7 @@ def shape_soon(daemon: Daemon, shape: tuple[int, int]) -> bool:
 
 
 def test_the_calibration_and_the_page_see_the_view_without_its_dots(
-    service: Service, daemon: Daemon, routines: list[SeeingRoutine]
+    service: Service, daemon: SensorSession, routines: list[SeeingRoutine]
 ) -> None:
     assert service.state().picture == ""
     service.begin(Request(view=CHOSEN, dots=True))
@@ -118,7 +118,7 @@ def test_the_calibration_and_the_page_see_the_view_without_its_dots(
 
 
 def test_a_bundle_that_passed_keeps_its_view_in_service(
-    service: Service, daemon: Daemon, routines: list[SeeingRoutine], tmp_path: Path
+    service: Service, daemon: SensorSession, routines: list[SeeingRoutine], tmp_path: Path
 ) -> None:
     service.begin(Request(view=CHOSEN))
     made = verified_bundle(tmp_path / "made", sensor=service.sensor, shape=VIEW.image_shape)
@@ -142,7 +142,12 @@ def test_a_bundle_that_passed_keeps_its_view_in_service(
     (Request(dots=True), InputError, "no marker dots are seen"),
 ])  # fmt: skip
 def test_a_wrong_choice_is_told_and_changes_nothing(
-    service: Service, daemon: Daemon, routines: list[SeeingRoutine], wrong: Request, error: type[Exception], says: str
+    service: Service,
+    daemon: SensorSession,
+    routines: list[SeeingRoutine],
+    wrong: Request,
+    error: type[Exception],
+    says: str,
 ) -> None:
     with pytest.raises(error, match=says):
         service.begin(wrong)
@@ -178,7 +183,7 @@ def test_a_wrong_view_does_not_cost_the_interrupted_calibration(
     assert routines[0].seen.shape == (96, 128, 3)
 
 
-def test_a_damaged_state_takes_the_view_back(service: Service, daemon: Daemon, tmp_path: Path) -> None:
+def test_a_damaged_state_takes_the_view_back(service: Service, daemon: SensorSession, tmp_path: Path) -> None:
     (tmp_path / "state").mkdir()
     (tmp_path / "state" / "state.json").write_text("{")
     with pytest.raises(BundleError, match="cannot be read"):
@@ -189,8 +194,8 @@ def test_a_damaged_state_takes_the_view_back(service: Service, daemon: Daemon, t
 
 def test_a_running_sensor_with_a_bundle_feels_again_when_nothing_came_of_it(tmp_path: Path) -> None:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
-    camera: Any = SwitchedCamera(gel_camera(dots=False), lambda camera: camera)
-    with Daemon(camera, Reconstructor(bundle)) as daemon:
+    camera: Any = gel_camera(dots=False)
+    with session_of(camera, Reconstructor(bundle)) as daemon:
         back = daemon.prepare(PictureSteps.with_view(VIEW))
         assert shape_soon(daemon, VIEW.image_shape)
         assert not daemon.bundle.calibrated

@@ -28,7 +28,7 @@ WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
         SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()), GROUPS, exposure_us=None
     ),
     PreparedCamera: lambda camera: PreparedCamera(camera, PictureSteps(image_width_px=48, image_height_px=32)),
-    SwitchedCamera: lambda camera: SwitchedCamera(camera, lambda sensor: sensor),
+    SwitchedCamera: SwitchedCamera,
     SeriesCamera: lambda camera: SeriesCamera(camera, GROUPS, exposure_us=None, frames=1),
 }
 ITS_OWN = {

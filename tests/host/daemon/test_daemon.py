@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.pipeline import Reconstructor
@@ -20,14 +20,15 @@ from gellight.watch.monitor import Zero
 from tests.helpers.linear_sensor import linear_bundle, reference_image
 from tests.helpers.scripted_camera import CountingReconstructor, ScriptedCamera, flat_camera
 from tests.helpers.scripted_ring import ScriptedRing
+from tests.helpers.sessions import session_of
 
 
-def daemon_of(camera: ScriptedCamera, reconstructor: CountingReconstructor | None = None) -> Daemon:
+def daemon_of(camera: ScriptedCamera, reconstructor: CountingReconstructor | None = None) -> SensorSession:
     parts: Any = camera, reconstructor or CountingReconstructor()
-    return Daemon(*parts)
+    return session_of(*parts)
 
 
-def follow(daemon: Daemon, seen: list[int]) -> None:
+def follow(daemon: SensorSession, seen: list[int]) -> None:
     """Note the sequence number of every frame, until the end is raised."""
     while True:
         seen.append(daemon.wait_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
@@ -61,8 +62,10 @@ def test_a_frame_that_is_being_read_when_the_light_changes_is_not_delivered() ->
     network.status = lambda: {"mode": "network"}  # type: ignore[method-assign]
     with daemon_of(camera, network) as daemon:
         assert reading.wait(10)
-        daemon.light(np.zeros((12, 3), np.uint8))
+        changing = threading.Thread(target=daemon.light, args=(np.zeros((12, 3), np.uint8),))
+        changing.start()
         gate.set()
+        changing.join(10)
         assert daemon.wait_frame(0, 10).camera_frame.sequence > 1
 
 
@@ -71,7 +74,7 @@ def test_the_pictures_of_files_wait_for_their_reader() -> None:
     camera.waits = True
     parts: Any = camera, CountingReconstructor()
     seen: list[int] = []
-    with Daemon(*parts, every=True) as daemon:
+    with session_of(*parts, every=True) as daemon:
         for _ in range(30):
             daemon.wait_frame(-1, 10)  # somebody else, such as the page, looks at the newest
             seen.append(daemon.next_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
@@ -147,7 +150,7 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
 def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: Path) -> None:
     camera: Any = flat_camera()
     bundle = linear_bundle(tmp_path / "bundle", (24, 32))
-    with Daemon(camera, Reconstructor(bundle)) as daemon:
+    with session_of(camera, Reconstructor(bundle)) as daemon:
         assert daemon.status()["calibration"] == {
             "sensor": bundle.manifest.sensor, "identity": bundle.identity, "verified": None, "force": None,
         }  # fmt: skip
@@ -160,7 +163,7 @@ def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path:
     first = linear_bundle(tmp_path / "first", (24, 32))
     second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
     camera: Any = flat_camera()
-    with Daemon(camera, Reconstructor(first)) as daemon:
+    with session_of(camera, Reconstructor(first)) as daemon:
         before = daemon.wait_frame(0, 10).camera_frame.sequence
         daemon.replace_bundle(second)
         assert daemon.wait_frame(before, 10).camera_frame.sequence > before, "the stream went on"
@@ -222,18 +225,18 @@ class ScriptedWatch:
 
 
 @pytest.fixture
-def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Daemon, ScriptedWatch]]:
-    monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[SensorSession, ScriptedWatch]]:
+    monkeypatch.setattr("gellight.daemon.session.PERIOD_S", 0.01)
     camera, watch = flat_camera(), ScriptedWatch()
     parts: Any = camera, Reconstructor(linear_bundle(tmp_path / "running", (24, 32)))
     scripted: Any = watch
-    with Daemon(*parts, watch=scripted) as daemon:
+    with session_of(*parts, watch=scripted) as daemon:
         watch.wait_looks(1)
         yield daemon, watch
 
 
 def test_a_zero_that_is_set_between_two_questions_of_the_watch_is_no_error(
-    watched: tuple[Daemon, ScriptedWatch],
+    watched: tuple[SensorSession, ScriptedWatch],
 ) -> None:
     daemon, watch = watched
     watch.worth.set()
@@ -257,7 +260,7 @@ def test_a_zero_that_is_set_between_two_questions_of_the_watch_is_no_error(
 
 
 def test_a_bundle_that_is_replaced_between_two_questions_of_the_watch_is_no_error(
-    watched: tuple[Daemon, ScriptedWatch], tmp_path: Path
+    watched: tuple[SensorSession, ScriptedWatch], tmp_path: Path
 ) -> None:
     daemon, watch = watched
     watch.worth.set()
@@ -276,7 +279,7 @@ def test_a_bundle_that_is_replaced_between_two_questions_of_the_watch_is_no_erro
     assert daemon.status()["error"] is None
 
 
-def test_an_error_of_the_watch_that_passed_leaves_the_status(watched: tuple[Daemon, ScriptedWatch]) -> None:
+def test_an_error_of_the_watch_that_passed_leaves_the_status(watched: tuple[SensorSession, ScriptedWatch]) -> None:
     daemon, watch = watched
     watch.failing = True
     watch.wait_looks(3)
@@ -302,7 +305,7 @@ def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.Monkey
         os, "sched_setscheduler", lambda thread, policy, param: given.append((thread, policy, param.sched_priority))
     )
     parts: Any = ScriptedCamera(period_s=0.01), CountingReconstructor()
-    with Daemon(*parts, realtime=True) as daemon:
+    with session_of(*parts, realtime=True) as daemon:
         daemon.wait_frame(0, 10)
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
     assert given == [(running[name], os.SCHED_FIFO, 10) for name in ("capture", "reconstruct")]
@@ -318,5 +321,5 @@ def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_close
     camera = ScriptedCamera(period_s=0.01)
     parts: Any = camera, CountingReconstructor()
     with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave out --realtime"):
-        Daemon(*parts, realtime=True).__enter__()
+        session_of(*parts, realtime=True).__enter__()
     assert camera.closed

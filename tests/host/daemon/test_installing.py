@@ -14,7 +14,8 @@ from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.assembly import open_session
-from gellight.daemon.installing import bundle_of, install, remember, restore, sensor_name
+from gellight.daemon.bundle_choice import bundle_of, sensor_name
+from gellight.daemon.installing import install, remember, restore
 from gellight.opening import open_camera
 from gellight.ring.light_ring import connect
 from tests.helpers.linear_sensor import verified_bundle

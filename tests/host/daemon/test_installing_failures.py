@@ -11,12 +11,13 @@ import pytest
 from gellight.base.errors import BundleError, GellightError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
-from gellight.daemon.daemon import Daemon
 from gellight.daemon.installing import install, restore
+from gellight.daemon.session import SensorSession
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import LitCamera
+from tests.helpers.sessions import session_of
 
 SENSOR = "E660C06213842F2A"
 
@@ -29,8 +30,8 @@ class Service:
         self.old = verified_bundle(folder / "old", sensor=SENSOR, rgb=(255, 200, 90), exposure_us=9000)
         self.new = verified_bundle(folder / "new", sensor=SENSOR, rgb=(80, 81, 82), exposure_us=12000)
         self.camera.adopt(self.old.controls, self.old.colours)
-        self.daemon = Daemon(self.camera, Reconstructor(self.old), watch=SensorWatch(self.old)) if streams else None
-        self.running: Daemon | None = None
+        self.daemon = session_of(self.camera, Reconstructor(self.old), watch=SensorWatch(self.old)) if streams else None
+        self.running: SensorSession | None = None
         install(self.old, sensor=SENSOR, store=self.store, camera=self.camera)
         self.running = self.daemon
         self.camera.failures.reset()
@@ -118,10 +119,10 @@ def test_a_network_that_cannot_be_run_changes_nothing(tmp_path: Path, monkeypatc
     service = Service(tmp_path, streams=True)
     before = service.state()
 
-    def broken(bundle: Bundle) -> Any:
+    def broken(*parts: Any) -> Any:
         raise BundleError("the network cannot be loaded")
 
-    monkeypatch.setattr(service.daemon, "_rebuild", broken)
+    monkeypatch.setattr("gellight.daemon.active_pipeline.path_for", broken)
     with pytest.raises(BundleError, match="cannot be loaded"):
         service.install(service.new)
     assert service.state() == before

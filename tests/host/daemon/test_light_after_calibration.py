@@ -13,12 +13,13 @@ from gellight.base.errors import CameraError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import LitCamera
+from tests.helpers.sessions import session_of
 
 WHITE = np.full((12, 3), 200, np.uint8)
 SENSOR = "E660C06213842F2A"
@@ -93,12 +94,12 @@ def running(camera: LitCamera, tmp_path: Path) -> Bundle:
 
 
 @pytest.fixture
-def daemon(camera: LitCamera, running: Bundle) -> Iterator[Daemon]:
-    with Daemon(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
+def daemon(camera: LitCamera, running: Bundle) -> Iterator[SensorSession]:
+    with session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
         yield daemon
 
 
-def served(daemon: Daemon, folder: Path, ending: Callable[[LightingRoutine], object]) -> CalibrationService:
+def served(daemon: SensorSession, folder: Path, ending: Callable[[LightingRoutine], object]) -> CalibrationService:
     def make(request: CalibrationRequest, install: Callable[[Bundle], object]) -> Any:
         return LightingRoutine(daemon.camera, install, ending)
 
@@ -112,7 +113,7 @@ def finish(service: CalibrationService) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_the_running_bundle_is_lit_again(daemon: Daemon, camera: LitCamera, tmp_path: Path, ending: str) -> None:
+def test_the_running_bundle_is_lit_again(daemon: SensorSession, camera: LitCamera, tmp_path: Path, ending: str) -> None:
     before = camera.setting()
     with served(daemon, tmp_path, ENDINGS[ending]) as service:
         service.begin(CalibrationRequest())
@@ -126,7 +127,7 @@ def test_the_running_bundle_is_lit_again(daemon: Daemon, camera: LitCamera, tmp_
 
 
 def test_an_installed_bundle_is_lit_after_the_calibration_that_made_it(
-    daemon: Daemon, camera: LitCamera, tmp_path: Path
+    daemon: SensorSession, camera: LitCamera, tmp_path: Path
 ) -> None:
     bundle = verified_bundle(tmp_path / "new", sensor=SENSOR, rgb=(80, 80, 80), exposure_us=20000)
     with served(daemon, tmp_path, lambda routine: routine.install(bundle)) as service:
@@ -137,7 +138,9 @@ def test_an_installed_bundle_is_lit_after_the_calibration_that_made_it(
     assert np.array_equal(camera.ring.lit, bundle.colours)
 
 
-def test_leaving_the_page_lights_the_running_bundle_again(daemon: Daemon, camera: LitCamera, tmp_path: Path) -> None:
+def test_leaving_the_page_lights_the_running_bundle_again(
+    daemon: SensorSession, camera: LitCamera, tmp_path: Path
+) -> None:
     before = camera.setting()
     with served(daemon, tmp_path, fail) as service:
         service.begin(CalibrationRequest())
@@ -145,7 +148,7 @@ def test_leaving_the_page_lights_the_running_bundle_again(daemon: Daemon, camera
 
 
 def test_a_routine_that_cannot_start_leaves_nothing_changed(
-    daemon: Daemon, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    daemon: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = camera.setting()
 
@@ -163,7 +166,7 @@ def test_a_routine_that_cannot_start_leaves_nothing_changed(
 
 
 def test_a_stopped_daemon_stays_dark(camera: LitCamera, running: Bundle, tmp_path: Path) -> None:
-    with Daemon(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
+    with session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
         service = served(daemon, tmp_path, lambda routine: None)
         service.begin(CalibrationRequest())
     finish(service)
@@ -174,7 +177,7 @@ def test_a_stopped_daemon_stays_dark(camera: LitCamera, running: Bundle, tmp_pat
 
 
 def test_lighting_that_fails_is_shown_and_tried_again(
-    daemon: Daemon, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    daemon: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gellight.daemon.calibration_service.RETRY_S", 0.05)
     monkeypatch.setattr("gellight.daemon.calibration_service.SETTLE_S", 0.05)
@@ -197,7 +200,7 @@ def test_lighting_that_fails_is_shown_and_tried_again(
 
 
 def test_a_sensor_that_does_not_say_how_it_is_set_can_be_calibrated_later(
-    daemon: Daemon, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    daemon: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def read(name: str) -> float:
         raise CameraError(f"{name} cannot be read")

@@ -8,8 +8,11 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.settings import load_settings
+from gellight.daemon import switched_camera
 from gellight.daemon.assembly import open_session
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.configuration import STILL, LightPlan
+from gellight.daemon.sensor_state import SensorState
+from gellight.daemon.session import SensorSession
 from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -23,13 +26,13 @@ HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
 
 
 @pytest.fixture
-def running(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[Daemon]:
+def running(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[SensorSession]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
     with open_session(load_settings({"sensor.url": HELD})) as daemon:
         yield daemon
 
 
-def test_another_program_changes_the_mode_and_the_frames_go_on(running: Daemon) -> None:
+def test_another_program_changes_the_mode_and_the_frames_go_on(running: SensorSession) -> None:
     with Publisher(running, name="changed") as publisher, subscribe(publisher.name, patience_s=60) as frames:
         before = frames.next_frame()
         assert before.exposures is None
@@ -56,24 +59,26 @@ def test_another_program_changes_the_mode_and_the_frames_go_on(running: Daemon) 
         assert frames.status()["watch"] is not None
 
 
-def test_a_mode_that_cannot_be_leaves_the_sensor_as_it_was(running: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mode_that_cannot_be_leaves_the_sensor_as_it_was(
+    running: SensorSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def without_lights(bundle: Any) -> Any:
         raise BundleError("it has no lights.json")
 
-    monkeypatch.setattr("gellight.daemon.modes.read_lights", without_lights)
+    monkeypatch.setattr("gellight.daemon.configuration.read_lights", without_lights)
     with pytest.raises(BundleError, match="no lights"):
         running.change_mode("photometric")
     assert running.mode == "network"
     assert running.wait_frame(-1, 60).exposures is None
-    running.lend()
+    running.begin_calibration()
     with pytest.raises(InputError, match="a calibration goes on"):
         running.change_mode("photometric")
-    running.take_back()
+    running.end_calibration()
 
 
-def test_a_daemon_that_was_put_together_for_one_mode_keeps_it() -> None:
+def test_a_bundle_without_lights_has_no_photometric_mode() -> None:
     daemon, _ = bump_daemon()
-    with pytest.raises(InputError, match="cannot be changed while it runs"):
+    with pytest.raises(BundleError, match=r"lights.json"):
         daemon.change_mode("photometric")
 
 
@@ -93,27 +98,32 @@ class Renumbering(CameraWrapper):
         self.released = True
 
 
-def test_the_numbers_go_on_and_what_was_in_front_is_released() -> None:
+IN_TURN, REFUSED = LightPlan(), LightPlan()
+
+
+def test_the_numbers_go_on_and_what_was_in_front_is_released(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Renumbering] = []
 
-    def equip(camera: Camera) -> Camera:
+    def equip(camera: Camera, light: LightPlan) -> Camera:
+        if light is STILL:
+            return camera
+        if light is REFUSED:
+            raise CameraError("no ring")
         made.append(Renumbering(camera))
         return made[-1]
 
     inner = ScriptedCamera()
-    camera = SwitchedCamera(inner, lambda sensor: sensor)
+    camera, dark = SwitchedCamera(inner), SensorState(controls={}, colours=None)
+    monkeypatch.setattr(switched_camera, "camera_for", equip)
     numbers = [camera.read().sequence for _ in range(3)]
-    camera.switch(equip, {}, None)
+    camera.switch(inner, IN_TURN, dark)
     numbers += [camera.read().sequence for _ in range(2)]
-    camera.switch(lambda sensor: sensor, {}, None)
+    camera.switch(inner, STILL, dark)
     numbers += [camera.read().sequence for _ in range(2)]
     assert numbers == [1, 2, 3, 4, 5, 6, 7]
     assert made[0].released
     assert len(inner.adopted) == 2
 
-    def refuse(sensor: Camera) -> Camera:
-        raise CameraError("no ring")
-
     with pytest.raises(CameraError, match="no ring"):
-        camera.switch(refuse, {}, None)
+        camera.switch(inner, REFUSED, dark)
     assert camera.read().sequence == 8

@@ -7,9 +7,11 @@ import pytest
 from gellight.base.errors import GellightError
 from gellight.base.settings import ReconstructionSettings, Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.daemon.assembly import reconstructor_for
+from gellight.daemon.active_pipeline import path_for
+from gellight.daemon.configuration import mode_config
 from gellight.lab.evaluation.simulated_presses import Bench, object_presses
 from gellight.lab.simulator.scene import Press
+from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.children import gellight
 
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
@@ -73,4 +75,7 @@ def test_the_bench_presses_every_object_once_and_needs_the_simulated_sensor(tmp_
 @pytest.mark.parametrize("wanted", [True, False])
 def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> None:
     settings = Settings(reconstruction=ReconstructionSettings(cast_shadows=wanted))
-    assert reconstructor_for(load_bundle("synthetic"), settings).cast_shadows is wanted
+    bundle = load_bundle("synthetic")
+    path = path_for(mode_config(bundle, settings), bundle)
+    assert isinstance(path, Reconstructor)
+    assert path.cast_shadows is wanted

@@ -1,4 +1,4 @@
-"""Daemon and session on a real sensor, its kernel and bus made of nothing."""
+"""A session on a real sensor, its kernel and bus made of nothing."""
 
 import time
 from collections.abc import Callable
@@ -10,10 +10,10 @@ import pytest
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.daemon import assembly
-from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import CameraFrame, TactileFrame
 from tests.helpers.scripted_camera import CountingReconstructor
 from tests.helpers.sensor_bench import Bench, Paced, lit_bundle
+from tests.helpers.sessions import session_of
 from tests.helpers.settings import loaded
 
 
@@ -50,7 +50,7 @@ def test_while_the_sensor_is_away_the_daemon_says_so_delivers_nothing_from_befor
     bench.plug("1-2", "GL0001")
     gated = Gated()
     reconstructor: Any = gated
-    with Daemon(Paced(bench.open("auto", bundle)), reconstructor) as daemon:
+    with session_of(Paced(bench.open("auto", bundle)), reconstructor) as daemon:
         shown = lambda: str(daemon.status()["error"])  # noqa: E731
         daemon.wait_frame(10, 10)
         gated.gate.clear()
@@ -80,7 +80,7 @@ def test_the_session_refuses_a_camera_of_another_size_and_leaves_the_leds_dark(
     bench: Bench, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.plug("1-2", "GL0001")
-    monkeypatch.setattr(assembly, "load_bundle", lambda name: bundle)
+    monkeypatch.setattr("gellight.daemon.bundle_choice.load_bundle", lambda name: bundle)
     monkeypatch.setattr(assembly, "open_camera", lambda url, geometry, bundle: bench.open(url, bundle))
     settings = loaded({"sensor.url": "auto?width=640&height=480", "sensor.calibration": "synthetic"})
     with pytest.raises(BundleError, match=r"delivers 640x480 pixels, the calibration .* is for 32x24"):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.daemon.daemon import Daemon
 from gellight.frames.camera import ReconnectingError
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
@@ -17,6 +16,7 @@ from gellight.sensor.set_and_light import SETTLING_FRAMES, set_and_light
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
+from tests.helpers.sessions import session_of
 
 GEOMETRY = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
 URL = "sim://?programme=0&noise=0&fps=200"
@@ -29,7 +29,7 @@ def test_frames_are_wholly_under_what_was_asked_also_while_a_daemon_reads_the_ca
     """The colours of 20 lights, changed as fast as it goes: no frame of the light before, and none that saw both."""
     camera = open_camera(URL, geometry=GEOMETRY)
     pure = {light: set_and_light(camera, {}, colours)[0].image for light, colours in (("red", RED), ("blue", BLUE))}
-    with Daemon(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
+    with session_of(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
         for light, colours in itertools.islice(itertools.cycle((("red", RED), ("blue", BLUE))), 20):
             for frame in set_and_light(daemon.camera, {}, colours, frames=2):
                 assert frame.light is not None
@@ -40,7 +40,7 @@ def test_frames_are_wholly_under_what_was_asked_also_while_a_daemon_reads_the_ca
 
 def test_controls_act_in_the_frames_that_are_returned_also_beside_a_daemon(tmp_path: Path) -> None:
     camera = open_camera(URL, geometry=GEOMETRY)
-    with Daemon(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
+    with session_of(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
         (bright,) = set_and_light(daemon.camera, {"exposure_us": 8000.0}, RED)
         (dim,) = set_and_light(daemon.camera, {"exposure_us": 4000.0}, RED)
         (dark,) = set_and_light(daemon.camera, {}, None)

@@ -3,17 +3,18 @@
 import threading
 import time
 from dataclasses import replace
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, BundleError, CameraError, ConfigError
-from gellight.base.settings import LightingSettings, ReconstructionSettings
-from gellight.bundle.bundle import load_bundle
-from gellight.daemon import modes
-from gellight.daemon.modes import LONGEST_US, bright_exposure_us, frame_path, tactile_camera
+from gellight.base.settings import LightingSettings, ReconstructionSettings, Settings
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.daemon import front_camera
+from gellight.daemon.configuration import PathKind, mode_config
+from gellight.daemon.front_camera import LONGEST_US, bright_exposure_us, camera_for
 from gellight.frames.camera import ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame
 from gellight.photometric.light_model import LightGroups
@@ -21,6 +22,7 @@ from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, clock_error_s
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera
+from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import GROUPS, RING, Gel
@@ -156,16 +158,17 @@ def test_the_exposure_is_as_bright_as_the_camera_can_show_and_no_longer_than_a_f
     assert bright_exposure_us(fake_camera(), replace(model, exposure_us=None)) is None
 
 
-def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_lights() -> None:
-    inner, network = fake_camera(), SimpleNamespace()
-    bundle: Any = SimpleNamespace(files={}, source="bundle")
-    settings = ReconstructionSettings()
-    assert frame_path(bundle, settings, network) is network  # type: ignore[arg-type]
-    assert tactile_camera(inner, bundle, settings) is inner
+def in_mode(mode: Any, bundle: Bundle | None = None, **lighting: Any) -> Any:
+    settings = Settings(reconstruction=ReconstructionSettings(mode=mode), lighting=LightingSettings(**lighting))
+    return mode_config(bundle or load_bundle("synthetic"), settings)
+
+
+def test_network_mode_leaves_the_camera_alone_and_photometric_mode_needs_the_lights(tmp_path: Path) -> None:
+    inner, config = fake_camera(), in_mode("network")
+    assert config.path is PathKind.NETWORK
+    assert camera_for(inner, config.light) is inner
     with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
-        frame_path(bundle, ReconstructionSettings(mode="photometric"), network)  # type: ignore[arg-type]
-    with pytest.raises(BundleError, match=r"bundle has no lights.json.*gellight calibrate lights"):
-        tactile_camera(inner, bundle, ReconstructionSettings(mode="photometric"))
+        in_mode("photometric", linear_bundle(tmp_path / "bundle"))
 
 
 @pytest.mark.parametrize(
@@ -176,17 +179,15 @@ def test_network_mode_leaves_camera_and_path_alone_and_the_others_need_the_light
     ],
 )
 def test_a_sequence_that_does_not_go_with_the_mode_is_refused(mode: Any, lighting: Any, said: str) -> None:
-    settings, bundle = ReconstructionSettings(mode=mode), load_bundle("synthetic")
     with pytest.raises(ConfigError, match=said):
-        tactile_camera(fake_camera(), bundle, settings, LightingSettings(**lighting))
+        in_mode(mode, **lighting)
 
 
 def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
     inner = fake_camera()
     inner.mode = LightMode.EXT  # type: ignore[attr-defined]
-    monkeypatch.setattr(modes, "SequencedCamera", lambda camera, groups, mode: camera)
-    settings, lighting = ReconstructionSettings(mode="photometric"), LightingSettings(light_mode="ext")
-    camera = tactile_camera(inner, load_bundle("synthetic"), settings, lighting)
+    monkeypatch.setattr(front_camera, "SequencedCamera", lambda camera, groups, mode: camera)
+    camera = camera_for(inner, in_mode("photometric", light_mode="ext").light)
     assert isinstance(camera, WindowCamera)
     assert inner.controls is not None
     timing = timing_of(inner)
@@ -196,10 +197,7 @@ def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(mon
     assert hold_frames(longer, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 2
 
 
-def test_a_sequence_needs_a_ring() -> None:
-    for settings in (ReconstructionSettings(), ReconstructionSettings(mode="photometric")):
-        with pytest.raises(CameraError, match="no light ring"):
-            tactile_camera(
-                fake_camera(ring=None), load_bundle("synthetic"), settings,
-                LightingSettings(sequence="rgb", light_mode="free"),
-            )  # fmt: skip
+@pytest.mark.parametrize("mode", ["network", "photometric"])
+def test_a_sequence_needs_a_ring(mode: str) -> None:
+    with pytest.raises(CameraError, match="no light ring"):
+        camera_for(fake_camera(ring=None), in_mode(mode, sequence="rgb", light_mode="free").light)

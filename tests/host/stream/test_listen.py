@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gellight.base.errors import StreamError
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream, ReconnectingError
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.stream.publisher import Publisher
@@ -18,6 +18,7 @@ from gellight.stream.sensor import Sensor
 from gellight.stream.source import FrameSource, NoFrameError
 from gellight.stream.subscription import subscribe
 from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.sessions import session_of
 from tests.helpers.streamed import BumpReconstructor, bump_daemon
 
 PATIENCE_S = 0.2
@@ -39,13 +40,13 @@ class PluggedCamera(ScriptedCamera):
 
 
 @contextmanager
-def in_this_process(daemon: Daemon) -> Iterator[FrameSource]:
+def in_this_process(daemon: SensorSession) -> Iterator[FrameSource]:
     with Sensor(daemon, patience_s=PATIENCE_S) as frames:
         yield frames
 
 
 @contextmanager
-def in_another(daemon: Daemon) -> Iterator[FrameSource]:
+def in_another(daemon: SensorSession) -> Iterator[FrameSource]:
     with daemon, Publisher(daemon), subscribe(patience_s=PATIENCE_S) as frames:
         yield frames
 
@@ -62,11 +63,11 @@ def newest_of(queue: "SimpleQueue[Any]") -> Any:
 
 
 @pytest.mark.parametrize("opened", [in_this_process, in_another])
-def test_a_callback_outlives_an_absence_of_the_sensor_and_is_told_of_it(opened: Callable[[Daemon], Any]) -> None:
+def test_a_callback_outlives_an_absence_of_the_sensor_and_is_told_of_it(opened: Callable[[SensorSession], Any]) -> None:
     camera: Any = PluggedCamera()
     seen: SimpleQueue[TactileFrame] = SimpleQueue()
     told: SimpleQueue[Exception] = SimpleQueue()
-    with opened(Daemon(camera, BumpReconstructor())) as frames:
+    with opened(session_of(camera, BumpReconstructor())) as frames:
         frames.listen(seen.put, told.put)
         next_of(seen)
         for _ in range(2):
@@ -87,7 +88,7 @@ def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(caplog: pytest.L
     def said() -> list[str]:
         return [record.message for record in caplog.records if record.name == "gellight.stream.source"]
 
-    with in_this_process(Daemon(camera, BumpReconstructor())) as frames:
+    with in_this_process(session_of(camera, BumpReconstructor())) as frames:
         frames.listen(seen.put)
         for absences in (1, 2):
             newest_of(seen)

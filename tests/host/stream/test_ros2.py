@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from gellight.base.errors import StreamError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import published
-from gellight.daemon.daemon import Daemon
+from gellight.daemon.session import SensorSession
 from gellight.frames.point_cloud import points_of
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
 from tests.helpers.children import run
@@ -204,6 +204,6 @@ def test_the_points_lie_on_the_gel_right_handed() -> None:
 
 
 def test_where_no_router_answers_that_is_told() -> None:
-    daemon: Daemon = bump_daemon()[0]
+    daemon: SensorSession = bump_daemon()[0]
     with daemon, pytest.raises(StreamError, match="no connection"):
         Ros2Publisher(daemon, "tcp/127.0.0.1:1", name="finger").__enter__()

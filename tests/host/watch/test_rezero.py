@@ -7,7 +7,6 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.daemon.daemon import Daemon
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
@@ -20,6 +19,7 @@ from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
 from sim_reference.objects import PROBES, ObjectParameters
 from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.sessions import session_of
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
 
 New = Callable[[int], WatchedSensor]
@@ -188,9 +188,9 @@ def fading_camera(sensor: WatchedSensor, to: float, frames: int) -> ScriptedCame
 def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
     new_sensor: New, synthetic: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gellight.daemon.daemon.PERIOD_S", 0.01)
+    monkeypatch.setattr("gellight.daemon.session.PERIOD_S", 0.01)
     camera = fading_camera(new_sensor(2500), 0.97, 160)
-    with Daemon(camera, Reconstructor(synthetic), watch=SensorWatch(synthetic)) as daemon:
+    with session_of(camera, Reconstructor(synthetic), watch=SensorWatch(synthetic)) as daemon:
         frame = daemon.wait_frame(0, 10)
         while frame.camera_frame.sequence < 200 or np.abs(frame.depth_mm).mean() > 0.01:
             frame = daemon.wait_frame(frame.camera_frame.sequence, 10)
@@ -204,5 +204,5 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
 
 def test_a_daemon_without_a_watch_cannot_set_its_zero(synthetic: Bundle, new_sensor: New) -> None:
     camera = fading_camera(new_sensor(2600), 1.0, 2)
-    with Daemon(camera, Reconstructor(synthetic)) as daemon, pytest.raises(InputError, match="not watched"):
+    with session_of(camera, Reconstructor(synthetic)) as daemon, pytest.raises(InputError, match="not watched"):
         daemon.rezero()

@@ -10,7 +10,8 @@ from gellight.bundle.bundle import load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.cli.advice import typeable
 from gellight.cli.options import AsJson, Sensor
-from gellight.daemon.installing import Installed, install, restore, sensor_name
+from gellight.daemon.bundle_choice import sensor_name
+from gellight.daemon.installing import Installed, install, restore
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 

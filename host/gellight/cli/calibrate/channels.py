@@ -12,7 +12,7 @@ from gellight.base.settings import load_settings
 from gellight.cli.calibrate.directions import Pictures
 from gellight.cli.calibrate.training import SizedTraining, progress_bar
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
-from gellight.daemon.installing import sensor_name
+from gellight.daemon.bundle_choice import sensor_name
 from gellight.lab.calibration.choices import RING_COLOURS
 from gellight.lab.calibration.preparing import full_colours
 from gellight.lab.optics.lights.ball_series import LitBalls

@@ -20,7 +20,8 @@ from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
-from gellight.daemon.installing import install, sensor_name
+from gellight.daemon.bundle_choice import sensor_name
+from gellight.daemon.installing import install
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PreparedCamera, chosen_steps
 from gellight.frames.view import read_view

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from gellight.base.errors import InputError
 from gellight.base.settings import Settings
-from gellight.daemon.assembly import chosen_bundle, reconstructor_for
+from gellight.daemon.active_pipeline import reconstructor_for
+from gellight.daemon.assembly import chosen_bundle
 from gellight.frames.frames import SelfCheckResult
 from gellight.opening import open_camera
 
@@ -25,7 +26,7 @@ def check_presses(settings: Settings) -> Iterator[tuple[str, SelfCheckResult]]:
     Raises InputError for a sensor into which nothing can be pressed.
     """
     bundle = chosen_bundle(settings)
-    reconstructor = reconstructor_for(bundle, settings)
+    reconstructor = reconstructor_for(bundle, settings.reconstruction)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         judge, stage = camera.selfcheck(bundle.pixel_size_mm), camera.stage
         if judge is None or stage is None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.daemon.modes import bright_exposure_of
+from gellight.daemon.front_camera import bright_exposure_of
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.evaluation.synthetic import NOISE_GREY, ball_presses
 from gellight.lab.simulator.scene import Press, Scene

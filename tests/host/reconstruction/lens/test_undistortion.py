@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError
-from gellight.base.settings import ReconstructionSettings
+from gellight.base.settings import ReconstructionSettings, Settings
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
-from gellight.daemon.modes import frame_path
+from gellight.daemon.configuration import mode_config
 from gellight.frames.frames import TactileFrame
 from gellight.lab.evaluation.frame_bench import frame_times
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord, has_lens
@@ -179,7 +179,7 @@ def test_a_lens_of_another_picture_size_is_refused(tmp_path: Path) -> None:
 def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Bundle, tmp_path: Path) -> None:
     bundle = load_bundle(with_lens(plain, tmp_path / "lens", BARREL).source)
     with pytest.raises(BundleError, match=r"has lens.json.*use network mode"):
-        frame_path(bundle, ReconstructionSettings(mode="photometric"), Reconstructor(bundle))
+        mode_config(bundle, Settings(reconstruction=ReconstructionSettings(mode="photometric")))
 
 
 def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:

@@ -13,7 +13,7 @@ from gellight.frames.camera import Camera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Setting:
+class SensorState:
     """The controls of a camera and the light of its ring."""
 
     controls: Mapping[str, float]
@@ -37,17 +37,17 @@ class Setting:
         """Return how the sensor was set when `bundle` was made; BundleError where a control is no number."""
         return cls(controls=bundle.controls, colours=bundle.colours)
 
-    def over(self, other: "Setting") -> Self:
+    def over(self, other: "SensorState") -> Self:
         """Return this, and `other` where this says nothing."""
         colours = other.colours if self.colours is None else self.colours
         return replace(self, controls={**other.controls, **self.controls}, colours=colours)
 
-    def apply(self, camera: Camera) -> "Setting":
+    def apply(self, camera: Camera) -> "SensorState":
         """Set and light the sensor like this; return how it was set before.
 
         Raises as `Camera.adopt`; then it is set as before. Where that fails too, the error says so.
         """
-        before = Setting.of(camera, self.controls)
+        before = SensorState.of(camera, self.controls)
         try:
             camera.adopt(self.controls, self.colours)
         except GellightError as error:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.daemon.setting import Setting
+from gellight.daemon.sensor_state import SensorState
 from tests.helpers.scripted_camera import LitCamera
 
-LIT = Setting(controls={"gain": 2.0}, colours=np.full((12, 3), 9, np.uint8))
+LIT = SensorState(controls={"gain": 2.0}, colours=np.full((12, 3), 9, np.uint8))
 
 
 def test_a_refused_light_is_taken_back() -> None:
