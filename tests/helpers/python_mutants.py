@@ -1,0 +1,118 @@
+"""Faults of Python code, drawn at random: one place of one file, changed in its text."""
+
+import ast
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+COMPARISONS = {
+    ast.Lt: ">=", ast.GtE: "<", ast.Gt: "<=", ast.LtE: ">", ast.Eq: "!=", ast.NotEq: "==",
+    ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
+}  # fmt: skip
+OPERATORS = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*", ast.Pow: "*", ast.Mod: "*"}
+NOT_CODE = ("annotation", "returns", "type_params", "decorator_list")
+"""fields of a node that say types, or what else no test can miss"""
+
+
+class Mutant(NamedTuple):
+    """A fault: in `file`, the characters from `begin` to `end` (bytes of UTF-8) become `new`."""
+
+    file: Path
+    line: int
+    begin: int
+    end: int
+    new: str
+
+    def planted(self) -> str:
+        """Return the source with the fault."""
+        source = self.file.read_bytes()
+        return (source[: self.begin] + self.new.encode() + source[self.end :]).decode()
+
+    def __str__(self) -> str:
+        """Say what becomes what, in one line."""
+        old = self.file.read_bytes()[self.begin : self.end].decode()
+        return f"{self.file}:{self.line}: {_short(old)} -> {_short(self.new)}"
+
+
+def draw(files: list[Path], count: int, seed: int) -> list[Mutant]:
+    """Draw so many different mutants; every place of every file is as likely."""
+    places = [mutant for file in sorted(files) for mutant in mutants_of(file)]
+    return random.Random(seed).sample(places, min(count, len(places)))
+
+
+def mutants_of(file: Path) -> list[Mutant]:
+    """Return every mutant of a file; none is in a docstring, a type hint, a message or a line of log."""
+    source = file.read_text()
+    starts = [0]
+    for line in source.encode().split(b"\n"):
+        starts.append(starts[-1] + len(line) + 1)
+
+    def mutant(node: ast.expr | ast.stmt, new: str) -> Mutant:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        begin, end = starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
+        return Mutant(file, node.lineno, begin, end, new)
+
+    return [mutant(node, new) for part in _code(ast.parse(source)) for node, new in _changes(part)]
+
+
+def _code(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
+    """Yield the expressions and statements that run and matter."""
+    for name, value in ast.iter_fields(node):
+        if name in NOT_CODE:
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if not isinstance(child, ast.AST) or _is_talk(child):
+                continue
+            if isinstance(child, ast.expr | ast.stmt):
+                yield child
+            yield from _code(child)
+
+
+def _is_talk(node: ast.AST) -> bool:
+    """Whether it is text for people: a docstring, an error, a line of log; or a type, or an import."""
+    if isinstance(node, ast.Expr):
+        called = node.value.func if isinstance(node.value, ast.Call) else None
+        logs = isinstance(called, ast.Attribute) and ast.unparse(called.value) == "logger"
+        return logs or isinstance(node.value, ast.Constant)
+    checks_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    return checks_types or isinstance(node, ast.Raise | ast.Import | ast.ImportFrom | ast.JoinedStr)
+
+
+def _changes(node: ast.expr | ast.stmt) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
+    """Yield what of a node may become what."""
+    match node:
+        case ast.Compare(ops=[only]) if type(only) in COMPARISONS:
+            yield node, _joined(node.left, COMPARISONS[type(only)], node.comparators[0])
+        case ast.BinOp() if type(node.op) in OPERATORS and not _has_text(node):
+            yield node, _joined(node.left, OPERATORS[type(node.op)], node.right)
+        case ast.BoolOp():
+            word = " or " if isinstance(node.op, ast.And) else " and "
+            yield node, f"({word.join(f'({ast.unparse(value)})' for value in node.values)})"
+        case ast.Constant(value=bool()):
+            yield node, str(not node.value)
+        case ast.Constant(value=int() | float()):
+            yield node, f"({node.value + 1!r})" if isinstance(node.value, int) else f"({2 * node.value + 1!r})"
+        case ast.UnaryOp(op=ast.Not() | ast.USub()):
+            yield node, f"({ast.unparse(node.operand)})"
+        case ast.If() | ast.IfExp() if not isinstance(node.test, ast.Compare | ast.UnaryOp):
+            yield node.test, f"(not ({ast.unparse(node.test)}))"
+        case ast.Return(value=ast.expr()) if ast.unparse(node.value) != "None":
+            yield node, "return None"
+        case ast.Expr(value=ast.Call() | ast.Await()) | ast.AugAssign() | ast.Break() | ast.Continue():
+            yield node, "pass"
+        case ast.Assign(targets=[ast.Attribute() | ast.Subscript()]):
+            yield node, "pass"
+
+
+def _joined(left: ast.expr, word: str, right: ast.expr) -> str:
+    return f"(({ast.unparse(left)}) {word} ({ast.unparse(right)}))"
+
+
+def _has_text(node: ast.AST) -> bool:
+    return any(isinstance(child, ast.Constant) and isinstance(child.value, str | bytes) for child in ast.walk(node))
+
+
+def _short(code: str) -> str:
+    return repr(" ".join(code.split()))[1:-1][:90]
