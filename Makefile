@@ -6,8 +6,8 @@ TORCH  ?= torch==2.13.0
 VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
-# processes that share the tests
-JOBS   ?= 2
+# processes that share the tests: one has the virtual machine, which mostly waits, the others a core each
+JOBS   ?= 3
 
 # a real press, beside the simulated ones
 REAL   := tests/data/real/three_lights
@@ -32,7 +32,7 @@ types: $(VENV)/.dev
 	$(BIN)/mypy
 
 pytest: $(VENV)/.dev | tools
-	$(BIN)/pytest --numprocesses $(JOBS) $(ARGS)
+	$(BIN)/pytest --numprocesses $(JOBS) --durations 20 $(ARGS)
 
 bench: $(VENV)/.dev
 	$(BIN)/gellight bench --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)

@@ -52,6 +52,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileS
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with what takes longest; leave out what needs hardware, or images that are not there."""
+    for gone in (name for name in LONGEST if not (TESTS / name).exists()):
+        raise pytest.UsageError(f"tests/conftest.py names {gone}, which is not there: say where it is")
     items.sort(key=place)
     for item in items:
         if item.get_closest_marker("hardware") and not config.getoption("--hardware"):
