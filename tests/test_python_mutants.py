@@ -61,6 +61,7 @@ def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
     tests = judges(CHECKOUT / "host/gellight/base/mailbox.py")
     assert tests[0] == "tests/host/base/test_mailbox.py"
     assert "tests/host/daemon/test_calibration_service.py" in tests
+    assert judges(CHECKOUT / "host/gellight/cli/ring.py")[0] == "tests/host/cli/test_ring.py", "by the command line"
     through_a_helper = judges(CHECKOUT / "host/gellight/lab/simulator/simulated_controls.py")
     assert "tests/host/daemon/test_installing_failures.py" in through_a_helper
     assert not any(test.startswith("tests/vm/") for test in tests + through_a_helper)

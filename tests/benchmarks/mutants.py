@@ -73,19 +73,21 @@ def reached_by(test: Path) -> frozenset[Path]:
 def judges(file: Path) -> list[str]:
     """Return the tests that import a file of the host: its own first, then those of its room, then the others.
 
-    Where none does, those that import a file that imports it.
+    Its own are named after it, and need not import it: a verb is tested through the command line. Where there are
+    none, those that import a file that imports it.
     """
     tests = [path for path in sorted((CHECKOUT / "tests").rglob("test_*.py"))
              if not str(path.relative_to(CHECKOUT)).startswith(TOO_SLOW)]  # fmt: skip
-    wanted, seen = {file}, {file}
-    while wanted and not (found := [test for test in tests if wanted & reached_by(test)]):
-        wanted = {other for other in (CHECKOUT / "host/gellight").rglob("*.py") if wanted & imported_by(other)} - seen
-        seen |= wanted
     room = file.relative_to(CHECKOUT / "host/gellight").parent
     own = CHECKOUT / "tests/host" / room
+    named = {own / f"test_{file.stem}.py"}
+    wanted, seen = {file}, {file}
+    while wanted and not (found := [test for test in tests if wanted & reached_by(test) or test in named]):
+        wanted = {other for other in (CHECKOUT / "host/gellight").rglob("*.py") if wanted & imported_by(other)} - seen
+        seen |= wanted
 
     def distance(test: Path) -> tuple[bool, bool, int]:
-        return test.stem != f"test_{file.stem}", own not in test.parents, len(reached_by(test))
+        return test not in named, own not in test.parents, len(reached_by(test))
 
     return [str(test.relative_to(CHECKOUT)) for test in sorted(found, key=distance)] if wanted else []
 
