@@ -26,6 +26,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
+from gellight.frames.status import SensorStatus
 from gellight.opening import REAL
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
@@ -122,9 +123,9 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
         print(json.dumps(summary) if as_json else table(summary))
 
 
-def tell(manager: ServiceManager, as_json: bool, status: Mapping[str, object]) -> None:
+def tell(manager: ServiceManager, as_json: bool, status: SensorStatus) -> None:
     """Print the status, and tell the service manager, where there is one, that the sensor works."""
-    manager.alive(int(str(status["frames"])), away=status["error"] is not None)
+    manager.alive(status["frames"], away=status["error"] is not None)
     print_status(status, as_json)
 
 
@@ -188,12 +189,19 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
         yield server.url
 
 
+class Summary(SensorStatus):
+    """The last status of a run, with the rate over all of it."""
+
+    indentation_mm: float
+    """the deepest of all frames"""
+
+
 def follow(
     daemon: SensorSession,
     frames: int,
-    show: Callable[[Mapping[str, object]], None] | None = None,
+    show: Callable[[SensorStatus], None] | None = None,
     patience_s: float = inf,
-) -> dict[str, object]:
+) -> Summary:
     """Follow the tactile frames until `frames` came (0: for ever); return the status with the figures of the run.
 
     show: is given the status every second. Raises what ends the run, and CameraError after `patience_s` without a
@@ -221,7 +229,7 @@ def follow(
     return {**daemon.status(), "frames": count, "fps": fps, "indentation_mm": round(deepest_mm, 4)}
 
 
-def print_status(status: Mapping[str, object], as_json: bool) -> None:
+def print_status(status: SensorStatus, as_json: bool) -> None:
     """Print the status: JSON to standard output, or one line for people on a terminal."""
     if as_json:
         print(json.dumps(status), flush=True)

@@ -22,6 +22,7 @@ from gellight.cli.one_sensor import STATUS_S, Running, follow, print_status, pub
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer
+from gellight.frames.status import SensorStatus
 from gellight.opening import REAL
 
 RESTART_S = 2.0
@@ -185,7 +186,7 @@ def work(settings: Settings, running: Running, reports: Connection) -> None:
 def _stream(settings: Settings, running: Running, reports: Connection) -> None:
     address = ""
 
-    def tell(status: Mapping[str, object]) -> None:
+    def tell(status: SensorStatus) -> None:
         reports.send(Report(address=address, status=status))
         print_status(status, as_json=False)
 

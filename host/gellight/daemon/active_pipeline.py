@@ -9,6 +9,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.daemon.configuration import ModeConfig, PathKind, photometric_groups
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, TactileFrame
+from gellight.frames.status import ForceStatus, TouchStatus
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.picture_path import PicturePath
@@ -108,14 +109,12 @@ class ActivePipeline:
         return replace(felt, provenance=provenance)
 
 
-def contact_summary(frame: TactileFrame) -> dict[str, object] | None:
-    """Return what a frame feels, ready for JSON; None without a calibration.
-
-    Keys: indentation_mm, area_mm2 and force: None where the bundle has no constant for it, or normal_n, error_n,
-    flags and largest_pressure_mpa.
-    """
+def contact_summary(frame: TactileFrame) -> TouchStatus | None:
+    """Return what a frame feels, ready for JSON; None without a calibration."""
     if isnan(frame.contact.indentation_mm):  # without a calibration nothing is felt
         return None
     force = frame.force
-    weighed = {**force.as_json(), "largest_pressure_mpa": float(force.pressure_mpa.max())} if force else None
+    weighed: ForceStatus | None = None
+    if force:
+        weighed = {**force.as_json(), "largest_pressure_mpa": float(force.pressure_mpa.max())}
     return {"indentation_mm": frame.contact.indentation_mm, "area_mm2": frame.contact.area_mm2, "force": weighed}

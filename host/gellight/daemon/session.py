@@ -28,6 +28,7 @@ from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
+from gellight.frames.status import SensorStatus, TouchStatus
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
@@ -300,7 +301,7 @@ class SensorSession:
             self._selfcheck_result = result
         return result
 
-    def touch(self) -> dict[str, object] | None:
+    def touch(self) -> TouchStatus | None:
         """Return what the newest frame feels, as `contact_summary`; None before the first frame."""
         try:
             _, frame = self._threads.delivered.take(0, 0.0)
@@ -308,15 +309,8 @@ class SensorSession:
             return None
         return contact_summary(frame)
 
-    def status(self) -> dict[str, object]:
-        """Return what is known of the sensor, ready for JSON.
-
-        Keys: sensor (URL), frames, fps, frame_age_ms {median, p95}, dropped, lost, repeated, stage_ms {stage: ms},
-        mode and what else the frame path says, selfcheck (None, or its figures by name, `passed`, and `bounds` by the
-        same names), touch (see `contact_summary`), calibration {sensor, identity, verified: None, or its errors on
-        fresh presses, force: None, or its constant and errors}, watch (None, or see `SensorWatch.status`), error (text
-        or None) and camera (what the camera says).
-        """
+    def status(self) -> SensorStatus:
+        """Return what is known of the sensor, ready for JSON."""
         result, camera, used = self._selfcheck_result, self._camera.status(), self._active
         return {
             "sensor": self._camera.url,

@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.status import FrameAge, FrameCounts
 
 WINDOW_S = 3.0
 """rates are taken over this long"""
@@ -48,14 +49,14 @@ class Statistics:
             return 0.0
         return (len({sequence for _, sequence in recent}) - 1) / (recent[-1][0] - recent[0][0])
 
-    def frame_age_ms(self) -> dict[str, float]:
+    def frame_age_ms(self) -> FrameAge:
         """Median and 95th percentile of the time from the exposure to the finished depth map."""
         if not self._ages_s:
             return {}
         median, p95 = np.percentile(np.array(list(self._ages_s)) * 1e3, [50, 95])
         return {"median": round(float(median), 2), "p95": round(float(p95), 2)}
 
-    def as_json(self, now_s: float) -> dict[str, object]:
+    def as_json(self, now_s: float) -> FrameCounts:
         """All of it, ready for JSON; times in ms are medians of wall time."""
         stages = {name: float(np.median(list(seconds))) * 1e3 for name, seconds in list(self._stages.items())}
         return {

@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frames.status import ForceFigures
+
 BEYOND_VIEW = "beyond_view"
 """flag of a force: the touch reaches the border of the view, so a part of it is missing"""
 HEAVIER = "heavier"
@@ -36,7 +38,7 @@ class Force:
         """
         return self.pressure_of()
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> ForceFigures:
         """Return the figures without the map, ready for JSON."""
         return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
 

@@ -104,3 +104,72 @@ class WatchStatus(TypedDict):
     gains: list[float] | None
     zeros: int
     look_ms: float | None
+
+
+class FrameAge(TypedDict, total=False):
+    """Time from the exposure to the finished depth map, ms; `{}` before the first frame."""
+
+    median: float
+    p95: float
+
+
+class FrameCounts(TypedDict):
+    """What became of the frames, and how fast they came."""
+
+    frames: int
+    fps: float
+    frame_age_ms: FrameAge
+    dropped: int
+    lost: int
+    repeated: int
+    stage_ms: dict[str, float]
+    """median wall time of each stage of the frame path"""
+
+
+class ForceFigures(TypedDict):
+    """Of the force in one frame, as `Force`."""
+
+    normal_n: float
+    error_n: float
+    flags: tuple[str, ...]
+
+
+class ForceStatus(ForceFigures):
+    """Of the force, with the largest value of its map."""
+
+    largest_pressure_mpa: float
+
+
+class TouchStatus(TypedDict):
+    """What the newest frame feels."""
+
+    indentation_mm: float
+    area_mm2: float
+    force: ForceStatus | None
+    """None where the bundle has no constant for it"""
+
+
+class CalibrationStatus(TypedDict):
+    """Of the bundle in use."""
+
+    sensor: str
+    identity: str
+    verified: dict[str, object] | None
+    """its mean errors on fresh presses"""
+    force: dict[str, float] | None
+    """its constant and errors"""
+
+
+class SensorStatus(PathStatus, FrameCounts):
+    """Of a running sensor: all that is known of it."""
+
+    sensor: str
+    """URL"""
+    selfcheck: dict[str, object] | None
+    """the figures of `SelfCheckResult` by name, with `passed` and `verdict`, and `bounds` by the same names"""
+    touch: TouchStatus | None
+    """None before the first frame, and without a calibration"""
+    calibration: CalibrationStatus
+    watch: WatchStatus | None
+    error: str | None
+    camera: CameraStatus

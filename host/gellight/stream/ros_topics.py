@@ -98,7 +98,7 @@ class RosTopics:
         status = self._daemon.status()
         watch = self._daemon.watch
         findings = [finding.text for finding in watch.findings()] if watch else []
-        error = str(status["error"] or "")
+        error = status["error"] or ""
         values = {name: str(status[name]) for name in ("fps", "frames", "lost", "dropped", "mode")}
         writer = CdrWriter().header(time.time(), "").put("I", 1).put("B", 2 if error else 1 if findings else 0)
         writer.string(f"gellight: {self._name}").string(error or "; ".join(findings) or "ok").string(self._name)

@@ -10,6 +10,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
+from gellight.frames.status import SensorStatus
 from gellight.stream.calls import Press, Release, move
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 
@@ -56,7 +57,7 @@ class Sensor(FrameSource):
     def _release_all(self) -> None:
         self._until.close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> SensorStatus:
         """Return `SensorSession.status`."""
         return self.daemon.status()
 

@@ -14,6 +14,7 @@ from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
+from gellight.frames.status import SensorStatus
 
 logger = logging.getLogger(__name__)
 PATIENCE_S = 10.0
@@ -121,8 +122,8 @@ class FrameSource(ABC):
     # ---- commands ----
 
     @abstractmethod
-    def status(self) -> dict[str, object]:
-        """Return what the daemon knows of the sensor; see `SensorSession.status`."""
+    def status(self) -> SensorStatus:
+        """Return what the daemon knows of the sensor."""
 
     @property
     @abstractmethod

@@ -19,6 +19,7 @@ from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
+from gellight.frames.status import SensorStatus
 from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import RunningDaemon, running
@@ -257,9 +258,9 @@ class Subscription(FrameSource):
             raise InputError(said)
         return replies[0].ok.payload.to_bytes()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> SensorStatus:
         """Return `SensorSession.status` of the daemon."""
-        content: dict[str, object] = json.loads(self._ask(Status()))
+        content: SensorStatus = json.loads(self._ask(Status()))
         return content
 
     @property
