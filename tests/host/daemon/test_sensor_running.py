@@ -1,7 +1,5 @@
 """A session on a real sensor, its kernel and bus made of nothing."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ from tests.helpers.scripted_camera import CountingReconstructor
 from tests.helpers.sensor_bench import Bench, Paced, lit_bundle
 from tests.helpers.sessions import session_of
 from tests.helpers.settings import loaded
+from tests.helpers.waiting import eventually
 
 
 @pytest.fixture
@@ -35,13 +34,6 @@ class Gated(CountingReconstructor):
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         self.holds = not self.gate.is_set()
         return super().reconstruct(frame)
-
-
-def eventually(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline, "did not happen"
-        time.sleep(0.002)
 
 
 def test_while_the_sensor_is_away_the_daemon_says_so_delivers_nothing_from_before_and_goes_on_when_it_is_back(

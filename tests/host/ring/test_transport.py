@@ -20,16 +20,9 @@ from gellight.lab.emulator.waveform import Light
 from gellight.ring.board_link import RefusedError
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import find_port, open_transport
+from tests.helpers.waiting import eventually
 
 RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))
-
-
-def eventually(condition, timeout_s: float = 20.0) -> None:
-    """Wait for something in the other process; only a hang makes this fail."""
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, "did not happen"
-        time.sleep(0.01)
 
 
 def is_lit(board: SimulatedBoard) -> bool:
