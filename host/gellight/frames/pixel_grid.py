@@ -1,7 +1,8 @@
-"""The grid of pixels: where they lie on the gel, and means over blocks of them."""
+"""The grid of pixels: where they lie on the gel, means over blocks of them, and what lies between their middles."""
 
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -47,6 +48,28 @@ def spread_blocks(blocks: NDArray[Any], side: int, image_shape: tuple[int, int])
     inside = np.repeat(np.repeat(blocks, side, axis=0), side, axis=1)[: image_shape[0], : image_shape[1]]
     pixels[: inside.shape[0], : inside.shape[1]] = inside
     return pixels
+
+
+def between_blocks(blocks: NDArray[np.float32], side: int, image_shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return the (H, W, ...) pixels that are linear between the middles of (h, w, ...) blocks of `side` pixels a side.
+
+    Beyond the outermost middles their values continue. The blocks cover the pixels.
+    """
+    size = blocks.shape[1] * side, blocks.shape[0] * side
+    pixels = cv2.resize(np.ascontiguousarray(blocks), size, interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(pixels[: image_shape[0], : image_shape[1]], np.float32)
+
+
+def bounding_box(marked: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
+    """Return rows and columns of the smallest rectangle around the marked (H, W) pixels, wider by `margin`.
+
+    Both slices are empty where nothing is marked.
+    """
+    left, top, width, height = cv2.boundingRect(np.ascontiguousarray(marked).view(np.uint8))
+    if not width:
+        return slice(0, 0), slice(0, 0)
+    rows, columns = ((max(first - margin, 0), first + n + margin) for first, n in ((top, height), (left, width)))
+    return slice(*rows), slice(*columns)
 
 
 def _sums(values: NDArray[Any], side: int, kind: DTypeLike) -> NDArray[Any]:

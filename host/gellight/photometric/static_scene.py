@@ -22,7 +22,7 @@ LIMIT_DEVIATIONS = 7.0
 MODEL_ERROR = 0.02
 """share of the signal by which near-field model and block means may be wrong on a scene at rest"""
 MOVED_BLOCKS = 8
-"""so many blocks have to misfit: what moves is larger, a steep edge is smaller"""
+"""this many blocks have to misfit: what moves is larger, a steep edge is smaller"""
 
 
 def change_of_repetition(first: NDArray[np.uint8], last: NDArray[np.uint8]) -> NDArray[np.float32]:

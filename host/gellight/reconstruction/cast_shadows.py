@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.pixel_grid import gel_points_mm
+from gellight.frames.pixel_grid import between_blocks, block_means, bounding_box, gel_points_mm
 from gellight.photometric.light_model import WHITE, LightGroups, LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
 from gellight.photometric.solver import Points, light_row
@@ -30,7 +30,6 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.lens.lens_file import has_lens
 
 Floats = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 EDGE_MM = 0.06
@@ -64,7 +63,7 @@ class CastShadows:
         self._cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self._cells = bundle.image_shape[0] // CELL_PX, bundle.image_shape[1] // CELL_PX
         self._points = np.moveaxis(gel_points_mm(self._cells, self._cell_mm), 2, 0).astype(np.float32)
-        self._reference = _cell_means(bundle.reference.astype(np.float32), self._cells).reshape(-1, 3)
+        self._reference = block_means(bundle.reference.astype(np.float32), CELL_PX).reshape(-1, 3)
         self._shares = _shares(model, self._cells).reshape(3, len(self._leds), -1)
         x, y = (led[:, None, None] - at for led, at in zip(self._leds.T, self._points, strict=False))
         self._farthest_mm = np.hypot(x, y).max(axis=0)
@@ -85,18 +84,18 @@ class CastShadows:
 
         difference: (H, W, 3). depth_mm: (H, W) as found from `slopes`, (2, H, W), smoothed.
         """
-        depth = _cell_means(depth_mm, self._cells)
+        depth = block_means(depth_mm, CELL_PX)
         shadows = self.shadows(depth)
         if len(shadows.cell) < FEWEST_CELLS:
             return None
-        found = np.stack([_cell_means(plane, self._cells).ravel()[shadows.cell] for plane in slopes])
-        seen = _cell_means(difference, self._cells).reshape(-1, 3)[shadows.cell]
+        found = np.stack([block_means(plane, CELL_PX).ravel()[shadows.cell] for plane in slopes])
+        seen = block_means(difference, CELL_PX).reshape(-1, 3)[shadows.cell]
         planes = np.zeros((2, *self._cells), np.float32)
         planes.reshape(2, -1)[:, shadows.cell] = self._changed(seen, self.lost(shadows, depth, found), shadows.cell).T
         change = np.zeros((2, *depth_mm.shape), np.float32)
-        height, width = (CELL_PX * n for n in self._cells)
         for whole, plane in zip(change, planes, strict=True):
-            whole[:height, :width] = cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR)
+            pixels = between_blocks(plane, CELL_PX, whole.shape)
+            whole[: len(pixels), : pixels.shape[1]] = pixels
         return change
 
     def lost(self, shadows: Shadows, depth_mm: Floats, slope: Floats) -> Floats:
@@ -122,7 +121,7 @@ class CastShadows:
             return Shadows(np.zeros(0, np.intp), np.zeros((len(self._leds), 0), np.float32))
         longest_mm = np.ptp(depth_mm) / height_mm * self._farthest_mm.max()
         reach = int(np.ceil(longest_mm / min(self._cell_mm)))
-        box = _around(steep, reach)
+        box = bounding_box(steep, reach)
         patch = _Patch(*(values[box] for values in (depth_mm, across, down, *self._points)))
         hidden = np.zeros((len(self._leds), *self._cells), np.float32)
         for led, share in enumerate(hidden):
@@ -137,7 +136,7 @@ class CastShadows:
         away = facing < 0
         if not away.any():  # a smooth surface casts no shadow where all of it faces the light
             return
-        box = _around(away, reach)
+        box = bounding_box(away, reach)
         x, y, z, facing = (values[box] for values in (x, y, z, facing))
         sideways = np.maximum(np.hypot(x, y), min(self._cell_mm))
         one = min(self._cell_mm) / sideways
@@ -182,21 +181,6 @@ def _least_ahead(stands: Floats, step_x: Floats, step_y: Floats, reach: int) -> 
         least = np.minimum(least, ahead(least, steps))
         steps *= 2
     return least
-
-
-def _cell_means(values: Floats, cells: tuple[int, int]) -> Floats:
-    """(H, W) to means over `cells` (h, w); pixels that fill no cell are left out."""
-    whole = values[: cells[0] * CELL_PX, : cells[1] * CELL_PX]
-    return np.asarray(cv2.resize(whole, cells[::-1], interpolation=cv2.INTER_AREA), np.float32)
-
-
-def _around(marked: Bools, margin: int) -> tuple[slice, slice]:
-    """Rows and columns of the bounding box of the marked cells, with a margin."""
-    left, top, width, height = cv2.boundingRect(marked.view(np.uint8))
-    rows, columns = (
-        slice(max(start - margin, 0), start + size + margin) for start, size in ((top, height), (left, width))
-    )
-    return rows, columns
 
 
 def _shares(model: LightModel, cells: tuple[int, int]) -> Floats:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.frames.frames import Contact, Patch
-from gellight.frames.pixel_grid import pixel_size_xy
+from gellight.frames.pixel_grid import bounding_box, pixel_size_xy
 
 THRESHOLD_MM = 0.02
 """Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""
@@ -73,12 +73,9 @@ def measure_patches(
     """
     size_x, size_y = pixel_size_xy(pixel_size_mm)
     middle = [(length - 1) / 2 for length in mask.shape]
-    touched = [np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0)]
-    if not len(touched[0]):
-        return []
     # All of it in the part around them: to look through the whole map takes several times as long.
-    top, left = (where[0] for where in touched)
-    part = tuple(slice(where[0], where[-1] + 1) for where in touched)
+    part = bounding_box(mask)
+    top, left = (side.start for side in part)
     depth_mm, gradient_map = depth_mm[part], gradient_map[part]
     labels, _ = ndimage.label(mask[part], structure=_NEIGHBOURS)
     patches = []

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
-from gellight.frames.pixel_grid import block_means, spread_blocks
+from gellight.frames.pixel_grid import block_means, bounding_box, spread_blocks
 from gellight.reconstruction.contact import THRESHOLD_MM
 
 Array = NDArray[np.float64]
 
 CELLS_A_THICKNESS = 10
 HEAVIER_BY = 1.25
-"""a force larger than so many times the heaviest of the calibration is flagged"""
+"""a force larger than this multiple of the heaviest of the calibration is flagged"""
 MARGIN = 3.0
 """thicknesses of gel around the touch: the transform repeats it, and its neighbours must not be felt"""
 _MOST_STEPS = 100
@@ -78,9 +78,8 @@ def indenting(depth_mm: NDArray[np.floating], pixel_size_mm: tuple[float, float]
     size_mm = pixel_size_mm[0] * side, pixel_size_mm[1] * side
     pressed = depth > THRESHOLD_MM
     pressure = np.zeros_like(depth)
-    rows, columns = (np.flatnonzero(pressed.any(axis=axis)) for axis in (1, 0))
-    if len(rows):
-        part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    if pressed.any():
+        part = bounding_box(pressed)
         pressure[part] = _pressure(depth[part], pressed[part], size_mm, layer)
     border = np.concatenate([pressure[[0, -1]].ravel(), pressure[:, [0, -1]].ravel()])
     return Indenting(

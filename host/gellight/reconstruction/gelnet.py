@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gellight.frames.pixel_grid import block_means, spread_blocks
+from gellight.frames.pixel_grid import between_blocks, block_means, spread_blocks
 from gellight.reconstruction.image_noise import SIGNIFICANT, RestChange
 from gellight.reconstruction.network_session import NetworkSession
 
@@ -76,7 +76,7 @@ class GradientNetwork:
         rows, columns = np.indices(image_shape, dtype=np.float32)
         self.position = np.stack([columns.ravel(), rows.ravel()], axis=1)  # (H * W, 2) x, y in px
         self.zero = self.infer(np.zeros((len(self.position), 3), np.float32), self.position)
-        self.coarse_position, *self._to_pixels = _coarse_grid(image_shape)
+        self.coarse_position = block_middles(image_shape, COARSE_PX)
         self.coarse_zero = self.infer(np.zeros((len(self.coarse_position), 3), np.float32), self.coarse_position)
 
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
@@ -125,9 +125,8 @@ class GradientNetwork:
 
     def spread(self, slopes: Floats) -> Floats:
         """Slopes (h * w, 2) of all means of 8 x 8 pixels to those of pixels (H, W, 2), linear in between."""
-        to_rows, to_columns = self._to_pixels
-        tall: Floats = to_rows @ slopes.reshape(to_rows.shape[1], -1)
-        return to_columns @ tall.reshape(len(to_rows), -1, 2)
+        height, width = (-(-n // COARSE_PX) for n in self.image_shape)
+        return between_blocks(slopes.reshape(height, width, 2), COARSE_PX, self.image_shape)
 
     def infer(self, pixels: Floats, position: Floats, chosen: NDArray[np.intp] | None = None) -> Floats:
         """Run (N, 3) differences at (N, 2) positions, or the chosen ones of them, in blocks."""
@@ -149,18 +148,10 @@ class GradientNetwork:
             )
 
 
-def _coarse_grid(image_shape: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
-    """Positions (N, 2) of the centres of the coarse cells, px, and the matrices that interpolate them to pixels."""
-    matrices, centres = [], []
-    for pixels in image_shape:
-        cells = -(-pixels // COARSE_PX)
-        centres.append(np.arange(cells, dtype=np.float32) * COARSE_PX + (COARSE_PX - 1) / 2)
-        weights = 1 - np.abs(np.arange(pixels)[:, None] - centres[-1][None]) / COARSE_PX
-        # Beyond the outermost centres the last value continues.
-        weights = np.maximum(weights, 0)
-        matrices.append((weights / weights.sum(axis=1, keepdims=True)).astype(np.float32))
-    columns, rows = np.meshgrid(centres[1], centres[0])
-    return np.stack([columns.ravel(), rows.ravel()], axis=1), matrices[0], matrices[1]
+def block_middles(image_shape: tuple[int, int], side: int) -> Floats:
+    """Return x and y (h * w, 2) of the middles of blocks of `side` pixels a side that cover an image, px."""
+    rows, columns = (np.arange(-(-n // side), dtype=np.float32) * side + (side - 1) / 2 for n in image_shape)
+    return np.stack(np.meshgrid(columns, rows), axis=2).reshape(-1, 2).astype(np.float32)
 
 
 def _beyond(squares: list[Floats], limits: list[tuple[float, float]]) -> NDArray[np.bool_]:

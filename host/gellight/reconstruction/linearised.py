@@ -29,7 +29,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, cell_means
+from gellight.frames.pixel_grid import between_blocks, bounding_box, spread_blocks
+from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -56,12 +57,9 @@ class CellNetwork:
         """Take the network of the pixels."""
         self.network = network
         self.noise_grey = LIMIT_NOISE * network.at_rest.pixel_grey
-        self.shape = height, width = tuple(-(-n // CELL_PX) for n in network.image_shape)
-        rows, columns = np.indices((height, width), dtype=np.float32).reshape(2, -1)
-        middle = np.stack([columns, rows], axis=1) * CELL_PX + (CELL_PX - 1) / 2
-        self.middle = middle.astype(np.float32)
+        self.middle = block_middles(network.image_shape, CELL_PX)
         """(h * w, 2) x and y, px"""
-        self.zero = network.infer(np.zeros((len(middle), 3), np.float32), self.middle)
+        self.zero = network.infer(np.zeros((len(self.middle), 3), np.float32), self.middle)
         """(h * w, 2) what the network answers there to no difference"""
         nothing = np.zeros((len(network.coarse_position), 3), np.float32)
         self.at_rest = self._answer(np.concatenate([nothing, network.coarse_position], axis=1))[1]
@@ -74,9 +72,10 @@ class CellNetwork:
         """
         slopes = np.empty((*difference.shape[:2], 2), np.float32) if cells.all() else self._coarse_slopes(difference)
         near = _widened(cells)
-        box, inside = _box(near, difference.shape[:2])
+        box = bounding_box(near)
+        inside = tuple(slice(side.start * CELL_PX, side.stop * CELL_PX) for side in box)
         planes = self._planes(cell_means(difference, CELL_PX), near)[box]
-        mask = _spread(cells[box], difference[inside].shape[:2])
+        mask = spread_blocks(cells[box], CELL_PX, difference[inside].shape[:2])
         found, away = _blend(planes, difference[inside])
         np.copyto(slopes[inside], found, where=mask[..., None])
         rows, columns = np.nonzero(mask & _wrong(found, away, doubts(planes, near[box]), self.noise_grey))
@@ -130,11 +129,11 @@ class CellNetwork:
 
 def _blend(planes: Floats, difference: Floats) -> tuple[Floats, Floats]:
     """(h, w, 11) planes of cells and the (H, W, 3) difference to (H, W, 2) slopes, and |d - m| (H, W)."""
-    mean = _between(planes[..., 2:5], difference.shape)
+    mean = between_blocks(planes[..., 2:5], CELL_PX, difference.shape)
     argument = cv2.addWeighted(difference, 1, mean, -0.5, 0)
-    slopes = _between(planes[..., :2], difference.shape)
+    slopes = between_blocks(planes[..., :2], CELL_PX, difference.shape)
     for axis in (0, 1):
-        jacobian = _between(planes[..., 5 + 3 * axis : 8 + 3 * axis], difference.shape)
+        jacobian = between_blocks(planes[..., 5 + 3 * axis : 8 + 3 * axis], CELL_PX, difference.shape)
         slopes[..., axis] += cv2.transform(cv2.multiply(jacobian, argument, jacobian), _ALL_CHANNELS)
     red, green, blue = cv2.split(cv2.absdiff(difference, mean))
     return slopes, np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
@@ -143,7 +142,7 @@ def _blend(planes: Floats, difference: Floats) -> tuple[Floats, Floats]:
 def _wrong(slopes: Floats, away: Floats, doubt: Floats, noise_grey: float) -> Bools:
     """Mark the pixels whose (H, W, 2) slopes may be too wrong; away: |d - m| (H, W); doubt: of the cells, (h, w, 2)."""
     allowed, square = 1 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2, away**2
-    bend, misfit = (_spread(doubt[..., kind], away.shape) for kind in (0, 1))
+    bend, misfit = (spread_blocks(doubt[..., kind], CELL_PX, away.shape) for kind in (0, 1))
     return np.asarray((away > noise_grey) & (square**2 * bend > allowed) | (misfit > allowed))
 
 
@@ -194,7 +193,7 @@ def _far_from_blocks(means: Floats, blocks: Floats) -> Bools:
 
 def _from_blocks(blocks: Floats, means: Floats) -> Floats:
     """Planes of blocks (h2, w2, 11) to those of the cells in them, whose means (h, w, 3) are known."""
-    planes = _between(blocks, means.shape, 2)
+    planes = between_blocks(blocks, 2, means.shape)
     away = (means - planes[..., 2:5])[..., None, :] / 2
     planes[..., :2] += (planes[..., 5:].reshape(*means.shape[:2], 2, 3) * away).sum(axis=3)
     planes[..., 2:5] = means
@@ -204,25 +203,6 @@ def _from_blocks(blocks: Floats, means: Floats) -> Floats:
 def _widened(cells: Bools) -> Bools:
     """Cells, and their eight neighbours."""
     return cv2.dilate(cells.view(np.uint8), _NEIGHBOURS).view(np.bool_)
-
-
-def _between(cells: Floats, shape: tuple[int, ...], side: int = CELL_PX) -> Floats:
-    """(h, w, k) values at the middles of cells to (H, W, k), linear in between; beyond the outermost they continue."""
-    size = cells.shape[1] * side, cells.shape[0] * side
-    return np.asarray(cv2.resize(np.ascontiguousarray(cells), size)[: shape[0], : shape[1]], np.float32)
-
-
-def _box(near: Bools, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Bounding box of the cells, and the pixels in it."""
-    left, top, width, height = cv2.boundingRect(near.view(np.uint8))
-    box = slice(top, top + height), slice(left, left + width)
-    rows, columns = (slice(s.start * CELL_PX, min(s.stop * CELL_PX, n)) for s, n in zip(box, shape, strict=True))
-    return box, (rows, columns)
-
-
-def _spread(cells: NDArray[Any], shape: tuple[int, ...], side: int = CELL_PX) -> NDArray[Any]:
-    """(h, w, ...) cells to the (H, W, ...) pixels in them."""
-    return np.repeat(np.repeat(cells, side, axis=0), side, axis=1)[: shape[0], : shape[1]]
 
 
 def _joined(cells: Bools) -> Bools:

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frames.pixel_grid import bounding_box
 from gellight.reconstruction.integration import surface_gradient
 
 Floats = NDArray[np.float32]
@@ -138,10 +139,10 @@ class Smoother:
         surface is smooth over 19 pixels, and of 0.33 at a rim. where: (H, W) nothing is done outside the rectangle
         around these pixels, which saves time.
         """
-        box = _box(where, surface.shape)
-        if self.narrowest < 2 or box is None:
+        if self.narrowest < 2 or (where is not None and not where.any()):
             return
-        rows, columns = box
+        around = (slice(0, size) for size in surface.shape[:2]) if where is None else bounding_box(where)
+        rows, columns = box = tuple(slice(side.start // _CELL * _CELL, side.stop) for side in around)
         noise = noise[rows.start // _CELL : -(-rows.stop // _CELL), columns.start // _CELL : -(-columns.stop // _CELL)]
         noise = noise + np.finfo(np.float32).tiny
         self._add_wider(surface[box], noise * self._reconcile(surface[box], measured[box], noise))
@@ -186,17 +187,6 @@ def _noise_weight(seen: Floats, energy: float) -> Floats:
     """(h, w) share to which noise of this energy explains the difference `seen` (h, w, 2): 1 wholly, 0 not at all."""
     worst = np.maximum(seen[..., 0], seen[..., 1]) / np.float32(energy)
     return np.clip((_DIFFER - worst) / np.float32(_DIFFER - _AGREE), 0, 1)
-
-
-def _box(where: NDArray[np.bool_] | None, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
-    """Rows and columns of the bounding box of `where`, begun at a cell; None for an empty one."""
-    if where is None:
-        return slice(0, shape[0]), slice(0, shape[1])
-    spans = [np.flatnonzero(where.any(axis=axis)) for axis in (1, 0)]
-    if not len(spans[0]):
-        return None
-    rows, columns = (slice(int(span[0]) // _CELL * _CELL, int(span[-1]) + 1) for span in spans)
-    return rows, columns
 
 
 @cache

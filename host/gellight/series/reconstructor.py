@@ -71,7 +71,7 @@ class PhotometricReconstructor:
         """Compute the light on the flat gel, some 90 MB for twelve lights at 640 x 480 pixels.
 
         kind: the light groups of the series. smoothing_px: half width of the smoothing of the gradient map, as for
-        GelNet. block_px: solve for the means over so many pixels a side. Raises ValueError where model and calibration
+        GelNet. block_px: solve for the means over squares of this side. Raises ValueError where model and calibration
         are of different image sizes.
         """
         if model.image_shape != bundle.image_shape:

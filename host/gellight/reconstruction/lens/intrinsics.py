@@ -27,7 +27,7 @@ class Intrinsics:
 
 
 def intrinsics(bundle: Bundle, distance_mm: float) -> Intrinsics:
-    """Return the camera of a bundle whose gel is so far away; without a lens file it has no distortion.
+    """Return the camera of a bundle whose gel is at this distance; without a lens file it has no distortion.
 
     Raises BundleError for a lens file that is damaged.
     """

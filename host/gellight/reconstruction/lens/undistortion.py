@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.pixel_grid import gel_points_mm
+from gellight.frames.pixel_grid import bounding_box, gel_points_mm
 from gellight.reconstruction.lens.model import Lens, middle_px
 
 Floats = NDArray[np.float32]
@@ -66,9 +66,8 @@ class Undistortion:
         """
         moved_touch = cv2.remap(touched.astype(np.uint8), self._x, self._y, cv2.INTER_NEAREST)
         moved = self._resampled(gradient_map, (slice(None), slice(None)), cv2.INTER_LINEAR)
-        left, top, width, height = cv2.boundingRect(moved_touch)
-        if width and height:
-            part = slice(top, top + height), slice(left, left + width)
+        if moved_touch.any():
+            part = bounding_box(moved_touch.view(np.bool_))
             moved[part] = self._resampled(gradient_map, part, cv2.INTER_LANCZOS4)
         if self._turn is not None:
             moved = _leaning(moved, self._turn)

@@ -13,7 +13,7 @@ from scipy import fft
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
-from gellight.frames.pixel_grid import spread_blocks
+from gellight.frames.pixel_grid import bounding_box, spread_blocks
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import THRESHOLD_MM
@@ -225,11 +225,11 @@ class NativePath:
         """Smooth the slopes of the surface as far as they allow; touched: (h, w) cells, or (H, W) pixels."""
         m, taps = self._m, self._taps
         side = CELL_PX if touched.shape == m.touched.shape else 1
-        rows, columns = (np.flatnonzero(touched.any(axis=axis)) for axis in (1, 0))
-        if taps is None or not len(rows):
+        rows, columns = bounding_box(touched.view(np.bool_))
+        if taps is None or not rows.stop:
             return
-        top, left = (int(span[0]) * side // CELL_PX * CELL_PX for span in (rows, columns))
-        bottom, right = min((int(rows[-1]) + 1) * side, self._height), min((int(columns[-1]) + 1) * side, self._width)
+        top, left = (span.start * side // CELL_PX * CELL_PX for span in (rows, columns))
+        bottom, right = min(rows.stop * side, self._height), min(columns.stop * side, self._width)
         slopes, filters = (m.surface, m.measured, m.noise), (taps.wider, taps.reach, taps.energies)
         sizes = (m.kept_rows, left, top, right, bottom)
         self._run("smooth_adaptively", *slopes, *filters, m.small, m.changes, m.work, *sizes)
