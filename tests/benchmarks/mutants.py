@@ -95,10 +95,9 @@ def judges(file: Path) -> list[str]:
 # ---- judging ----
 
 
-def judge(mutant: Mutant, copy: Path, limit_s: float) -> Judgement:
-    """Plant a mutant in a copy of the checkout, run the tests that import it until one fails, and take it out."""
-    file = copy / mutant.file.relative_to(CHECKOUT)
-    sound, tests, end_s = file.read_text(), judges(mutant.file), time.monotonic() + limit_s
+def judge(mutant: Mutant, tests: list[str], copy: Path, limit_s: float) -> Judgement:
+    """Plant a mutant in a copy of the checkout, run its tests until one fails, and take it out."""
+    file, end_s = copy / mutant.file.relative_to(CHECKOUT), time.monotonic() + limit_s
     if not tests:
         return Judgement("survived", "no test imports it")
     passed_over: list[str] = []
@@ -109,7 +108,7 @@ def judge(mutant: Mutant, copy: Path, limit_s: float) -> Judgement:
         except subprocess.TimeoutExpired:
             return Judgement("undecided", f"not judged within {limit_s:g} s by {len(tests)} test files")
         finally:
-            file.write_text(sound)
+            file.write_bytes(mutant.source)
         if not failed:
             return Judgement("survived", f"{len(tests)} test files pass")
         try:
@@ -162,12 +161,13 @@ def copies(count: int) -> Iterator[SimpleQueue[Path]]:
 
 def judged(mutants: list[Mutant], jobs: int, limit_s: float) -> Iterator[tuple[Mutant, Judgement]]:
     """Judge mutants side by side, and yield each as soon as it is judged."""
+    tests = {mutant: judges(mutant.file) for mutant in mutants}  # the checkout may change while they are judged
     with copies(jobs) as free, ThreadPoolExecutor(jobs) as pool:
 
         def one(mutant: Mutant) -> tuple[Mutant, Judgement]:
             copy = free.get()
             try:
-                return mutant, judge(mutant, copy, limit_s)
+                return mutant, judge(mutant, tests[mutant], copy, limit_s)
             finally:
                 free.put(copy)
 

@@ -16,9 +16,10 @@ NOT_CODE = ("annotation", "returns", "type_params", "decorator_list")
 
 
 class Mutant(NamedTuple):
-    """A fault: in `file`, the characters from `begin` to `end` (bytes of UTF-8) become `new`."""
+    """A fault: in `file`, which holds `source`, the bytes from `begin` to `end` become `new`."""
 
     file: Path
+    source: bytes
     line: int
     begin: int
     end: int
@@ -26,12 +27,11 @@ class Mutant(NamedTuple):
 
     def planted(self) -> str:
         """Return the source with the fault."""
-        source = self.file.read_bytes()
-        return (source[: self.begin] + self.new.encode() + source[self.end :]).decode()
+        return (self.source[: self.begin] + self.new.encode() + self.source[self.end :]).decode()
 
     def __str__(self) -> str:
         """Say what becomes what, in one line."""
-        old = self.file.read_bytes()[self.begin : self.end].decode()
+        old = self.source[self.begin : self.end].decode()
         return f"{self.file}:{self.line}: {_short(old)} -> {_short(self.new)}"
 
 
@@ -43,16 +43,16 @@ def draw(files: list[Path], count: int, seed: int) -> list[Mutant]:
 
 def mutants_of(file: Path) -> list[Mutant]:
     """Return every mutant of a file; none is in a docstring, a type hint, a message or a line of log."""
-    source = file.read_text()
+    source = file.read_bytes()
     starts = [0]
-    for line in source.encode().split(b"\n"):
+    for line in source.split(b"\n"):
         starts.append(starts[-1] + len(line) + 1)
 
     def mutant(node: ast.expr | ast.stmt, new: str) -> Mutant:
         assert node.end_lineno is not None
         assert node.end_col_offset is not None
         begin, end = starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
-        return Mutant(file, node.lineno, begin, end, new)
+        return Mutant(file, source, node.lineno, begin, end, new)
 
     return [mutant(node, new) for part in _code(ast.parse(source)) for node, new in _changes(part)]
 
