@@ -47,7 +47,7 @@ class Parameters:
 
 
 def channel_names(count: int) -> tuple[str, ...]:
-    """Return the names of so many channels: the colours, or the lights by number where they are not three."""
+    """Return the names of `count` channels: the colours, or the lights by number where they are not three."""
     return CHANNELS if count == len(CHANNELS) else tuple(f"d{number}" for number in range(1, count + 1))
 
 

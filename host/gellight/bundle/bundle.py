@@ -141,7 +141,7 @@ class Bundle:
             )
 
     def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> "Bundle":
-        """Return this bundle with another reference image, (H, W, 3) RGB, the mean of so many frames; in memory only.
+        """Return this bundle with another reference image, (H, W, 3) RGB, the mean of `frames` frames; in memory only.
 
         Raises BundleError for grey levels outside 0 to 255 and ValueError for another shape.
         """

@@ -121,7 +121,7 @@ class Signals:
 
 
 DARK_DEVIATIONS = 1.0
-"""a signal is a shadow when its mean over a few pixels is at most so many standard deviations of one pixel above black;
+"""a signal is a shadow when its mean over a few pixels is at most this multiple of the noise of one pixel above black;
 noise that is cut off at 0 has a mean of 0.4 by itself"""
 SHADOW_DEVIATIONS = 3.0
 SHADOW_SHARE = 0.2
@@ -153,7 +153,7 @@ def group_signals(
 ) -> GroupSignals:
     """Take apart the pictures of one light group (K, 3), each (H, W, 3) uint8; several are averaged.
 
-    noise_grey: standard deviation of one pixel of one picture. block_px: P is the means over so many pixels a side.
+    noise_grey: standard deviation of one pixel of one picture. block_px: P is the means over squares of this side.
     """
     shape = (model.image_shape[0] // block_px, model.image_shape[1] // block_px)
     light: Floats = np.sum([model.linear(image) for image in taken], axis=0) / np.float32(len(taken))
@@ -171,7 +171,7 @@ def group_signals(
 
 
 def joined(parts: Sequence[GroupSignals], leds: int) -> Signals:
-    """Return the signals of a ring of so many LEDs from those of each of its light groups."""
+    """Return the signals of a ring of `leds` LEDs from those of each of its light groups."""
     pixels = parts[0].light.shape[1]
     found, valid, deviation = np.zeros((leds, pixels), np.float32), np.zeros((leds, pixels), np.bool_), np.zeros(leds)
     for part in parts:

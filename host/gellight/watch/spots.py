@@ -25,7 +25,7 @@ ELSEWHERE_CELLS = 4
 """a touch that ends nearer to a spot than that does not count as elsewhere"""
 EDGE_CELLS = 2
 LEAST_RELEASED = 4
-"""so many cells have to come to rest at once for a touch to have ended"""
+"""this many cells have to come to rest at once for a touch to have ended"""
 DARK, BRIGHT, TORN = 0.92, 1.08, 0.65
 """mean light of a spot as a share of the reference: all channels below or above, and far below"""
 

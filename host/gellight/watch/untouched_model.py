@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 """(h, w)"""
 
 OUTLIER_NOISES = 6.0
-"""a cell beyond so many standard deviations of its noise, and beyond what the gel at rest differs by, is an outlier"""
+"""a cell beyond this multiple of its noise, and beyond what the gel at rest differs by, is an outlier"""
 OUTLIER_SHARE = 0.12
 """and beyond this share of the largest change fitted: the light model is good to 8 % of a dead LED"""
 _ROUNDS = 3
