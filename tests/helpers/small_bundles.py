@@ -1,0 +1,135 @@
+"""Bundles for pictures of 160 x 120 px of the simulated sensor, made from the one that comes with GelLight.
+
+Every pixel is the mean of 4 x 4 of its: the same gel under the same light, with a known answer, and quick.
+"""
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frames.dots import Dots
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
+from gellight.photometric.directions import LightDirections, lights_of, view_places
+from gellight.photometric.light_model import LightGroups
+from gellight.photometric.lights_file import read_lights
+from gellight.photometric.solver import flat_gel, light_rows
+
+BLOCK = 4
+SHAPE = (120, 160)
+PIXEL_MM = 0.0588 * BLOCK
+BOX = (16, 12, 128, 96)
+"""x, y, width and height of the view, px"""
+
+
+def ordinary() -> Bundle:
+    """GelNet, and the lights for photometric stereo."""
+    whole = load_bundle("synthetic")
+    lights = json.loads(whole.files["lights.json"])
+    files = {
+        "metrics.json": whole.files["metrics.json"],
+        "lights.json": json.dumps({**lights, "image_width_px": SHAPE[1], "image_height_px": SHAPE[0]}).encode(),
+        whole.manifest.network: at_places(whole.network, BLOCK, (BLOCK - 1) / 2, (BLOCK - 1) / 2),
+    }
+    means = whole.reference.reshape(SHAPE[0], BLOCK, SHAPE[1], BLOCK, 3).mean(axis=(1, 3))
+    return sized(replace(whole, files=files, source="ordinary"), means, PIXEL_MM)
+
+
+def sized(bundle: Bundle, reference: np.ndarray, pixel_mm: float) -> Bundle:
+    """Return the bundle with a (H, W, 3) reference of another size."""
+    size = {"image_width_px": reference.shape[1], "image_height_px": reference.shape[0]}
+    manifest = bundle.manifest.model_copy(update={**size, "pixel_size_mm": (pixel_mm, pixel_mm)})
+    frames = bundle.manifest.reference_frames
+    return replace(bundle, manifest=manifest).with_reference(np.ascontiguousarray(reference), frames=frames)
+
+
+def at_places(network: bytes, scale: float, x_px: float, y_px: float) -> bytes:
+    """Return GelNet for pixels that lie at `scale` times their place plus (x, y) px in its own picture."""
+    model = onnx.load_from_string(network)
+    tensors = {tensor.name: tensor for tensor in model.graph.initializer}
+    weight, bias = (numpy_helper.to_array(tensors[name]).copy() for name in ("weight_1", "bias_1"))
+    bias += weight[:, 3:] @ np.array([x_px, y_px], np.float32)
+    weight[:, 3:] *= scale
+    for name, values in (("weight_1", weight), ("bias_1", bias)):
+        tensors[name].CopyFrom(numpy_helper.from_array(values, name))
+    return bytes(model.SerializeToString())
+
+
+def with_files(bundle: Bundle, source: str, **files: bytes) -> Bundle:
+    """Return the bundle with more files, sealed anew; `__` in a name is a dot."""
+    named = {name.replace("__", "."): content for name, content in files.items()}
+    more = replace(bundle, files={**bundle.files, **named}, source=source)
+    return more.with_reference(bundle.reference, frames=bundle.manifest.reference_frames)
+
+
+def with_lens(bundle: Bundle) -> Bundle:
+    """Return it with a lens that bends by less than a tenth of a pixel."""
+    record = {
+        "image_width_px": SHAPE[1], "image_height_px": SHAPE[0], "centre_px": ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2),
+        "k1": 1e-3, "k2": 0.0, "px_per_mm": (1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), "origin_mm": (0.0, 0.0),
+        "learnt_from_circles": False, "pitch_mm": 2.0, "images": ["grid.png"], "pins": 40, "rms_before_px": 0.1,
+        "rms_after_px": 0.05, "created": datetime.now(UTC).isoformat(),
+    }  # fmt: skip
+    return with_files(bundle, "lens", lens__json=json.dumps(record).encode())
+
+
+def with_view(bundle: Bundle) -> Bundle:
+    """Return it for the part `BOX` of the picture."""
+    x, y, width, height = BOX
+    network = {bundle.manifest.network.replace(".", "__"): at_places(bundle.network, 1, x, y)}
+    cut = replace(bundle, files={name: content for name, content in bundle.files.items() if name != "lights.json"})
+    seen = sized(cut, bundle.reference[y : y + height, x : x + width], PIXEL_MM)
+    steps = PictureSteps.with_view(View.of_box(BOX, SHAPE)).files()["picture.json"]
+    return with_files(seen, "view", picture__json=steps, **network)
+
+
+def with_dots(bundle: Bundle) -> Bundle:
+    """Return it with marker dots to fill, darker than anything that the gel shows."""
+    steps = PictureSteps.of(SHAPE, None, Dots(diameter_px=4, darker_grey=120, count=9))
+    assert steps is not None
+    return with_files(bundle, "dots", picture__json=steps.files()["picture.json"])
+
+
+def with_directions(bundle: Bundle) -> Bundle:
+    """Return it for four groups of three lights, shown in turn: the rows of its light model, linear in the place."""
+    model = read_lights(bundle)
+    groups = model.groups(LightGroups.TRIPLES)
+    references = model.references(LightGroups.TRIPLES).reshape(12, -1)
+    alone = light_rows(flat_gel(SHAPE, (PIXEL_MM, PIXEL_MM)), references, model.ring)  # (12, 3, N), LED by LED
+    places = view_places(SHAPE, np.arange(SHAPE[0] * SHAPE[1]))
+    channels = np.array(model.ring.channels)
+    vectors, untouched = [], []
+    for group, colour in lights_of(groups):
+        lit = np.flatnonzero(groups[group].any(axis=1))
+        rows = np.einsum("l,lin->in", model.crosstalk[colour, channels[lit]], alone[lit])
+        vectors.append(np.linalg.lstsq(places.T, (rows / rows[2]).T, rcond=None)[0].T)
+        untouched.append(rows[2].reshape(SHAPE))
+    lights = LightDirections(vectors=np.stack(vectors), untouched=np.stack(untouched).astype(np.float32),
+                             noise_grey=bundle.manifest.noise_grey, pixel_size_mm=PIXEL_MM, groups=groups)  # fmt: skip
+    files = {bundle.manifest.network.replace(".", "__"): ratio_network(lights.vectors[:, :, 0])}
+    return with_files(bundle, "directions", directions__npz=lights.content(), **files)
+
+
+def ratio_network(vectors: np.ndarray) -> bytes:
+    """Return the least squares of distant lights (K, 3) as a network on changes in percent and the place."""
+    inverse = np.linalg.pinv(vectors)  # (3, K), of the levels as shares of the untouched gel's
+    weights = np.zeros((len(vectors) + 2, 3), np.float32)
+    weights[:-2] = inverse.T / 100
+    whole = inverse.sum(axis=1).astype(np.float32)
+    sides = [(-weights[:, :2], -whole[:2], "across"), (weights[:, 2:], whole[2:], "up")]
+    tensors, nodes = [], []
+    for weight, bias, name in sides:
+        tensors += [numpy_helper.from_array(np.ascontiguousarray(weight), f"w_{name}"),
+                    numpy_helper.from_array(np.ascontiguousarray(bias), f"b_{name}")]  # fmt: skip
+        nodes.append(helper.make_node("Gemm", ["pixels", f"w_{name}", f"b_{name}"], [name]))
+    nodes.append(helper.make_node("Div", ["across", "up"], ["gradient"]))
+    given = helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", len(weights)])
+    told = helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])
+    graph = helper.make_graph(nodes, "ratio", [given], [told], tensors)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return bytes(model.SerializeToString())

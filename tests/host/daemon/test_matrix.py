@@ -1,0 +1,225 @@
+"""GelNet runs, and everything that can be put in while it runs is put in: `-s` prints the table.
+
+A ball is pressed 1 mm deep. Each pair feels it, or is refused and what ran before feels it, two frames later.
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import GellightError
+from gellight.base.settings import Settings
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.placeholder import placeholder
+from gellight.daemon.session import SensorSession
+from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
+from gellight.opening import open_camera
+from tests.helpers import small_bundles as small
+
+SMALL = {"image_width_px": small.SHAPE[1], "image_height_px": small.SHAPE[0], "pixel_size_mm": small.PIXEL_MM}
+PRESSED_MM = 1.0
+URL = f"sim://?object=BALL&depth={PRESSED_MM}"
+WITHIN = {"directions": 0.2}
+"""of what is pressed, by bundle; lights that are only linear in the place, on flat gel, are no nearer. Others: 5 %"""
+PATIENCE_S = 20.0
+AWAY_READS = 5
+ROWS = {"network": ("ordinary", "network")}
+"""bundle and mode of what runs"""
+BUNDLES = ("ordinary", "lens", "view", "dots", "directions", "none")
+COLUMNS = (
+    *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network"
+)  # fmt: skip
+
+
+class Unplugged(CameraWrapper):
+    """A camera that can be away for some reads, with its ring and controls or without."""
+
+    def __init__(self, camera: Camera) -> None:
+        super().__init__(camera)
+        self._left, self._bare = 0, False
+
+    def pull(self, *, bare: bool) -> None:
+        """Let the next reads fail; bare: ring and controls are gone meanwhile."""
+        self._bare, self._left = bare, AWAY_READS
+
+    def __getattribute__(self, name: str) -> object:
+        if name in ("ring", "controls") and self._left and self._bare:
+            return None
+        return super().__getattribute__(name)
+
+    def read(self) -> CameraFrame:
+        if self._left:
+            time.sleep(0.05)
+            self._left -= 1
+            raise ReconnectingError(f"{self.url} was unplugged: plug it in")
+        return self._camera.read()
+
+
+@pytest.fixture(scope="module")
+def bundles() -> dict[str, Bundle]:
+    whole = small.ordinary()
+    return {
+        "ordinary": whole, "lens": small.with_lens(whole), "view": small.with_view(whole),
+        "dots": small.with_dots(whole), "directions": small.with_directions(whole), "none": placeholder(small.SHAPE),
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def table() -> object:
+    """What the rows said; printed when all have been."""
+    said: dict[str, dict[str, str]] = {}
+    yield said
+    width = max(map(len, ROWS))
+    print("\n" + " " * width, *(f"{column:>14}" for column in COLUMNS))
+    for row, cells in said.items():
+        print(f"{row:{width}}", *(f"{cells.get(column, '-'):>14}" for column in COLUMNS))
+
+
+def felt(session: SensorSession) -> str:
+    """What the second frame from now feels, as a share of what is pressed; `none` without a calibration."""
+    last = session.wait_frame(-1, PATIENCE_S).camera_frame.sequence
+    for _ in range(2):
+        frame = session.wait_frame(last, PATIENCE_S)
+        last = frame.camera_frame.sequence
+    assert session.status()["error"] is None, session.status()["error"]
+    share = frame.contact.indentation_mm / PRESSED_MM
+    if session.bundle.calibrated:
+        assert share == pytest.approx(1, abs=WITHIN.get(session.bundle.source, 0.05)), (
+            f"{session.mode} {session.bundle.source} feels {share:.3f}"
+        )
+        return f"{share:.2f}"
+    assert np.isnan(share)
+    return "none"
+
+
+def put_in(session: SensorSession, camera: Unplugged, what: str, bundles: dict[str, Bundle]) -> str:
+    """Put it in, and take it back; what was felt in between, or after what leaves nothing behind."""
+    if what in bundles:
+        back = session.replace_bundle(bundles[what])
+        try:
+            return felt(session)
+        finally:
+            back()
+    if what.startswith("to "):
+        before = session._active.config.settings.reconstruction.mode
+        session.change_mode(what[3:])
+        try:
+            return felt(session)
+        finally:
+            session.change_mode(before)
+    PASSING[what](session, camera)
+    return felt(session)
+
+
+def zero(session: SensorSession, camera: Unplugged) -> None:
+    stage = session.stage
+    assert stage is not None
+    stage.release()
+    try:
+        patient(session.rezero)
+    finally:
+        stage.press("BALL", PRESSED_MM, 0.0, 0.0)
+        settled(session)
+
+
+def patient(job: Callable[[], object], patience_s: float = 4.0) -> None:
+    """Do it as soon as it is not refused; raise the last refusal."""
+    until_s = time.monotonic() + patience_s
+    while True:
+        try:
+            job()
+        except GellightError:
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(0.2)
+        else:
+            return
+
+
+def settled(session: SensorSession) -> None:
+    """Wait for a picture that was taken from now on, and its result."""
+    taken = session.camera.read().sequence
+    session.wait_frame(taken, PATIENCE_S)
+
+
+def light(session: SensorSession, camera: Unplugged) -> None:
+    session.light(np.full((12, 3), 40, np.uint8))
+    settled(session)
+    session.light(None)
+
+
+def calibrated(session: SensorSession, camera: Unplugged) -> None:
+    session.begin_calibration()
+    try:
+        session.camera.adopt({"exposure_us": 4000.0}, np.full((12, 3), 90, np.uint8))
+        settled(session)
+    finally:
+        assert session.end_calibration()
+
+
+def aborted(session: SensorSession, camera: Unplugged) -> None:
+    session.begin_calibration()
+    try:
+        back = session.prepare(PictureSteps.with_view(View.of_box(small.BOX, small.SHAPE)))
+        session.camera.adopt({}, np.full((12, 3), 90, np.uint8))
+        session.wait_frame(-1, PATIENCE_S)
+        back()
+    finally:
+        assert session.end_calibration()
+
+
+def unplugged(session: SensorSession, camera: Unplugged, *, bare: bool = False) -> None:
+    camera.pull(bare=bare)
+    until_s = time.monotonic() + PATIENCE_S
+    while session.status()["error"] is None:
+        assert time.monotonic() < until_s, "nobody says that it is away"
+    session.wait_frame(-1, PATIENCE_S)
+
+
+def unheard(session: SensorSession, camera: Unplugged) -> None:
+    unplugged(session, camera, bare=True)
+
+
+PASSING: dict[str, Callable[[SensorSession, Unplugged], None]] = {
+    "zero": zero, "light": light, "calibrated": calibrated, "aborted": aborted, "unplugged": unplugged,
+    "unheard": unheard,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
+    row: str, bundles: dict[str, Bundle], table: dict[str, dict[str, str]]
+) -> None:
+    name, mode = ROWS[row]
+    settings = Settings.model_validate({"sensor": {"url": URL}, "geometry": SMALL, "reconstruction": {"mode": mode}})
+    cells = table.setdefault(row, {})
+    camera = Unplugged(open_camera(URL, geometry=settings.geometry.overrides(), bundle=lambda _: bundles[name]))
+    wrong = []
+    with SensorSession(camera, bundles[name], settings) as session:
+        felt(session)
+        for what in COLUMNS:
+            begun_s = time.monotonic()
+            try:
+                cells[what] = f"ok {put_in(session, camera, what, bundles)}"
+            except GellightError as error:
+                cells[what] = "refused"
+                print(f"{row}, {what}: {error}")
+                if "\n" in str(error):
+                    wrong.append(f"{what}: more than one line: {error}")
+            except AssertionError as error:
+                cells[what] = "WRONG"
+                wrong.append(f"{what}: {error}")
+            try:
+                felt(session)
+            except AssertionError as error:
+                wrong.append(f"after {what}: {error}")
+            print(f"{row}, {what}: {cells[what]}, {time.monotonic() - begun_s:.1f} s")
+            if time.monotonic() - begun_s > PATIENCE_S:
+                wrong.append(f"{what}: took {time.monotonic() - begun_s:.1f} s")
+    assert not wrong, wrong
