@@ -187,7 +187,7 @@ def measure(name: str, way: Callable[[], object], readers: int, seconds: float) 
 
 def recording_costs(frames: int = 100) -> None:
     """Print what it costs to record a frame, with the camera's JPEG and with RGB, without and with depth."""
-    from gellight.recording.frame_record import FrameRecord
+    from gellight.frames.frames import CaptureStamp
     from gellight.recording.recording_file import DepthKind, RecordingWriter
 
     bundle, base = load_bundle("synthetic"), bump(0.8, 1.0, 0.0)
@@ -202,7 +202,7 @@ def recording_costs(frames: int = 100) -> None:
                 for number in range(frames):
                     frame = frame_of(number, base)
                     camera_frame = replace(frame.camera_frame, encoded=raw)
-                    writer.add(FrameRecord.of(camera_frame, unix_s=time.time(), zero=bundle.identity), bundle)
+                    writer.add(camera_frame, CaptureStamp(zeroed=bundle, unix_s=time.time()))
                     writer.add_felt(frame)
                 writer.close()
                 cost_ms = (processor_s() - begun) / frames * 1e3

@@ -22,14 +22,13 @@ from gellight.dashboard.access import host_name
 from gellight.dashboard.commands import COMMANDS
 from gellight.frames import picture
 from gellight.frames.dots import Dots
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
 from gellight.frames.picture import PictureSteps, steps_of
 from gellight.frames.view import View
 from gellight.photometric import lights_file
 from gellight.reconstruction.lens import lens_file
 from gellight.reconstruction.network_session import NetworkSession
-from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.ring import protocol
 from gellight.ring.light_ring import LightRing
@@ -202,7 +201,7 @@ def _recording(folder: Path, bundle: Bundle) -> bytes:
     with RecordingWriter(path, "fuzz") as writer:
         for number in range(2):
             frame = CameraFrame(image=np.full((*SHAPE, 3), number, np.uint8), time_s=number, sequence=number)
-            writer.add(FrameRecord.of(frame, unix_s=1e9 + number, zero=bundle.identity), bundle)
+            writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=1e9 + number))
     content = path.read_bytes()
     path.unlink()
     return content

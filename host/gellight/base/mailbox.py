@@ -16,8 +16,9 @@ class Mailbox(Generic[Item]):
     reader has taken: an item may hold memory that others wait for.
     """
 
-    def __init__(self, keep: int = 1) -> None:
-        """Start empty and open."""
+    def __init__(self, keep: int = 1, *, lasting: bool = False) -> None:
+        """Start empty and open. lasting: `clear` leaves what is there."""
+        self._lasting = lasting
         self._changed = threading.Condition()
         self._items: deque[tuple[int, Item]] = deque(maxlen=keep)
         self._number = 0
@@ -35,9 +36,10 @@ class Mailbox(Generic[Item]):
             copy.put(item)
 
     def clear(self) -> None:
-        """Throw away what is there: nobody is to take it any more."""
+        """Throw away what is there: nobody is to take it any more, but of copies that say otherwise."""
         with self._changed:
-            self._items.clear()
+            if not self._lasting:
+                self._items.clear()
             copies = self._copies
         for copy in copies:
             copy.clear()
@@ -52,12 +54,13 @@ class Mailbox(Generic[Item]):
             copy.close(reason)
 
     @contextmanager
-    def copied(self, keep: int) -> Iterator["Mailbox[Item]"]:
+    def copied(self, keep: int, *, lasting: bool = False) -> Iterator["Mailbox[Item]"]:
         """Yield a mailbox that gets every item from now on, for a reader who wants them all and not only the newest.
 
-        It holds `keep` items: a reader who falls farther behind loses the oldest, and slows nobody.
+        It holds `keep` items: a reader who falls farther behind loses the oldest, and slows nobody. lasting: what has
+        come stays in it when what is newest is thrown away.
         """
-        copy: Mailbox[Item] = Mailbox(keep)
+        copy: Mailbox[Item] = Mailbox(keep, lasting=lasting)
         with self._changed:
             self._copies = (*self._copies, copy)
             if self._closed is not None:

@@ -95,14 +95,15 @@ class ActivePipeline:
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
         """Reconstruct a frame, and say with what that was done."""
-        taken_s = time.monotonic()
+        taken_s, stamp = time.monotonic(), frame.stamp
+        assert stamp is not None, "the capture thread stamps every frame"
         felt = self.path.reconstruct(frame)
         zeroed, now_s = self.path.bundle, time.monotonic()
         provenance = Provenance(
             calibration=self.bundle.identity,
             zero=zeroed.identity,
             pixel_size_mm=zeroed.pixel_size_mm,
-            unix_s=time.time() - (now_s - frame.time_s),
+            unix_s=stamp.unix_s,
             ages_s={"taken": taken_s - frame.time_s, "reconstructed": now_s - frame.time_s},
             findings=tuple(finding.kind for finding in self.watch.findings()) if self.watch else (),
         )

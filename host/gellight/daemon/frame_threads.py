@@ -13,15 +13,17 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from gellight.base.errors import CameraError
 from gellight.base.fair_lock import FairLock
 from gellight.base.mailbox import Mailbox
+from gellight.bundle.bundle import Bundle
 from gellight.daemon.realtime import run_first
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
 
 logger = logging.getLogger(__name__)
 
@@ -38,18 +40,20 @@ class FrameThreads:
         self,
         camera: Camera,
         reconstruct: Callable[[CameraFrame], TactileFrame],
+        zeroed: Callable[[], Bundle],
         *,
         every: bool = False,
         realtime: bool = False,
     ) -> None:
-        """Take the frames of `camera`, which the caller closes after `stop`.
+        """Take the frames of `camera`, which the caller closes after `stop`. zeroed: returns the bundle, with the zero,
+        that is in use now.
 
         every: where the camera waits, deliver a frame only when `note_asked` was called for it, so that none is missed.
         realtime: let both threads run before all other programs.
         """
         self._every = every and camera.waits
         self._realtime = realtime
-        self._camera, self._reconstruct_frame = camera, reconstruct
+        self._camera, self._reconstruct_frame, self._zeroed = camera, reconstruct, zeroed
         self.pause_s = 0.0
         """between two reconstructions"""
         self.captured: Mailbox[CameraFrame] = Mailbox()
@@ -164,7 +168,8 @@ class FrameThreads:
             self._away, self._newest = None, frame.sequence
             self.statistics.note_captured(frame)
             self._taken.clear()
-            self.captured.put(frame)
+            unix_s = time.time() - (time.monotonic() - frame.time_s)
+            self.captured.put(replace(frame, stamp=CaptureStamp(zeroed=self._zeroed(), unix_s=unix_s)))
 
     def _leave(self, why: str) -> None:
         if self._away is None:

@@ -68,6 +68,7 @@ class SensorSession:
         self._threads = FrameThreads(
             self._camera,
             lambda frame: self._active.reconstruct(frame),
+            lambda: self.zeroed_bundle,
             every=every,
             realtime=settings.service.realtime,
         )

@@ -17,6 +17,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, Force, FrameMeasures, MapOnRequest
 from gellight.frames.status import ExposuresStatus
 
@@ -79,6 +80,16 @@ class EncodedImage:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class CaptureStamp:
+    """What was in force when a daemon took a frame, however late it is asked for."""
+
+    zeroed: Bundle
+    """the bundle in use with the zero in use"""
+    unix_s: float
+    """start of the exposure on the clock of `time.time`, which other machines have too"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFrame:
     """One picture of the gel."""
 
@@ -100,6 +111,8 @@ class CameraFrame:
     """what was really there; None on real cameras"""
     encoded: EncodedImage | None = None
     """what `image` was decoded from, for recordings; None where it was not"""
+    stamp: CaptureStamp | None = None
+    """None where no daemon took it"""
 
     def __repr__(self) -> str:
         """Return size, number, time and light in one line."""

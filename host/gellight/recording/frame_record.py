@@ -9,7 +9,7 @@ from pydantic import Field
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
-from gellight.frames.frames import CameraFrame, LightLabel
+from gellight.frames.frames import CameraFrame, CaptureStamp, LightLabel
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.errors import CorruptPictureError
@@ -51,20 +51,20 @@ class FrameRecord:
     """as the camera gave it, or RGB where it gave no bytes"""
 
     @classmethod
-    def of(cls, frame: CameraFrame, *, unix_s: float, zero: str) -> "FrameRecord":
-        """Return what is recorded of a camera frame."""
+    def of(cls, frame: CameraFrame, stamp: CaptureStamp) -> "FrameRecord":
+        """Return what is recorded of a camera frame and its stamp."""
         encoded, (height, width) = frame.encoded, frame.image.shape[:2]
         info = FrameInfo(
             sequence=frame.sequence,
             time_s=frame.time_s,
-            unix_s=unix_s,
+            unix_s=stamp.unix_s,
             letters=encoded.letters if encoded else "RGB3",
             width=width,
             height=height,
             line_bytes=encoded.line_bytes if encoded else 0,
             light=None if frame.light is None else tuple(map(tuple, frame.light.tolist())),
             label=frame.label,
-            zero=zero,
+            zero=stamp.zeroed.identity,
         )
         return cls(info=info, data=encoded.data if encoded else frame.image.tobytes())
 

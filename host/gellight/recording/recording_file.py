@@ -34,7 +34,7 @@ from pydantic import ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.recording.frame_record import FrameInfo, FrameRecord
 from gellight.recording.ros_messages import (
@@ -103,12 +103,13 @@ class RecordingWriter:
         self._channels: dict[str, int] = {}
         self._zeros: set[str] = set()
 
-    def add(self, record: FrameRecord, zeroed: Bundle) -> None:
+    def add(self, frame: CameraFrame, stamp: CaptureStamp) -> None:
         """Write a camera frame, and the bundle it was taken under, once. OSError where the disk is full."""
+        record = FrameRecord.of(frame, stamp)
         if record.info.zero not in self._zeros:
             self._zeros.add(record.info.zero)
             name, now_ns = f"{_ATTACHED}{record.info.zero}.gelcal", time.time_ns()
-            self._writer.add_attachment(now_ns, now_ns, name, "application/zip", packed_bundle(zeroed))
+            self._writer.add_attachment(now_ns, now_ns, name, "application/zip", packed_bundle(stamp.zeroed))
         self._put(FRAME, record.info, encode_string(record.info.model_dump_json()))
         self._put(COMPRESSED if record.compressed else IMAGE_RAW, record.info, record.message(self.name))
 

@@ -17,7 +17,6 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.reconstruction.force_file import read_force
-from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import DepthKind, RecordingWriter
 from gellight.stream.publisher import name_of_sensor
 
@@ -82,28 +81,33 @@ class Recorder:
         self._first: int | None = None
         """sequence number of the first frame that was written"""
         self._ended = threading.Event()
-        self._until = ExitStack()
 
     def __enter__(self) -> Self:
         """Start."""
-        captured = self._until.enter_context(self._daemon.captured.copied(BACKLOG))
-        delivered = self._until.enter_context(self._daemon.delivered.copied(BACKLOG))
-        thread = threading.Thread(target=self._record, args=(captured, delivered), name="record", daemon=True)
-        self._until.callback(thread.join)
-        self._until.callback(self._ended.set)
-        thread.start()
+        with ExitStack() as copies:
+            captured = copies.enter_context(self._daemon.captured.copied(BACKLOG, lasting=True))
+            delivered = copies.enter_context(self._daemon.delivered.copied(BACKLOG, lasting=True))
+            work = copies.pop_all(), captured, delivered
+        self._thread = threading.Thread(target=self._record, args=work, name="record", daemon=True)
+        self._thread.start()
         return self
 
     def __exit__(self, *problem: object) -> None:
         """Finish the file."""
-        self._until.close()
+        self._ended.set()
+        self._thread.join()
 
     @property
     def ended(self) -> bool:
         """Whether nothing more is recorded."""
         return bool(self.status.ended)
 
-    def _record(self, captured: Mailbox[CameraFrame], delivered: Mailbox[TactileFrame]) -> None:
+    def _record(self, copies: ExitStack, captured: Mailbox[CameraFrame], delivered: Mailbox[TactileFrame]) -> None:
+        with copies:  # what nobody writes any more is not kept either
+            self._write(captured, delivered)
+        self._finish()
+
+    def _write(self, captured: Mailbox[CameraFrame], delivered: Mailbox[TactileFrame]) -> None:
         begun_s = looked_s = time.monotonic()
         number = felt = 0
         try:
@@ -121,7 +125,6 @@ class Recorder:
         except Exception as error:
             logger.exception("the recording failed")
             self._end(f"the recording failed: {error}")
-        self._finish()
 
     @staticmethod
     def _waiting(captured: Mailbox[CameraFrame], number: int) -> bool:
@@ -142,9 +145,8 @@ class Recorder:
             self._ended.set()
             return number
         self.status.lost += taken - number - 1
-        zeroed = self._daemon.zeroed_bundle
-        unix_s = time.time() - (time.monotonic() - frame.time_s)
-        self._writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=zeroed.identity), zeroed)
+        assert frame.stamp is not None, "a daemon stamps every frame"
+        self._writer.add(frame, frame.stamp)
         self._first = frame.sequence if self._first is None else self._first
         self.status.frames += 1
         return taken

@@ -71,3 +71,13 @@ def test_what_was_thrown_away_is_not_taken_and_numbers_go_on() -> None:
         mailbox.take(0, 0.01)
     mailbox.put("new")
     assert mailbox.take(0, 1) == (2, "new")
+
+
+def test_a_copy_may_keep_what_is_thrown_away_elsewhere() -> None:
+    mailbox: Mailbox[str] = Mailbox()
+    with mailbox.copied(4) as passing, mailbox.copied(4, lasting=True) as lasting:
+        mailbox.put("old")
+        mailbox.clear()
+        mailbox.put("new")
+        assert passing.take(0, 1) == (2, "new")
+        assert [lasting.take(after, 1) for after in (0, 1)] == [(1, "old"), (2, "new")]

@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 from gellight.base.errors import GellightError
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.main import app
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.reconstruction.force_file import read_force
-from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import RecordingWriter
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.weighed import LAYER, MODULUS_MPA, PIXEL_MM, SHAPE, weighed, write_weighings
@@ -78,7 +77,7 @@ def record_presses(folder: Path, *, lag_s: float = 0.0) -> None:
     with RecordingWriter(folder / "presses.mcap", "finger") as writer:
         for number, (depth, unix_s) in enumerate(zip(levels, times.tolist(), strict=True)):
             frame = CameraFrame(image=weighed(depth).picture(0.5, number), time_s=unix_s - BEGUN_S, sequence=number)
-            writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=bundle.identity), bundle)
+            writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=unix_s))
     at = np.arange(BEGUN_S - 1, times[-1] + 1, 0.01)
     forces = np.interp(at - lag_s, times, [weighed(depth).force_n for depth in levels])
     lines = [f"{time_s:.3f},{force:.5f}" for time_s, force in zip(at.tolist(), forces.tolist(), strict=True)]

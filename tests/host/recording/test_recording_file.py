@@ -18,12 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import EndOfStream
-from gellight.frames.frames import CameraFrame, EncodedImage, LightLabel, LightState
+from gellight.frames.frames import CameraFrame, CaptureStamp, EncodedImage, LightLabel, LightState
 from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording import recording_file
-from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import DepthKind, Recording, RecordingWriter, depth_image, topic_name
 from gellight.recording.replay_camera import ReplayCamera
 from tests.helpers.linear_sensor import linear_bundle
@@ -75,7 +74,7 @@ def record(tmp_path: Path, bundle: Bundle) -> Record:
         with RecordingWriter(tmp_path / name, "left finger", depth=depth) as writer:
             for frame in frames:
                 unix_s = 1e9 + frame.time_s
-                writer.add(FrameRecord.of(frame, unix_s=unix_s, zero=bundle.identity), bundle)
+                writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=unix_s))
                 felt = full_frame()
                 writer.add_felt(replace(felt, camera_frame=frame, provenance=replace(felt.provenance, unix_s=unix_s)))
         return tmp_path / name
@@ -143,7 +142,7 @@ def test_recorded_depth_comes_back(record: Record, kind: DepthKind, error_mm: fl
 def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:
     path, felt, frame = tmp_path / "maps.mcap", replace(full_frame(), measures=HeavyFrames()), plain(1)
     with RecordingWriter(path, "finger", maps=list(MapOnRequest)) as writer:
-        writer.add(FrameRecord.of(frame, unix_s=1e9, zero=bundle.identity), bundle)
+        writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=1e9))
         writer.add_felt(felt)
     for name, values in felt.maps_on_request().items():
         ((info, image),) = Recording(path).maps(name)
@@ -255,7 +254,7 @@ def test_a_chunk_can_be_read_as_soon_as_it_is_finished(
     monkeypatch.setattr(recording_file, "CHUNK_BYTES", 8 * len(plain(0).image.tobytes()))
     writer = RecordingWriter(tmp_path / "killed.mcap", "finger")
     for number in range(60):
-        writer.add(FrameRecord.of(plain(number), unix_s=1e9 + number, zero=bundle.identity), bundle)
+        writer.add(plain(number), CaptureStamp(zeroed=bundle, unix_s=1e9 + number))
         if number >= 8:
             recording = Recording(tmp_path / "killed.mcap")  # nothing more is written in its place
             assert len(list(recording.frames())) > number - 8
@@ -341,7 +340,7 @@ def test_a_recording_is_whole_and_plays_on_where_the_time_of_day_was_set(
     with RecordingWriter(path, "GL-7") as writer:
         for sequence in range(6):
             unix_s = 1e9 + sequence / 30 + (step_s if sequence > 2 else 0.0)
-            writer.add(FrameRecord.of(plain(sequence), unix_s=unix_s, zero=bundle.identity), bundle)
+            writer.add(plain(sequence), CaptureStamp(zeroed=bundle, unix_s=unix_s))
     assert [record.info.sequence for record in Recording(path).frames()] == list(range(6))
     assert [record.info.sequence for record in Recording(path).frames(0.1)] == [3, 4, 5]
     with open_camera(f"replay://{path}") as camera:

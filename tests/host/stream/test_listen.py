@@ -19,7 +19,7 @@ from gellight.stream.source import FrameSource, NoFrameError
 from gellight.stream.subscription import subscribe
 from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.sessions import session_of
-from tests.helpers.streamed import BumpReconstructor, bump_daemon
+from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
 
 PATIENCE_S = 0.2
 
@@ -28,7 +28,7 @@ class PluggedCamera(ScriptedCamera):
     """Gives frames while it is plugged in."""
 
     def __init__(self) -> None:
-        super().__init__(10**9, EndOfStream("used up"), period_s=0.01)
+        super().__init__(shape=SHAPE, period_s=0.01)
         self.plugged = threading.Event()
         self.plugged.set()
 

@@ -6,12 +6,15 @@ import json
 import os
 import re
 import signal
+import threading
 import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 import gellight
 from gellight.base.errors import InputError
@@ -60,6 +63,46 @@ def test_every_camera_frame_is_there_and_the_depth_of_each_can_be_computed_again
     assert numbers == list(range(numbers[0], numbers[-1] + 1)), "none is missing"
 
 
+def test_frames_that_wait_for_the_disk_keep_the_zero_that_they_were_taken_under(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor is one of them lost, though the daemon delivers none from before another bundle."""
+    with gellight.connect("sim://?programme=0&fps=5") as sensor:
+        sensor.next_frame()
+        before = sensor.bundle
+        after = before.with_reference(before.reference + 1, frames=before.manifest.reference_frames)
+        with Recorder(sensor.daemon, tmp_path / "a.mcap", depth=DepthKind.UINT16) as recorder:
+            add, disk = recorder._writer.add, threading.Event()
+            monkeypatch.setattr(recorder._writer, "add", lambda *frame: (disk.wait(60), add(*frame)))
+            first, _ = sensor.daemon.captured.take(0, 20)
+            number = first
+            while number < first + 5:
+                number, frame = sensor.daemon.captured.take(number, 20)
+            sensor.daemon.replace_bundle(after)
+            last = frame.sequence
+            while sensor.next_frame().provenance.zero != after.identity:
+                pass
+            disk.set()
+    recorded = Recording(tmp_path / "a.mcap")
+    zeros = {record.info.sequence: record.info.zero for record in recorded.frames()}
+    waited = [sequence for sequence in zeros if sequence <= last]
+    assert waited == list(range(min(zeros), last + 1)), "none is lost"
+    assert recorder.status.lost == 0
+    assert {zeros[sequence] for sequence in waited} == {before.identity}
+    assert zeros[max(zeros)] == after.identity
+    depths = [info for info, _ in recorded.depths() if info.sequence in zeros]
+    assert [zeros[info.sequence] for info in depths] == [info.zero for info in depths] != []
+
+
+def test_what_is_recorded_of_one_frame_has_one_time(recording: Path) -> None:
+    with AnyReader([recording], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        times = {
+            topic: {time_ns for connection, time_ns, _ in reader.messages() if connection.topic == topic}
+            for topic in ("/sim/image_raw", "/sim/depth")
+        }
+    assert set() != times["/sim/depth"] <= times["/sim/image_raw"]
+
+
 def test_a_disk_that_is_nearly_full_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: RESERVE_BYTES)
     daemon, _ = bump_daemon()
@@ -98,6 +141,8 @@ def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
             monkeypatch.setattr(recorder._writer, "add", refuse)
             while not recorder.ended:
                 time.sleep(0.05)
+            recorder._thread.join(20)
+            assert sensor.daemon.captured._copies == sensor.daemon.delivered._copies == (), "no frame is kept for it"
         assert "disk is full" in recorder.status.ended
         sensor.next_frame()
     assert len(list(Recording(tmp_path / "a.mcap").frames())) == recorder.status.frames
