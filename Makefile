@@ -35,7 +35,7 @@ pytest: $(VENV)/.dev | tools
 	$(BIN)/pytest --numprocesses $(JOBS) --durations 20 $(ARGS)
 
 bench: $(VENV)/.dev
-	$(BIN)/gellight bench --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
+	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
 
 # A stamp says what is installed: `host` is what a user runs, `dev` adds PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python

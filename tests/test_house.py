@@ -27,7 +27,7 @@ LAB = tuple(
     f"lab.{name}" for name in ("report", "emulator", "simulator", "training", "optics", "design", "calibration")
 )
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
-ABOVE = ("lab.evaluation", "cli")
+ABOVE = ("cli",)
 """what stands above both halves"""
 ROOMS = (*RUN[: RUN.index("opening") + 1], *LAB, *RUN[RUN.index("opening") + 1 :], *ABOVE)
 LAB_DOORS = {
@@ -45,8 +45,8 @@ DOORS = {
         "lab/simulator/gel_models.py", "lab/simulator/memory.py", "lab/simulator/one_press.py",
         "lab/simulator/read_noise.py", "lab/simulator/scene.py", "lab/simulator/selfcheck.py",
         "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py", "lab/simulator/stage.py",
-        "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py", "lab/evaluation/dataset.py",
-        "lab/evaluation/demo_presses.py", "lab/evaluation/synthetic.py", "lab/evaluation/simulated_presses.py",
+        "lab/simulator/dataset.py", "lab/simulator/demo_presses.py", "lab/training/synthetic.py", "lab/design/",
+        "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
@@ -57,8 +57,7 @@ DOORS = {
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
         "lab/training/labelling/plate.py",
     ),
-    "onnx": ("lab/evaluation/frame_bench.py",),
-    "onnxruntime": ("reconstruction/network_session.py", "lab/evaluation/frame_bench.py"),
+    "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
     "usb": ("ring/transport.py", "ring/firmware/flash.py"),
     "aiohttp": ("dashboard/",),

@@ -19,10 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.lab.evaluation.simulated_presses import object_presses
-from gellight.lab.evaluation.synthetic import ball_presses
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.synthetic import ball_presses
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
 from gelnet.recipes import DEFAULT_WIDTH
@@ -34,6 +33,7 @@ from sim_reference.camera import CameraResponse
 from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from tests.benchmarks.gel import GEOMETRY, RECORD, RECORDED, SPACING, UNIT_MM, heights
+from tests.benchmarks.photometric import object_presses
 from tests.benchmarks.width import NOISE_GREY, Picture, pictures, spread, trained, with_network
 
 OPTIONS = Options(presses=80, places=4, rows_per_press=1562)

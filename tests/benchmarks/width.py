@@ -21,7 +21,6 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation.frame_bench import scenes
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.labelling.refinement import refine
@@ -40,6 +39,7 @@ from gelnet.training import train
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
+from tests.benchmarks.frame_times import scenes
 from tests.helpers.places import REAL_IMAGES
 
 WIDTHS = (16, 24, 32, 48, 64)

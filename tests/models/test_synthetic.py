@@ -11,9 +11,9 @@ import onnxruntime
 import pytest
 
 from gellight.bundle.bundle import load_bundle
-from gellight.lab.evaluation.synthetic import evaluate_simulated, pixel_bound_deg
 from gellight.lab.simulator import scene as gellight_scene
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.synthetic import evaluate_simulated, pixel_bound_deg
 from gelnet import synthetic
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses

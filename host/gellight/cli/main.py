@@ -24,7 +24,6 @@ VERBS = lazy_group(
         "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
         "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
-        "bench": ("bench:command", "Time the frame path, or measure depth scale or accuracy."),
         "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
         "optimize": ("optimize:app", "Find the best illumination and make its parts."),
         "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),

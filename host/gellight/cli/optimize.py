@@ -19,15 +19,15 @@ from gellight.lab.design.gel_comparison import resolution_of
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.design.housing import housing_scad
 from gellight.lab.design.studies import Setup, setup_of
-from gellight.lab.design.sweep import (
+from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
+from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.sweep import (
     ResultStore,
     SweepOptions,
     available_cores,
     default_folder,
     run_study,
 )
-from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
-from gellight.lab.simulator.memory import check_memory
 from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)

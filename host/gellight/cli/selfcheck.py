@@ -7,8 +7,11 @@ import typer
 
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, simulated_settings
+from gellight.daemon.active_pipeline import reconstructor_for
+from gellight.daemon.assembly import chosen_bundle
 from gellight.frames.frames import SelfCheckResult
-from gellight.lab.evaluation.checked_presses import check_presses
+from gellight.lab.simulator.selfcheck import check_presses
+from gellight.opening import open_camera
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),
@@ -35,12 +38,14 @@ def command(
     """
     settings = simulated_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
+    reconstructor = reconstructor_for(chosen_bundle(settings), settings.reconstruction)
     if not as_json:
         print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
-    for press, result in check_presses(settings):
-        results.append((press, result))
-        if not as_json:
-            print(line(press, result))
+    with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+        for press, result in check_presses(camera, reconstructor):
+            results.append((press, result))
+            if not as_json:
+                print(line(press, result))
     passed = all(result.passed for _, result in results)
     if as_json:
         print(json.dumps({"passed": passed, "presses": [{"press": p, **r.as_json()} for p, r in results]}))

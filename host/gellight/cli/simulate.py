@@ -17,11 +17,11 @@ from gellight.cli.lazy import MARKUP
 from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
 from gellight.cli.sweeping import Sweeping, Workers
 from gellight.lab.design.geometry import read_geometry
-from gellight.lab.design.sweep import ResultStore, default_folder
-from gellight.lab.evaluation.dataset import DatasetRequest, LightKind, make_dataset, store_in
-from gellight.lab.evaluation.demo_presses import press_ahead
+from gellight.lab.simulator.dataset import DatasetRequest, LightKind, make_dataset, store_in
+from gellight.lab.simulator.demo_presses import press_ahead
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.one_press import PressRequest, press_once
+from gellight.lab.simulator.sweep import ResultStore, default_folder
 from sim_reference.fem.newton import Step
 from sim_reference.objects import OBJECT_NAMES
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from gellight.base.errors import InputError
-from gellight.lab.design.sweep import ResultStore, SweepIncomplete, SweepOptions, available_cores, parse_shard
+from gellight.lab.simulator.sweep import ResultStore, SweepIncomplete, SweepOptions, available_cores, parse_shard
 from sim_reference.deformation import NotConverged
 
 Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]

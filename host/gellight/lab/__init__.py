@@ -9,5 +9,4 @@ report/       pictures and charts for people
 training/     from labelled presses to a network
 design/       the illumination study, and the parts to make
 calibration/  the guided routine
-evaluation/   presses of known depth, and how far off the product is on them
 """

@@ -15,9 +15,9 @@ from gellight.base.errors import GellightError
 from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_image
-from gellight.lab.evaluation.analytic_surfaces import gaussian
 from gellight.lab.report.pictures import depth_bar, depth_picture, difference_picture, four_panels, normal_picture
 from gellight.reconstruction.pipeline import Reconstructor
+from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
 from tests.helpers.weighed import force_files
 

@@ -57,10 +57,6 @@ def written(file: str) -> Ready:
     return lambda verb: (verb.shown.parent / file).exists()
 
 
-def loaded(library: str) -> Ready:
-    return lambda verb: library in Path(f"/proc/{verb.process}/maps").read_text()
-
-
 CASES = [
     (("demo", "--port", "0", "--no-browser"), UNTIL_THEN, printed("dashboard: ")),
     (("demo", "--port", "0", "--frames", "100000"), BEFORE_DONE, printed("dashboard: ")),
@@ -72,7 +68,6 @@ CASES = [
     (("sim",), UNTIL_THEN, printed("a simulated board at")),
     (("virtual-sensor", "--listen", "127.0.0.1:0"), UNTIL_THEN, printed("offered")),
     (("selfcheck", "--sensor", "sim://?board=0"), BEFORE_DONE, printed("ok")),
-    (("bench", "presses"), BEFORE_DONE, loaded("onnxruntime")),
     (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),
     (("optimize", "timing", "--workers", "2"), BEFORE_DONE, children(4)),
     (("calibrate", "--auto", "--sensor", "sim://?board=0"), BEFORE_DONE, written("calibration.state/presses")),

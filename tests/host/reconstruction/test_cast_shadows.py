@@ -8,8 +8,8 @@ import pytest
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.pixel_grid import block_means
-from gellight.lab.evaluation.synthetic import ball_presses
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.synthetic import ball_presses
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork

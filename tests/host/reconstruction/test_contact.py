@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gellight.lab.evaluation.analytic_surfaces import centred_grid, gaussian, smooth_cap
 from gellight.reconstruction.contact import find_contact, measure_patches
+from tests.helpers.analytic_surfaces import centred_grid, gaussian, smooth_cap
 
 
 def hertz(shape: tuple[int, int], radius: float, indentation: float, centre: tuple[float, float]) -> np.ndarray:

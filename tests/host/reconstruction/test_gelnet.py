@@ -7,10 +7,10 @@ import onnxruntime
 import pytest
 
 from gellight.base.errors import BundleError
-from gellight.lab.evaluation.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from gellight.reconstruction.gelnet import BLOCK_ROWS, GradientNetwork
 from gellight.reconstruction.integration import integrate, normals
 from gellight.reconstruction.smoothing import NARROWEST_PX, fixed
+from tests.helpers.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
 from tests.helpers.linear_sensor import (
     GREY_PER_SLOPE,
     gemm_network,

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from gellight.bundle.manifest import BULGE
-from gellight.lab.evaluation.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 from gellight.reconstruction.integration import _edge_integrals, integrate, normals, surface_gradient
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.gel import press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import GRID_EXTENT_MM, press_object, sample
+from tests.helpers.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 
 SHAPES = [(240, 320), (480, 640)]
 slope_maps = arrays.arrays(

@@ -7,9 +7,9 @@ import pytest
 
 from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation.analytic_surfaces import gaussian
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.pipeline import Reconstructor
+from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (240, 320)

@@ -10,13 +10,13 @@ from onnx import helper
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.evaluation.analytic_surfaces import gaussian
-from gellight.lab.evaluation.frame_bench import scenes
 from gellight.opening import open_camera
 from gellight.reconstruction import linearised
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.pipeline import Form, Reconstructor
+from tests.benchmarks.frame_times import scenes
+from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, linear_network, photograph
 
 

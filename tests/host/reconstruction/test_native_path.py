@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.lab.evaluation.analytic_surfaces import gaussian
-from gellight.lab.evaluation.frame_bench import scenes
 from gellight.reconstruction import linearised, pipeline
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import angle_deg
 from gellight.reconstruction.native import build, judge, library
 from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.pipeline import Reconstructor
+from tests.benchmarks.frame_times import scenes
+from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
 from tests.helpers.native_forms import agree, both, worst
 from tests.helpers.places import REAL_IMAGES
@@ -282,7 +282,7 @@ from pathlib import Path
 import numpy as np
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation.frame_bench import scenes
+from tests.benchmarks.frame_times import scenes
 from gellight.reconstruction import linearised, pipeline
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.native import judge, library

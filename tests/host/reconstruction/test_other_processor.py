@@ -7,9 +7,9 @@ import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation.frame_bench import halved, scenes
 from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import build, judge, library
+from tests.benchmarks.frame_times import halved, scenes
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.native_forms import agree, both
 from tests.helpers.other_processor import OtherProcessor, build_server

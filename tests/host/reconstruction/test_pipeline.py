@@ -8,10 +8,10 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation.analytic_surfaces import gaussian, smooth_cap
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.stages import STAGES
+from tests.helpers.analytic_surfaces import gaussian, smooth_cap
 from tests.helpers.linear_sensor import linear_bundle, photograph
 
 SHAPE = (240, 320)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gellight.lab.evaluation.analytic_surfaces import Surface, centred_grid, gaussian, plane, sharp_cap
 from gellight.reconstruction.integration import integrate, surface_gradient
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother, fixed, half_widths, weights
+from tests.helpers.analytic_surfaces import Surface, centred_grid, gaussian, plane, sharp_cap
 
 SHAPE = (240, 320)
 NOISE = 0.02

@@ -30,7 +30,6 @@ VERBS = lazy_group(
             "Train GelNet on balls under three or more lights, a channel for each.",
         ),
         "force": ("calibrate.force:command", "Find what turns depth into newtons, with weights or a load cell."),
-        "objects": ("calibrate.objects:command", "Measure the error of a bundle on the ten benchmark objects."),
         "list": (
             "calibrate.bundles:list_bundles",
             "Show the bundles kept on this computer; an asterisk marks those in service.",

@@ -15,7 +15,7 @@ from gellight.lab.design.designs import DesignResult, Gain
 from gellight.lab.design.gel_comparison import GelRow, gel_study
 from gellight.lab.design.output import BallResult
 from gellight.lab.design.studies import BeyondResult, FineResult, Setup, VariantResult
-from gellight.lab.design.sweep import Study, SweepOptions, executor, run_all, run_study
+from gellight.lab.simulator.sweep import Study, SweepOptions, executor, run_all, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import coarse, design, fine, plain
 from sim_reference.optimizer.benchmark import PressedObject

@@ -11,7 +11,7 @@ from gellight.lab.design import drawings, parts
 from gellight.lab.design.geometry import STRIP_WIDTH_MM, design_file, outer_radius_mm, ring_colours
 from gellight.lab.design.output import Files
 from gellight.lab.design.studies import BEYOND_ANGLES, BeyondResult, Setup, beyond_study, design_study, given_study
-from gellight.lab.design.sweep import Study
+from gellight.lab.simulator.sweep import Study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import design
 from sim_reference.optimizer.ball import shadow_free_slope

@@ -9,9 +9,9 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.lab.design.studies import Setup
-from gellight.lab.design.sweep import Study, Task
 from gellight.lab.report.html import box, section, table
 from gellight.lab.simulator.gel_models import gel_model
+from gellight.lab.simulator.sweep import Study, Task
 from sim_reference import gel
 from sim_reference.deformation import Deformation, NotConverged
 from sim_reference.fem.gel import FemGel

@@ -6,6 +6,9 @@ simulated_controls.py  its exposure, gain and white balance
 gel_models.py          the gel as a layer or by finite elements, whose presses are kept
 memory.py              whether finite elements fit the memory
 one_press.py           one object pressed, as files
+dataset.py             many presses as files, for training other networks
+demo_presses.py        the presses of the demo, computed ahead by finite elements
+sweep.py               independent tasks over processes or a cluster, each result kept at once
 scene.py               what it looks at, computed once for a press
 read_noise.py          the noise of its camera
 shutter.py             a rolling shutter under pulsed LEDs

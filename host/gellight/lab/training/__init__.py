@@ -11,5 +11,6 @@ polynomial.py        polynomials of several variables, and their fit
 baselines.py         what simpler models reach on the same presses
 validation.py        errors of a bundle on labelled presses
 cross_validation.py  the same on presses that were not trained on
+synthetic.py         the bundle of the simulated sensor; balls pressed into it
 labelling/           contact circles without clicks
 """

@@ -20,12 +20,12 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.routine import Routine
-from gellight.lab.evaluation.object_errors import object_errors, summary
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.opening import open_camera
 from gellight.reconstruction.lens.lens_file import read_record
+from tests.benchmarks.objects import object_errors, summary
 from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
 
 
@@ -148,7 +148,7 @@ def test_a_pin_grid_tells_the_lens_to_a_tenth_of_a_pixel_and_the_bundle_knows_it
 
 
 def test_its_objects_are_measured_under_the_light_it_was_made_with(calibrated: tuple[Path, dict[str, Any]]) -> None:
-    errors = object_errors(str(calibrated[0] / "bundle"), LIT, GEOMETRY, 0.2)
+    errors = object_errors(str(calibrated[0] / "bundle"), LIT, 0.2, geometry=GEOMETRY)
     assert len(errors) == 10
     assert summary(errors).normal_deg < 1.5
 

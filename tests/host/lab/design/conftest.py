@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.design.sweep import ResultStore, SweepOptions
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions
 
 
 @pytest.fixture

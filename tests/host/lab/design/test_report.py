@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gellight.lab.design import all_studies, comparison, comparison_coarse, gel_comparison, output, report, studies
-from gellight.lab.design.sweep import (
+from gellight.lab.simulator.sweep import (
     SweepOptions,
     run_study,
 )

@@ -16,7 +16,7 @@ from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.cli.main import app
 from gellight.lab.design import benchmark_files, studies
 from gellight.lab.design.geometry import read_geometry
-from gellight.lab.design.sweep import SweepOptions, run_study
+from gellight.lab.simulator.sweep import SweepOptions, run_study
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer import sensitivity
 from sim_reference.optimizer.exposing import LightGroups

@@ -1,7 +1,6 @@
 """The times of the frame path: measured side by side, of the scenes they name, in both sizes."""
 
 import itertools
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,29 +8,26 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.bench import command
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation import frame_bench
-from gellight.lab.evaluation.frame_bench import (
+from gellight.frames.image_files import read_image
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.reconstruction.stages import STAGES
+from tests.benchmarks import frame_times as timing
+from tests.benchmarks.frame_times import (
     NETWORK_BLOCKS,
     NETWORK_ONE_BATCH,
+    USUAL,
     Machine,
     Times,
     frame_times,
     network_flops,
 )
-from gellight.reconstruction.pipeline import Reconstructor
-from gellight.reconstruction.stages import STAGES
 from tests.helpers.linear_sensor import linear_bundle, linear_network, tanh_network
 from tests.helpers.places import REAL_CROPS
 
-app = typer.Typer()
-app.command()(command)
-OTHERS = ("form cells", "form pixels", NETWORK_ONE_BATCH, NETWORK_BLOCKS)
+OTHERS = ("form cells", "form pixels", NETWORK_ONE_BATCH, NETWORK_BLOCKS, USUAL)
 
 
 @pytest.fixture
@@ -40,7 +36,7 @@ def bundle(tmp_path: Path) -> Bundle:
 
 
 def test_both_sizes_and_all_scenes_are_timed(bundle: Bundle) -> None:
-    press = frame_bench.scenes(bundle)["ball"]
+    press = timing.scenes(bundle)["ball"]
     found = frame_times(bundle, rounds=1, press=press)
     scenes = ["at rest", "ball", "all touched, smooth", "all touched, steep"]
     assert [(t.image_width_px, t.scene) for t in found] == [
@@ -53,23 +49,20 @@ def test_both_sizes_and_all_scenes_are_timed(bundle: Bundle) -> None:
         assert tuple(times.others) == tuple(times.ratios) == OTHERS
 
 
-def test_the_press_of_a_clone_is_timed_in_its_own_size(tmp_path: Path) -> None:
+def test_the_press_of_a_clone_is_timed_in_its_own_size(bundle: Bundle) -> None:
     """What `make bench` gives: a real gel, whose pictures have another size than the bundle's."""
-    real = ["--press", str(REAL_CROPS / "three_lights/press.png")]
-    real += ["--untouched", str(REAL_CROPS / "three_lights/untouched.png")]
-    linear_bundle(tmp_path / "b", (120, 160), network=tanh_network(8))
-    result = CliRunner().invoke(app, ["--calibration", str(tmp_path / "b"), "--rounds", "3", *real, "--json"])
-    found = json.loads(result.stdout)[-1]
-    assert (found["scene"], found["image_width_px"], found["image_height_px"]) == ("press", 306, 230)
-    assert found["touched"] > 0.05
+    press, untouched = (read_image(REAL_CROPS / "three_lights" / name) for name in ("press.png", "untouched.png"))
+    found = frame_times(bundle, rounds=1, press=press, untouched=untouched)[-1]
+    assert (found.scene, found.image_width_px, found.image_height_px) == ("press", 306, 230)
+    assert found.touched > 0.05
 
 
 def test_the_scenes_touch_what_they_say() -> None:
     synthetic = load_bundle("synthetic")
-    for bundle, of_steep in ((synthetic, 0.146), (frame_bench.halved(synthetic), 0.169)):
+    for bundle, of_steep in ((synthetic, 0.146), (timing.halved(synthetic), 0.169)):
         reconstructor = Reconstructor(bundle)
         shares, single = [], []
-        for image in frame_bench.scenes(bundle).values():
+        for image in timing.scenes(bundle).values():
             frame = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0))
             shares.append(float(reconstructor.touched(frame.difference).mean()))
             single.append(reconstructor.network_rows.pixels / image[..., 0].size)
@@ -85,8 +78,8 @@ def test_ratios_and_shares_of_the_peak_follow_from_the_times(bundle: Bundle, mon
         return itertools.count(0, 1e-3)
 
     clock = SimpleNamespace(perf_counter=counter().__next__, process_time=counter().__next__)
-    monkeypatch.setattr(frame_bench, "time", clock)
-    monkeypatch.setattr(frame_bench, "measure_machine", lambda: Machine(flops=1e9, bytes_per_s=1e9))
+    monkeypatch.setattr(timing, "time", clock)
+    monkeypatch.setattr(timing, "measure_machine", lambda: Machine(flops=1e9, bytes_per_s=1e9))
     for times in frame_times(bundle, rounds=3):
         if times.scene != "at rest":
             assert set(times.stages.values()) == {Times(1.0, 1.0)}
@@ -103,21 +96,10 @@ def test_the_operations_of_a_network_are_counted() -> None:
     assert network_flops(tanh_network(8)) == 2 * (5 * 8 + 3 * 8 * 8 + 8 * 2)
 
 
-def test_the_table_and_the_json_hold_all_of_it(bundle: Bundle, tmp_path: Path) -> None:
+def test_the_table_holds_all_of_it(bundle: Bundle, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cv2.imwrite(str(tmp_path / "press.png"), np.zeros((120, 160, 3), np.uint8))
-    options = ["--calibration", str(tmp_path / "b"), "--rounds", "3", "--press", str(tmp_path / "press.png")]
-    result = CliRunner().invoke(app, options)
-    assert result.exception is None
-    for word in (
-        *STAGES,
-        *OTHERS,
-        "at rest, 160 x 120 px",
-        "ball, 80 x 60 px",
-        "press, 160 x 120",
-        "x the whole frame",
-    ):
-        assert word in result.stdout
-    rows = json.loads(CliRunner().invoke(app, [*options, "--json"]).stdout)
-    assert rows[1]["stages"]["depth"]["cpu_ms"] > 0
-    assert rows[1]["ratios"]["form pixels"] > 0
-    assert set(rows[1]["peak_fraction"]) == {"network", "memory"}
+    timing.main(["--calibration", str(tmp_path / "b"), "--rounds", "3", "--press", str(tmp_path / "press.png")])
+    printed = capsys.readouterr().out
+    sized = ("at rest, 160 x 120 px", "ball, 80 x 60 px", "press, 160 x 120")
+    for word in (*STAGES, *OTHERS, *sized, "x the whole frame"):
+        assert word in printed

@@ -1,5 +1,10 @@
-"""The ten benchmark objects, pressed into a simulated sensor: what a calibration is worth on shapes never seen."""
+"""What a calibration is worth on shapes it never saw: `python -m tests.benchmarks.objects BUNDLE [--sensor URL]`.
 
+The ten benchmark objects are pressed into a simulated sensor and the error of each is printed. `--press-depth-mm`: how
+deep; `--rezero`: with the untouched gel recorded anew before.
+"""
+
+import argparse
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -26,7 +31,7 @@ class ObjectError(SurfaceErrors):
 
 
 def object_errors(
-    source: str, url: str, geometry: Mapping[str, Any], press_depth_mm: float, *, rezero: bool = False
+    source: str, url: str, press_depth_mm: float, *, geometry: Mapping[str, Any] | None = None, rezero: bool = False
 ) -> list[ObjectError]:
     """Press every object but the ball in the middle of the view and measure one frame of each.
 
@@ -34,7 +39,7 @@ def object_errors(
     nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
     """
     bundle = load_bundle(source)
-    with open_camera(url, geometry=geometry, bundle=bundle) as camera:
+    with open_camera(url, geometry=geometry or {}, bundle=bundle) as camera:
         if camera.stage is None:
             raise InputError(f"{url} cannot be judged: only a simulated sensor (sim://) knows what is pressed")
         camera.stage.take_over()
@@ -63,3 +68,22 @@ def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: floa
 def summary(errors: list[ObjectError]) -> ObjectError:
     """Return the means over the objects."""
     return ObjectError(object_name="mean", **asdict(mean_errors(errors)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser("python -m tests.benchmarks.objects")
+    parser.add_argument("bundle")
+    parser.add_argument("--sensor", default="sim://")
+    parser.add_argument("--press-depth-mm", type=float, default=0.3)
+    parser.add_argument("--rezero", action="store_true")
+    given = parser.parse_args()
+    errors = object_errors(given.bundle, given.sensor, given.press_depth_mm, rezero=given.rezero)
+    print(f"{'':10}{'normals °':>20}{'depth mm':>22}")
+    print(f"{'object':10}{'whole':>10}{'contact':>10}{'whole':>11}{'contact':>11}")
+    for row in [*errors, summary(errors)]:
+        angles = f"{row.normal_deg:10.3f}{row.contact_normal_deg:10.3f}"
+        print(f"{row.object_name:10}{angles}{row.depth_mm:11.4f}{row.contact_depth_mm:11.4f}")
+
+
+if __name__ == "__main__":
+    main()

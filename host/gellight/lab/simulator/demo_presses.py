@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from gellight.base.errors import InputError
-from gellight.lab.design.sweep import SweepOptions, Task, run_all
 from gellight.lab.simulator.gel_models import gel_model, kept_folder
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.stage import presses_of_the_demo
+from gellight.lab.simulator.sweep import SweepOptions, Task, run_all
 from sim_reference.deformation import NotConverged
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import press_object

@@ -15,7 +15,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.lab.design import output, studies
 from gellight.lab.design.all_studies import SweepTimes, time_sweep
-from gellight.lab.design.sweep import (
+from gellight.lab.simulator.sweep import (
     ResultStore,
     Shard,
     Study,
@@ -157,7 +157,7 @@ def linger(folder: str) -> None:
 SWEEP = """
 import sys
 from pathlib import Path
-from gellight.lab.design.sweep import ResultStore, SweepOptions, Task, run_all
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
 from tests.host.design.test_sweep import linger
 if __name__ == "__main__":
     folder = sys.argv[1]

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
 from gellight.cli.main import app
-from gellight.lab.design.sweep import Shard, SweepIncomplete, SweepOptions
-from gellight.lab.evaluation.dataset import DatasetRequest, make_dataset, store_in
+from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
+from gellight.lab.simulator.sweep import Shard, SweepIncomplete, SweepOptions
 from sim_reference import gel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import press_object

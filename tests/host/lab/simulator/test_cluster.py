@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from gellight.base.errors import InputError
 from gellight.cli.main import app
 from gellight.lab.design import studies
-from gellight.lab.design.sweep import ResultStore, SweepOptions, run, run_study
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions, run, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.exposing import LightGroups
 

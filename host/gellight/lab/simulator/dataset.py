@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 import gellight
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
-from gellight.lab.design.sweep import ResultStore, SweepOptions, Task, run_all
 from gellight.lab.simulator.gel_models import GelKind, gel_model
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
 from sim_reference.camera import WHITE, CameraResponse, digitise
 from sim_reference.deformation import Deformation
 from sim_reference.fem.gel import FemGel

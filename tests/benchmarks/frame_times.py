@@ -1,12 +1,17 @@
-"""Time the frame path: its stages and forms, against the network alone, and against what the processor can do.
+"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N] [--threads N]`.
 
-All in one run on the same frames, in turn, so that a busy machine slows all of them down. CPU is the processor time of
-the whole process: it also counts a second thread that a linear-algebra library keeps busy.
+Its stages and forms, against the network alone, against what is usual (PyTorch), and against what the processor can do:
+all in one run on the same frames, in turn, so that a busy machine slows all of them down. CPU is the processor time of
+the whole process: it also counts a second thread that a linear-algebra library keeps busy. `--press IMAGE`, with
+`--untouched IMAGE` where that is not the gel of the bundle, times a picture of a press too; `make bench` gives one.
 """
 
+import argparse
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +19,14 @@ import onnx
 import onnxruntime
 from numpy.typing import NDArray
 
-from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.lab.evaluation.analytic_surfaces import Surface, smooth_cap
+from gellight.frames.image_files import read_image
 from gellight.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.gelnet import BLOCK_ROWS
 from gellight.reconstruction.lens.lens_file import has_lens
 from gellight.reconstruction.pipeline import Form, Reconstructor
+from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
 _BALL_SHARE = 0.21
@@ -31,6 +37,8 @@ _BYTES_PER_PIXEL = 3 + 12 + 12 + 8 + 12 + 4 + 1
 _JACOBIAN_ROWS = 3
 """A row with its Jacobian costs the network three times: forwards, and backwards for each of two slopes."""
 NETWORK_ONE_BATCH, NETWORK_BLOCKS = "network alone, one batch", "network alone, blocks"
+USUAL = "usual: PyTorch, 64-64-64"
+"""the slopes alone, by a network of the usual width"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class FrameTimes:
     stages: dict[str, Times]
     whole: Times
     others: dict[str, Times]
-    """the other forms, and the network alone on rows of all pixels (difference, x and y stacked first)"""
+    """the other forms, and networks alone on rows of all pixels (difference, x and y stacked first)"""
     ratios: dict[str, float]
     """CPU of the others over that of the whole frame"""
     peak_fraction: dict[str, float]
@@ -176,6 +184,7 @@ class _Contest:
         self._alone = {
             NETWORK_ONE_BATCH: network_alone(bundle, threads, bundle.reference.shape[0] * bundle.reference.shape[1]),
             NETWORK_BLOCKS: network_alone(bundle, threads, BLOCK_ROWS),
+            USUAL: usual_network(bundle, threads),
         }
 
     def run(self, scene: str, image: NDArray[np.uint8], rounds: int) -> FrameTimes:
@@ -245,10 +254,69 @@ def network_alone(bundle: Bundle, threads: int, block: int) -> Callable[[NDArray
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     session = onnxruntime.InferenceSession(bundle.network, options, providers=["CPUExecutionProvider"])
-    rows, columns = np.indices(bundle.image_shape, dtype=np.float32)
 
     def run(difference: NDArray[np.float32]) -> Sequence[object]:
-        pixels = np.concatenate([difference.reshape(-1, 3), columns.reshape(-1, 1), rows.reshape(-1, 1)], axis=1)
+        pixels = rows_of(difference)
         return [session.run(None, {"pixels": pixels[at : at + block]}) for at in range(0, len(pixels), block)]
 
     return run
+
+
+def usual_network(bundle: Bundle, threads: int) -> Callable[[NDArray[np.float32]], object]:
+    """Return what the usual stacks do: the same rows through 5-64-64-64-2 in PyTorch."""
+    import torch  # heavy, and nothing for those who want the scenes alone
+
+    torch.set_num_threads(threads)
+    layers = [part for a, b in itertools.pairwise((5, 64, 64, 64)) for part in (torch.nn.Linear(a, b), torch.nn.ReLU())]
+    network = torch.nn.Sequential(*layers, torch.nn.Linear(64, 2))
+
+    def run(difference: NDArray[np.float32]) -> object:
+        with torch.no_grad():
+            return network(torch.from_numpy(rows_of(difference))).numpy()
+
+    return run
+
+
+def rows_of(difference: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H * W, 5) of all pixels: colour, x, y."""
+    y, x = np.indices(difference.shape[:2], dtype=np.float32)
+    return np.concatenate([difference.reshape(-1, 3), x.reshape(-1, 1), y.reshape(-1, 1)], axis=1)
+
+
+def table(times: Sequence[FrameTimes]) -> str:
+    lines = []
+    for t in times:
+        size = f"{t.image_width_px} x {t.image_height_px}"
+        lines.append(
+            f"{t.scene}, {size} px, {t.touched:.1%} touched, {t.single:.1%} pixel by pixel, {t.computed_by}; "
+            "ms: CPU, wall"
+        )
+        for name, ms in [*t.stages.items(), ("whole frame", t.whole), *t.others.items()]:
+            ratio = f"{t.ratios[name]:9.1f} x the whole frame" if name in t.ratios else ""
+            lines.append(f"  {name:26}{ms.cpu_ms:9.2f}{ms.wall_ms:9.2f}{ratio}")
+        shares = ", ".join(f"{name} {share:.0%}" for name, share in t.peak_fraction.items())
+        lines.append(f"  of what one core can do: {shares}")
+    return "\n".join(lines)
+
+
+def picture(path: str) -> NDArray[np.uint8]:
+    return read_image(Path(path))
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser("python -m tests.benchmarks.frame_times")
+    parser.add_argument("--calibration", default="synthetic", help="bundle whose network is timed")
+    parser.add_argument("--rounds", type=int, default=15, help="frames and plain runs, in turn")
+    parser.add_argument("--threads", type=int, default=1, help="of the networks")
+    parser.add_argument("--press", type=picture, help="picture of a press, timed too")
+    parser.add_argument("--untouched", type=picture, help="the same gel untouched, of any size")
+    given = parser.parse_args(words)
+    bundle = load_bundle(given.calibration)
+    found = frame_times(
+        bundle, rounds=given.rounds, threads=given.threads, press=given.press, untouched=given.untouched
+    )
+    print(table(found))
+
+
+if __name__ == "__main__":
+    main()

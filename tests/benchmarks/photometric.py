@@ -1,21 +1,23 @@
-"""Photometric stereo against one-shot GelNet on the same simulated presses, with noise: `gellight bench photometric`.
+"""Photometric stereo against one-shot GelNet on the same simulated presses: `python -m tests.benchmarks.photometric`.
 
-Every press is measured in three ways: from one picture under the whole ring (GelNet), from 4 exposures of a red, a
-green and a blue LED, and from 12 of one LED. Each picture has its own noise of the same standard deviation. The light
-model is that of the bundle, measured on noisy pictures of the untouched gel like on a real sensor.
+Balls at random places, then the ten benchmark objects; an argument names another bundle than the shipped one. Every
+press is measured in three ways: from one picture under the whole ring (GelNet), from 4 exposures of a red, a green and
+a blue LED, and from 12 of one LED. Each picture has its own noise of the same standard deviation. The light model is
+that of the bundle, measured on noisy pictures of the untouched gel like on a real sensor.
 """
 
+import sys
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon.front_camera import bright_exposure_of
 from gellight.frames.frames import CameraFrame, ExposureSeries
-from gellight.lab.evaluation.synthetic import NOISE_GREY, ball_presses
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.synthetic import NOISE_GREY, ball_presses
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
@@ -147,3 +149,17 @@ class Bench:
         grey, surface = self._scene.show(press, group / 255.0)
         image = digitise(grey, self._base.noise_grey, self._random)
         return CameraFrame(image=image, time_s=0.0, sequence=0, source="sim://"), surface
+
+
+def main(source: str = "synthetic") -> None:
+    columns = ("exposure", "contact, deg", "all, deg", "x GelNet's", "depth, mm")
+    print(f"{'errors':24}" + "".join(f"{name:>14}" for name in columns))
+    for w in compare_ways(load_bundle(source)):
+        if w.exposures == 1:
+            print(f"{w.presses} presses, {w.objects}")
+        row = "".join(f"{value:14.3f}" for value in (w.contact_normal_deg, w.normal_deg, w.over_network))
+        print(f"  {w.way:22}{w.exposure_us / 1e3:11.1f} ms{row}{w.contact_depth_mm:14.4f}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -24,8 +24,8 @@ from sim_reference.surface import Surface
 Array = NDArray[np.float64]
 TEST_SEED = 3
 NOISE_GREY = 1.0
-DEPTHS_MM = (1.0, 1.5, 2.0)
-"""of the presses that are measured; the paper's figures are judged by the first"""
+DEPTH_MM = 1.0
+"""of the presses that are measured"""
 MARGIN_MM = 3.0
 """of the centre of a ball from the edge of the view: its contact is then whole"""
 
@@ -43,7 +43,7 @@ class SimulatedError:
     """in contact: `pixel_bound_deg`, what an efficient estimator would reach that sees one pixel"""
 
 
-def evaluate_simulated(bundle: Bundle, *, presses: int = 20, depth_mm: float = DEPTHS_MM[0]) -> SimulatedError:
+def evaluate_simulated(bundle: Bundle, *, presses: int = 20, depth_mm: float = DEPTH_MM) -> SimulatedError:
     """Press the 4 mm ball at random places of the simulated sensor and measure the errors of the host."""
     scene = Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
     reconstructor = Reconstructor(bundle)
@@ -67,7 +67,7 @@ def evaluate_simulated(bundle: Bundle, *, presses: int = 20, depth_mm: float = D
 
 
 def ball_presses(
-    geometry: SensorGeometry, count: int, random: np.random.Generator, depth_mm: float = DEPTHS_MM[0]
+    geometry: SensorGeometry, count: int, random: np.random.Generator, depth_mm: float = DEPTH_MM
 ) -> Iterator[Press]:
     """Yield presses of the ball all over the view, the contact whole."""
     height, width = geometry.image_shape

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.bundle.bundle import LedSetting, write_bundle
-from gellight.lab.evaluation.object_errors import rezeroed
+from tests.benchmarks.objects import rezeroed
 from tests.helpers.linear_sensor import BUNDLE_SHAPE, linear_network, reference_image
 from tests.helpers.scripted_camera import flat_camera
 
