@@ -15,7 +15,7 @@ from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import CLIPPED, DARK, STEEP
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.presses import PressTable
+from gellight.lab.training.table import PressTable
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.measures import BundleMeasures

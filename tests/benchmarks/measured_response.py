@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
+from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling import PressCircle, detect, write_presses
-from gellight.lab.training.presses import Ball, read_presses
+from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor

@@ -20,8 +20,9 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.labelling import find_circle, find_prism
-from gellight.lab.training.presses import Ball, Press, PressTable, TableOptions, build_table
+from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismPress, with_prisms
+from gellight.lab.training.table import PressTable, TableOptions, build_table
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor

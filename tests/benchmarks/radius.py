@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.baselines import fit_polynomial
 from gellight.lab.training.labelling.refinement import Refined, refine
-from gellight.lab.training.presses import Press, PressTable, TableOptions, build_table
+from gellight.lab.training.presses import Press
+from gellight.lab.training.table import PressTable, TableOptions, build_table
 from gellight.lab.training.training import HAND_DRAWN, Reference, read_reference
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.light_drift import difference_of

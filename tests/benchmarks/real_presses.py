@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.lab.training.labelling.refinement import FirstFits, refine, refine_others
-from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, images_of, sphere_gradient
+from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, sphere_gradient
+from gellight.lab.training.table import images_of
 from gellight.lab.training.training import TrainingOptions, fit
 from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.integration import angle_deg, normals

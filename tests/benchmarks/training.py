@@ -11,7 +11,7 @@ from statistics import mean, stdev
 import numpy as np
 import onnxruntime
 
-from gellight.lab.training.presses import PressTable
+from gellight.lab.training.table import PressTable
 from gellight.lab.training.trainer import TrainerName
 from gellight.lab.training.training import TrainingOptions, train
 from gelnet.synthetic import Options, Sensor, simulated_sensor, table_of_presses

@@ -23,8 +23,10 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.refinement import refine
-from gellight.lab.training.presses import Ball, images_of, read_presses
+from gellight.lab.training.presses import Ball
+from gellight.lab.training.table import images_of
 from gellight.lab.training.training import TrainingOptions, fit, read_reference
 from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors

@@ -13,7 +13,8 @@ from gellight.base.errors import InputError
 from gellight.cli.calibrate.verbs import app
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.presses import Ball, read_presses
+from gellight.lab.training.label_file import read_presses
+from gellight.lab.training.presses import Ball
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NO_OBJECT, grid

@@ -13,7 +13,8 @@ from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_option
 from gellight.frames.image_files import image_files, read_grey
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import LitBalls, divided, read_series
-from gellight.lab.training.presses import Ball, read_presses
+from gellight.lab.training.label_file import read_presses
+from gellight.lab.training.presses import Ball
 from gellight.reconstruction.image_noise import noise_of_one
 
 
@@ -58,9 +59,9 @@ def command(
     """
     refuse_existing(out, overwrite)
     given = pictures.read()
-    learnt, judging = divided(given.series)
+    training, judging = divided(given.series)
     same = given.untouched, given.ball, given.noise_grey
-    judged = check_lights(lights_from_balls(learnt, *same), judging, given.ball)
+    judged = check_lights(lights_from_balls(training, *same), judging, given.ball)
     lights = lights_from_balls(given.series, *same)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -20,8 +20,9 @@ from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.lab.training import training, validation
 from gellight.lab.training.child import Progress, silent
 from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
+from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
-from gellight.lab.training.presses import Ball, Press, read_presses
+from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.lab.training.synthetic import make_synthetic
 from gellight.lab.training.trainer import TrainerName

@@ -1,4 +1,4 @@
-"""Which places and which slopes the ball presses have shown so far, and what is missing most."""
+"""Which places and which slopes the ball presses have shown, and what is missing most."""
 
 from math import ceil
 
@@ -90,7 +90,7 @@ def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
         empty = f"{cells} place{'s are' if cells > 1 else ' is'} empty {name}"
         return f"{empty}: about {count} more press{'es' if count > 1 else ''}"
     if presses >= 3 and found.steepest_deg < STEEP_DEG:
-        return f"press deeper: the steepest slope so far is {found.steepest_deg:.0f} degrees"
+        return f"press deeper: the steepest slope yet is {found.steepest_deg:.0f} degrees"
     if presses >= wanted or (settled and not places):
         return "enough"
     return f"{wanted - presses} more presses anywhere"

@@ -94,8 +94,8 @@ def _edge_points(difference: NDArray[np.float32], center: tuple[float, float], r
     inside = seen_whole.reshape(SECTORS, -1).all(axis=1)
     points = []
     for sector in np.flatnonzero(inside):
-        at, trusted = _edge_offset(profiles[sector], offsets)
-        if trusted:
+        at, reliable = _edge_offset(profiles[sector], offsets)
+        if reliable:
             turn = 2 * np.pi * (sector * 8 + 3.5) / rays
             points.append((center[0] + (radius + at) * np.cos(turn), center[1] + (radius + at) * np.sin(turn)))
     if len(points) < SECTORS // 2:
@@ -133,7 +133,7 @@ def _profile_table() -> tuple[Floats, Floats, Floats]:
 
 
 def _edge_offset(profile: NDArray[np.floating], offsets: Floats) -> tuple[float, bool]:
-    """Where the edge lies on a (n, 3) colour profile, px from the circle assumed, and whether to trust it."""
+    """Where the edge lies on a (n, 3) colour profile, px from the circle assumed, and whether the fit is reliable."""
     flat = offsets < -0.5 * abs(float(offsets[0]))
     change = profile - np.median(profile[flat], axis=0)
     _, _, directions = np.linalg.svd(change, full_matrices=False)

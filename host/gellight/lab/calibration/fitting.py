@@ -7,8 +7,8 @@ from gellight.lab.calibration.pressing import ball_of
 from gellight.lab.calibration.records import Fit, UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.training import training
-from gellight.lab.training.presses import TableOptions
 from gellight.lab.training.rehearsal import rehearse
+from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import Reference
 
 TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)

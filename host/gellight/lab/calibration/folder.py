@@ -47,7 +47,7 @@ _Kept = TypeVar("_Kept", bound=PictureRecord)
 
 
 class Folder:
-    """What one calibration has learnt so far; whatever changes is on disk at once."""
+    """What one calibration has measured; whatever changes is on disk at once."""
 
     def __init__(self, path: Path, state: State) -> None:
         """Keep a state that was read or made; see `open`."""

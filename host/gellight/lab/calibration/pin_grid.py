@@ -36,7 +36,7 @@ def collect_grid(run: CalibrationRun) -> None:
     with run.offering("next"):
         while wanted:
             _announce(run, len(seen), wanted)
-            with next_press(run, detector, VirtualHand.grid, lambda: _skipped(run)) as capture:
+            with next_press(run, detector, VirtualHand.grid, run.skipped) as capture:
                 if capture is None:
                     run.folder.forget_grid()
                     run.folder.finish(PinGrid(pictures=0))
@@ -54,11 +54,6 @@ def _announce(run: CalibrationRun, done: int, wanted: str) -> None:
         progress=Progress(done=done, wanted=done + 1, unit="pictures"),
         problem=wanted if done else run.display.problem,
     )
-
-
-def _skipped(run: CalibrationRun) -> bool:
-    chosen = run.next_action()
-    return chosen is not None and chosen[0] == "next"
 
 
 def _taken(run: CalibrationRun, capture: Capture, reference: Floats) -> list[Lattice]:

@@ -36,8 +36,9 @@ def prism_section(
     ]
     return section(
         "Verification by a prism",
-        f"<p>Faces of {means.angle_deg:g} degrees feel like {means.felt_deg:.2f} degrees. None of these presses was "
-        "learnt from. Errors are those on the faces where the gel lies on them, without the rounded edge.</p>",
+        f"<p>Faces of {means.angle_deg:g} degrees feel like {means.felt_deg:.2f} degrees. No network "
+        "was trained on these presses. Errors are those on the faces where the gel lies on them, "
+        "without the rounded edge.</p>",
         small_pictures(shown),
         box("wide", _table(presses)),
     )

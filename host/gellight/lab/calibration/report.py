@@ -39,9 +39,10 @@ from gellight.reconstruction.integration import normals
 
 _SHAPE = "depth, mean taken off, µm"
 _WHAT_IS_TAKEN_OFF = (
-    "None of these presses was learnt from. A contact circle does not say how deep its own rim lies. So where it says "
-    "&quot;mean taken off&quot;, the mean error of each press is taken off: what is left is the error of the shape, "
-    "not of the level. The column &quot;picture&quot; compares the picture with the one that the felt slopes make."
+    "No network was trained on these presses. A contact circle does not say how deep its own rim lies. So where it "
+    "says &quot;mean taken off&quot;, the mean error of each press is taken off: what is left is the error of the "
+    "shape, not of the level. The column &quot;picture&quot; compares the picture with the one that the felt slopes "
+    "make."
 )
 
 
@@ -106,7 +107,7 @@ def _tiles(run: CalibrationRun, verdict: Verdict, figures: Verification) -> str:
             *(prism_tiles(figures.prism) if figures.prism else ()),
             (f"{1000 * size.pixel_size_mm:.2f} µm", f"a pixel, {_origin(size)}"),
             (f"{folder.figures(UntouchedGel).pixel_noise_grey:.2f}", "grey levels of noise in a pixel of a frame"),
-            (f"{presses.presses}", f"ball presses learnt from; {presses.refused} refused"),
+            (f"{presses.presses}", f"ball presses to train on; {presses.refused} refused"),
             ("passed" if verdict.passed else "not passed", "verdict"),
         ]
     )

@@ -17,6 +17,6 @@ def small_pictures(images: Sequence[tuple[NDArray[np.uint8], str]]) -> str:
 
 
 def _thinned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Every so many pixels are enough for a picture on a page."""
+    """Leave out rows and columns that a small picture does not show."""
     step = max(1, image.shape[1] // _WIDTH_PX)
     return np.ascontiguousarray(image[::step, ::step])

@@ -61,6 +61,11 @@ class CalibrationRun:
             raise Aborted
         return action, arguments
 
+    def skipped(self) -> bool:
+        """Tell whether the user wants to go on without; raises Aborted as `next_action`."""
+        chosen = self.next_action()
+        return chosen is not None and chosen[0] == "next"
+
     def check_stopped(self) -> None:
         """Raise Aborted if the user wants to stop."""
         if self._stopped.is_set():

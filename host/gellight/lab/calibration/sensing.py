@@ -19,11 +19,11 @@ Floats = NDArray[np.float32]
 BLOCK_PX = 4
 """changes are looked for in means over blocks of 4 x 4 px, whose noise is a quarter"""
 STILL_FRAMES = 3
-"""so many frames without movement begin a capture"""
+"""without movement, after which a capture begins"""
 MEAN_FRAMES = 4
-"""so many frames are averaged for a press"""
+"""averaged for a press"""
 PATIENCE_FRAMES = 150
-"""so many frames may something be wrong before the user is told"""
+"""in which something may be wrong before the user is told"""
 _SIGMAS = 6.0
 _LEAST_CHANGE_GREY = 1.5
 _TOUCHED_SHARE = 0.0015
@@ -104,7 +104,7 @@ def _looks(
 
 
 def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = PATIENCE_FRAMES) -> None:
-    """Wait until nothing touches; after so many frames say what may be wrong."""
+    """Wait until nothing touches; after `patience` frames say what may be wrong."""
     complained = False
     run.display.update(awaiting="lift")
     for count, gel in enumerate(gel for _, gel in _looks(run, detector, patience) if gel is not None):

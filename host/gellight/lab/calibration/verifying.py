@@ -34,13 +34,14 @@ from gellight.lab.calibration.verifying_prism import check_prism
 from gellight.lab.report.pictures import depth_picture, difference_picture
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.baselines import fit_lookup_table, fit_polynomial
-from gellight.lab.training.presses import Ball, Press, PressTable
+from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.table import PressTable
 from gellight.lab.training.validation import baseline_errors
 from gellight.reconstruction.pipeline import Reconstructor
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
-"""so many more are asked for after a bad verdict"""
+"""asked for after a bad verdict, beside those there are"""
 
 
 def verify(run: CalibrationRun) -> Bundle | None:
@@ -69,7 +70,7 @@ def verify(run: CalibrationRun) -> Bundle | None:
 def _announce(run: CalibrationRun) -> None:
     run.display.update(
         instruction="Press the ball at fresh places, its whole contact in the picture: these presses judge the "
-        "calibration and are not learnt from.",
+        "calibration and are not trained on.",
         progress=Progress(done=len(run.folder.state.checks), wanted=run.options.verifications, unit="presses"),
     )
 

@@ -27,7 +27,7 @@ def check_prism(run: CalibrationRun, judge: Judge, angle_deg: float) -> None:
     with run.offering("next"):
         while len(state.prisms) < run.options.prism_presses and not state.steps.without_prism:
             _announce(run, angle_deg)
-            with next_press(run, detector, press, lambda: _skipped(run)) as capture:
+            with next_press(run, detector, press, run.skipped) as capture:
                 if capture is None:
                     run.folder.go_without_prism()
                 else:
@@ -40,16 +40,11 @@ def _announce(run: CalibrationRun, angle_deg: float) -> None:
     run.display.update(
         instruction=f"Press the prism, whose faces are at {angle_deg:g} degrees to the gel: edge first, upright, at "
         "least 1 mm deep, each time at another place and turned another way. Its faces judge the calibration and are "
-        "not learnt from. Without it, go on.",
+        "not trained on. Without it, go on.",
         progress=Progress(
             done=len(run.folder.state.prisms), wanted=run.options.prism_presses, unit="presses of the prism"
         ),
     )
-
-
-def _skipped(run: CalibrationRun) -> bool:
-    chosen = run.next_action()
-    return chosen is not None and chosen[0] == "next"
 
 
 def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: Judge, angle_deg: float) -> None:

@@ -1,6 +1,8 @@
 """From labelled presses to a network.
 
-presses.py           ball presses and their labels; the table that GelNet learns from
+presses.py           ball presses, and the shape of the gel under the ball
+label_file.py        the csv of labels beside its images
+table.py             the table that GelNet is trained on
 prisms.py            presses of prisms, and their labels
 gel_at_rest.py       what the gel at rest does, measured on the presses
 trainer.py           what trains: PyTorch where it is installed, else NumPy

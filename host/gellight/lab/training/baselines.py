@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from gellight.base.errors import InputError
 from gellight.lab.training.polynomial import powers_up_to, ridge, terms_of
-from gellight.lab.training.presses import PressTable
+from gellight.lab.training.table import PressTable
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -87,7 +87,7 @@ def _reason(text: str, status: int) -> str:
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """Return the environment in which the child finds the host's `gelnet` and computes with so many threads."""
+    """Return the environment in which the child finds the host's `gelnet` and computes with `threads` threads."""
     spec = importlib.util.find_spec("gelnet")
     if spec is None or not spec.submodule_search_locations:
         raise TrainingError("the package gelnet is not installed beside gellight: reinstall gellight")

@@ -15,8 +15,9 @@ from gellight.lab.training.baselines import Baseline, fit_lookup_table, fit_poly
 from gellight.lab.training.child import Progress, silent
 from gellight.lab.training.labelling.refinement import FirstFits, refine_others
 from gellight.lab.training.labelling.refinement import refine as refinement_of
-from gellight.lab.training.presses import Ball, Press, PressTable, images_of
+from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismPress
+from gellight.lab.training.table import PressTable, images_of
 from gellight.lab.training.training import Reference, TrainingOptions, fit
 from gellight.lab.training.validation import PressError, PressFigures, frames_by, press_error, press_errors, summarised
 

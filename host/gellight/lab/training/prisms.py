@@ -17,7 +17,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.lab.training.presses import REFUSED, RIM, PressTable, TableOptions, check_image, number_in, read_rows
+from gellight.lab.training.label_file import REFUSED, check_image, number_in, read_rows
+from gellight.lab.training.table import RIM, PressTable, TableOptions
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.pipeline import Reconstructor
 
@@ -31,7 +32,7 @@ _ROUNDED = 2.0
 """times the rounding: nearer to the edge the gel is less steep than the faces"""
 STEEPEST_DEG = 75.0
 _RIM_SHARE = 0.25
-"""of the pixels beyond `RIM` of a face, how many are learnt from"""
+"""of the pixels beyond `RIM` of a face, how many are trained on"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +107,7 @@ def read_prisms(path: Path, *, image_shape: tuple[int, int], dots: Dots | None =
     Raises InputError naming file, row and value. A row with a text in the column `refused` is passed over.
     """
     presses = []
-    for line, row in enumerate(read_rows(path, PRISM_COLUMNS), start=2):
+    for line, row in read_rows(path, PRISM_COLUMNS):
         if (row.get(REFUSED) or "").strip():
             continue
         where = f"{path}, line {line}"
@@ -158,7 +159,7 @@ def with_prisms(
 ) -> PressTable:
     """Return a table of ball presses with the faces of prisms added; reference (H, W, 3), grey levels.
 
-    Of the pixels beyond 0.9 of a face a quarter is learnt from, as the gel may have left it there already.
+    Of the pixels beyond 0.9 of a face a quarter is trained on, as the gel may have left it there already.
     """
     if not prisms:
         return table

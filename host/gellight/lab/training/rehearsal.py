@@ -4,7 +4,7 @@ import numpy as np
 
 from gellight.base.errors import TrainingError
 from gellight.lab.training.child import Check, go_on
-from gellight.lab.training.presses import PressTable
+from gellight.lab.training.table import PressTable
 from gellight.lab.training.trainer import TrainerName
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.sensor.findings import Finding, ok, warning

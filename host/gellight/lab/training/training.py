@@ -20,8 +20,9 @@ from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, run_module, silent
 from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.labelling.refinement import refine as refinement_of
-from gellight.lab.training.presses import Ball, Press, PressTable, TableOptions, build_table, drift_of_presses
+from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismPress, with_prisms
+from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses
 from gellight.lab.training.trainer import TrainerName, checked_trainer
 from gellight.opening import open_camera
 from gellight.reconstruction.fine_pattern import pattern_match
@@ -30,9 +31,9 @@ from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 Floats = NDArray[np.float32]
 RECIPES = ("fast", "thorough", "paper")
 MATCHED_PRESSES = 9
-"""so many, evenly chosen, show how well the fine pattern of the unit can be seen"""
+"""evenly chosen: they show how well the fine pattern of the unit can be seen"""
 HAND_DRAWN = TableOptions(rim_share=0.25)
-"""what is learnt from presses whose circles a hand may have drawn"""
+"""what is trained on of presses whose circles a hand may have drawn"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +130,7 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). prisms: presses of prisms that are learnt from too. refine: refit the circles together with the
+    (`gel_at_rest`). prisms: presses of prisms that are trained on too. refine: refit the circles together with the
     light first (`labelling.refinement`); the metrics then say by how much. The rim of circles whose radius no light
     decided weighs less, unless `table_options` say otherwise.
     The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
@@ -143,44 +144,18 @@ def fit(
         presses, metrics["refinement"] = refined.presses, refined.record()
     some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
     metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
-    learnt = _learn(presses, prisms, reference, ball,
-                    table_options or HAND_DRAWN, options or TrainingOptions(), progress, check)  # fmt: skip
+    wanted = table_options or HAND_DRAWN
+    metrics["light_drift_grey"] = drift = drift_of_presses(presses, reference.image)
+    follow = drift > reference.noise_grey
+    balls = build_table(presses, reference.image, ball, wanted, follow_light=follow)
+    table = with_prisms(balls, prisms, reference.image, wanted, follow_light=follow)
+    network, record = train(table, options or TrainingOptions(), progress=progress, check=check)
+    rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
-        rest_grey=learnt.rest_grey, follow_light=learnt.follow_light, network=learnt.network,
-        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=learnt.table.arrays(),
-        metrics={**metrics, **learnt.metrics},
+        rest_grey=rest_grey, follow_light=follow, network=network,
+        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(),
+        metrics={**metrics, "prisms": len(prisms), "training": record},
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
     )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Learnt:
-    """What a bundle takes from its presses."""
-
-    network: bytes
-    table: PressTable
-    follow_light: bool
-    rest_grey: float
-    metrics: dict[str, object]
-
-
-def _learn(
-    presses: Sequence[Press],
-    prisms: Sequence[PrismPress],
-    reference: Reference,
-    ball: Ball,
-    table_options: TableOptions,
-    options: TrainingOptions,
-    progress: Progress,
-    check: Check,
-) -> _Learnt:
-    """Measure the light and the gel at rest, and train; errors as `fit`."""
-    drift = drift_of_presses(presses, reference.image)
-    follow = drift > reference.noise_grey
-    balls = build_table(presses, reference.image, ball, table_options, follow_light=follow)
-    table = with_prisms(balls, prisms, reference.image, table_options, follow_light=follow)
-    network, record = train(table, options, progress=progress, check=check)
-    rest = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
-    return _Learnt(network, table, follow, rest, {"light_drift_grey": drift, "prisms": len(prisms), "training": record})

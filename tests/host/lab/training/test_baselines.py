@@ -5,7 +5,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.training.baselines import fit_lookup_table, fit_polynomial
-from gellight.lab.training.presses import PressTable
+from gellight.lab.training.table import PressTable
 
 LIGHTS = np.array([[80.0, 0.0], [-40.0, 70.0], [-40.0, -70.0]])
 SHAPE = (60, 80)

@@ -7,17 +7,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.training.presses import (
-    Ball,
-    Press,
-    TableOptions,
-    build_table,
-    cap_depth_mm,
-    contact_circle,
-    images_of,
-    read_presses,
-    sphere_gradient,
-)
+from gellight.lab.training.label_file import read_presses
+from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.lab.training.table import TableOptions, build_table, images_of
 
 SHAPE = (120, 160)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)

@@ -1,5 +1,6 @@
 """Measure the constant of the force and add it to a bundle."""
 
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -27,12 +28,7 @@ def measure_force(bundle: Bundle, forces: Path, recording: Path | None, layer: L
         image_height_px=height,
         gel_thickness_mm=layer.thickness_mm,
         poisson_ratio=layer.poisson_ratio,
-        youngs_modulus_mpa=fit.youngs_modulus_mpa,
-        error_share=fit.error_share,
-        error_floor_n=fit.error_floor_n,
-        lightest_n=fit.lightest_n,
-        heaviest_n=fit.heaviest_n,
-        readings=fit.readings,
+        **asdict(fit),
         lag_s=round(felt.lag_s, 3),
         source=forces.name,
         created=datetime.now(UTC).replace(microsecond=0),

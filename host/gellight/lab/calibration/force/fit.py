@@ -42,8 +42,6 @@ class ForceFit:
     """in contact"""
     lightest_n: float
     heaviest_n: float
-    rms_n: float
-    """of what the fit leaves"""
 
 
 def fit_force(force_n: Array, integral_mm2: Array, source: str) -> ForceFit:
@@ -72,7 +70,6 @@ def fit_force(force_n: Array, integral_mm2: Array, source: str) -> ForceFit:
         readings=int(felt.sum()),
         lightest_n=float(force_n[felt].min()),
         heaviest_n=heaviest,
-        rms_n=float(np.sqrt(np.mean(left**2))),
     )
 
 

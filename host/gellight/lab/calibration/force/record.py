@@ -4,8 +4,6 @@ image,force_n      one reading for each picture, whose name is beside the file: 
 unix_s,force_n     a load cell's readings on the clock of `time.time`, beside a recording of the same time
 """
 
-import csv
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -14,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.lab.training.label_file import number_in, read_csv
 
 FORCE, IMAGE, TIME = "force_n", "image", "unix_s"
 NEGATIVE_SHARE = 0.05
-"""of the largest force: a load cell that was not set to zero may read so far below it"""
+"""of the largest force: a load cell that was not set to zero may read this share below it"""
 Array = NDArray[np.float64]
 
 
@@ -35,47 +34,24 @@ class ForceReadings:
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read and check a file; InputError, naming line and value, for what cannot be a record of presses."""
-        columns, rows = _rows(path)
+        columns, rows = read_csv(path, "forces")
+        if not rows:
+            raise InputError(f"{path} has no forces: add a line for each reading")
         at = IMAGE if IMAGE in columns else TIME
         missing = {FORCE, at} - set(columns)
         if missing or {IMAGE, TIME} <= set(columns):
             raise InputError(f"{path}: its first line must be {IMAGE},{FORCE} or {TIME},{FORCE}")
-        force_n = np.array([_number(row[FORCE], FORCE, f"{path}, line {line}") for line, row in rows])
+        force_n = np.array([number_in(row, FORCE, f"{path}, line {line}") for line, row in rows])
         _check_forces(force_n, path)
         if at == IMAGE:
             images = tuple(_image(row[IMAGE], path, line) for line, row in rows)
             return cls(path=path, force_n=force_n, images=images, unix_s=np.zeros(0))
-        unix_s = np.array([_number(row[TIME], TIME, f"{path}, line {line}") for line, row in rows])
+        unix_s = np.array([number_in(row, TIME, f"{path}, line {line}") for line, row in rows])
         if (falling := np.flatnonzero(np.diff(unix_s) <= 0)).size:
             raise InputError(
                 f"{path}, line {rows[falling[0] + 1][0]}: {TIME} does not rise: give a line for each reading, in order"
             )
         return cls(path=path, force_n=force_n, images=(), unix_s=unix_s)
-
-
-def _rows(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str | None]]]]:
-    """Return the names of the columns, and each row with its line."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            rows = [(reader.line_num, dict(row)) for row in reader]
-    except OSError as error:
-        raise InputError(f"forces {path} cannot be opened ({error.strerror}): check the name") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"forces {path} is not a csv file ({error}): save it as UTF-8 text") from error
-    if not rows:
-        raise InputError(f"{path} has no forces: add a line for each reading")
-    return list(reader.fieldnames or []), rows
-
-
-def _number(text: str | None, column: str, where: str) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{where}: {column} is {text!r}: give a number")
-    return value
 
 
 def _image(text: str | None, path: Path, line: int) -> Path:

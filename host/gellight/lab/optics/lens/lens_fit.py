@@ -22,7 +22,7 @@ LEAST_PINS = 24
 LEAST_IN_PICTURE = 9
 MOST_STRAYS = 0.2
 CELLS = 4
-"""the view is divided into so many times so many cells, each of which must hold a pin"""
+"""to a side: the view is divided into 4 x 4 cells, each of which must hold a pin"""
 PITCH_TOLERANCE = 0.1
 """largest relative difference between the spacing of the pins and what pitch and pixel size say"""
 LARGEST_RESIDUAL_PX = 0.5

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
-from gellight.lab.optics.lights.ball_series import felt_radius_px
+from gellight.lab.optics.lights.ball_series import INNER
 from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling.ball_size import radius_by_slopes_px
 from gellight.lab.training.presses import Ball, Press
 from gellight.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows
 from gellight.photometric.solver import flat_gel, light_rows, slopes, solve_robustly
+from gellight.reconstruction.integration import normals
 
 TOLERANCE = 0.1
 """relative difference of the radius felt from the ball's"""
@@ -41,7 +43,7 @@ def confirm_ring(
     gradient_map = np.moveaxis(slopes(scaled).reshape(2, *model.image_shape), 0, 2)
     x, y, radius = circle.center_x_px, circle.center_y_px, circle.contact_radius_px
     press = Press(image=Path("the ball"), center_x_px=x, center_y_px=y, contact_radius_px=radius)
-    felt_mm = felt_radius_px(gradient_map, press) * ball.pixel_size_mm
+    felt_mm = radius_by_slopes_px(normals(gradient_map), press, 0.0, INNER) * ball.pixel_size_mm
     if not abs(felt_mm / radius_mm - 1) <= TOLERANCE:
         raise BundleError(
             f"the ring that fits the light on the flat gel feels the ball of {radius_mm:g} mm as one of {felt_mm:.3g} "

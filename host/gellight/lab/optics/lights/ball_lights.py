@@ -22,7 +22,7 @@ Floats = NDArray[np.float32]
 NEAR_BALLS = 6
 """with fewer a light has one vector for the whole view"""
 _INNER = 0.9
-"""of the contact radius: what is learnt from"""
+"""of the contact radius: what is fitted to"""
 _ROUNDS = 4
 _SHADOW = 0.12
 """a pixel that is darker by this share of the untouched gel than its normal says is shadowed"""

@@ -9,15 +9,18 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_grey
+from gellight.lab.training.labelling.ball_size import radius_by_slopes_px
 from gellight.lab.training.presses import Ball, Press, distance_px, sphere_gradient
 from gellight.reconstruction.integration import angle_deg, normals
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
+INNER = 0.8
+"""of the contact radius: what is surely in contact"""
 HELD_OUT = 4
-"""every fourth ball, or series where there are several, judges and is not learnt from"""
+"""every fourth ball, or series where there are several, judges and is not trained on"""
 LEAST_BALLS = 4
-"""to learn from"""
+"""to train on"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +92,7 @@ def read_series(
 
 
 def divided(series: Sequence[BallSeries]) -> tuple[list[BallSeries], list[BallSeries]]:
-    """Divide into what is learnt from and what judges: by series, or by ball where there is one series.
+    """Divide into what is trained on and what judges: by series, or by ball where there is one series.
 
     Raises InputError for too few balls.
     """
@@ -99,10 +102,10 @@ def divided(series: Sequence[BallSeries]) -> tuple[list[BallSeries], list[BallSe
         balls = series[0].presses if series else ()
         chosen = [tuple(b for n, b in enumerate(balls) if (n % HELD_OUT == 0) is judging) for judging in (False, True)]
         parts = [[replace(series[0], presses=some)] if some else [] for some in chosen]
-    learnt, judging = parts
-    if count(learnt) < LEAST_BALLS or not count(judging):
+    training, judging = parts
+    if count(training) < LEAST_BALLS or not count(judging):
         raise InputError(f"{count(series)} balls are too few: give at least 6, so that some can be held out")
-    return learnt, judging
+    return training, judging
 
 
 def count(series: Sequence[BallSeries]) -> int:
@@ -112,7 +115,7 @@ def count(series: Sequence[BallSeries]) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOutBalls:
-    """How balls are felt that were not learnt from."""
+    """How balls are felt that were not trained on."""
 
     balls: int
     normal_deg: float
@@ -129,7 +132,7 @@ class HeldOutBalls:
 
 def held_out(feel: Callable[[Floats], Floats], series: Sequence[BallSeries], ball: Ball) -> HeldOutBalls:
     """Judge what turns (K, H, W) grey levels into (H, W, 2) slopes, on balls that it was not made from."""
-    angles: dict[float, list[Floats]] = {0.8: [], 0.95: []}
+    angles: dict[float, list[Floats]] = {INNER: [], 0.95: []}
     radii_px = []
     for one in series:
         gradient_map = feel(one.levels)
@@ -137,17 +140,7 @@ def held_out(feel: Callable[[Floats], Floats], series: Sequence[BallSeries], bal
         for share, found in angles.items():
             pixels, normal = one.inside(ball, share)
             found.append(angle_deg(felt[pixels], normal.T.astype(np.float32)))
-        radii_px += [felt_radius_px(gradient_map, press) for press in one.presses]
+        radii_px += [radius_by_slopes_px(normals(gradient_map), press, 0.0, INNER) for press in one.presses]
     near, wide = (float(np.concatenate(found).mean()) for found in angles.values())
     felt_mm = float(np.median(radii_px)) * ball.pixel_size_mm
     return HeldOutBalls(balls=count(series), normal_deg=near, wide_normal_deg=wide, felt_radius_mm=felt_mm)
-
-
-def felt_radius_px(gradient_map: Floats, press: Press) -> float:
-    """Least squares of sin(slope) = distance / R inside 0.8 of the contact."""
-    shape = (gradient_map.shape[0], gradient_map.shape[1])
-    inside = distance_px(press, shape) < 0.8 * press.contact_radius_px
-    rows, columns = np.nonzero(inside)
-    normal = normals(gradient_map)[inside]
-    x, y = columns - press.center_x_px, rows - press.center_y_px
-    return float((x * x + y * y).sum() / (normal[:, 0] * x + normal[:, 1] * y).sum())

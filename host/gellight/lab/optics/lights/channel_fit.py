@@ -11,7 +11,8 @@ from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import BallSeries, HeldOutBalls, LitBalls, divided, held_out
 from gellight.lab.training.child import Check, Progress, go_on, silent
-from gellight.lab.training.presses import Ball, PressTable, TableOptions, distance_px, sphere_gradient
+from gellight.lab.training.presses import Ball
+from gellight.lab.training.table import PressTable, TableOptions, labelled_rows
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.photometric.directions import FILE_NAME, LightDirections
 from gellight.series.channel_network import ChannelNetwork, change_percent
@@ -37,10 +38,10 @@ def fit_channels(
     light groups is for recorded pictures. Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     ball, wanted = balls.ball, options or TrainingOptions()
-    learnt, judging = divided(balls.series)
-    fair = lights_from_balls(learnt, balls.untouched, ball, balls.noise_grey)
+    training, judging = divided(balls.series)
+    fair = lights_from_balls(training, balls.untouched, ball, balls.noise_grey)
     solved = check_lights(fair, judging, ball)
-    network, _ = train(channel_table(learnt, fair.untouched, ball), wanted, progress=progress, check=check)
+    network, _ = train(channel_table(training, fair.untouched, ball), wanted, progress=progress, check=check)
     felt = _judged(network, fair, judging, ball)
     lights = lights_from_balls(balls.series, balls.untouched, ball, balls.noise_grey)
     if balls.groups is not None:
@@ -75,29 +76,8 @@ def channel_table(
 ) -> PressTable:
     """Build the table of all balls; untouched: (K, H, W) grey levels. Each ball counts as an image."""
     random = np.random.default_rng(options.seed)
-    parts = [rows for one in series for rows in _rows(one, untouched, ball, options, random)]
-    return PressTable(
-        rows=np.concatenate(parts),
-        image=np.repeat(np.arange(len(parts), dtype=np.int32), [len(rows) for rows in parts]),
-        image_size=(untouched.shape[2], untouched.shape[1]),
-    )
-
-
-def _rows(
-    one: BallSeries, untouched: Floats, ball: Ball, options: TableOptions, random: np.random.Generator
-) -> list[Floats]:
-    """Return the rows of each ball of a series; flat are pixels that are far from all of them."""
-    change, width = change_percent(one.levels, untouched), one.shape[1]
-    distances = [distance_px(press, one.shape).ravel() for press in one.presses]
-    reach = [options.flat_distance * press.contact_radius_px for press in one.presses]
-    far = np.flatnonzero(np.all([away > limit for away, limit in zip(distances, reach, strict=True)], axis=0))
-    tables = []
-    for press, distance in zip(one.presses, distances, strict=True):
-        contact = np.flatnonzero(distance < press.contact_radius_px - options.inset_px)
-        flat = random.choice(far, min(len(far), round(options.flat_share * len(contact))), replace=False)
-        chosen = np.concatenate([contact, flat])
-        slopes = np.zeros((len(chosen), 2), np.float32)
-        slopes[: len(contact)] = sphere_gradient(press, ball, one.shape).reshape(-1, 2)[contact]
-        places = np.stack([chosen % width, chosen // width], axis=1).astype(np.float32)
-        tables.append(np.concatenate([change[chosen], places, slopes], axis=1).astype(np.float32))
-    return tables
+    parts = []
+    for one in series:
+        change = change_percent(one.levels, untouched).reshape(*one.shape, -1)
+        parts += [labelled_rows(press, one.presses, change, ball, options, random) for press in one.presses]
+    return PressTable.joined(parts, np.arange(len(parts), dtype=np.int32), series[0].shape)

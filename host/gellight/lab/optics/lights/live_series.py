@@ -27,7 +27,7 @@ def take_series(
     camera: Camera, groups: NDArray[np.uint8], ball: Ball, presses: int, *, sensor: str, ask: Say, tell: Say,
     frames: int = 2,
 ) -> LitBalls:  # fmt: skip
-    """Take the untouched gel and so many presses under `groups` (G, n, 3), each in a series of its own.
+    """Take the untouched gel and `presses` presses under `groups` (G, n, 3), each in a series of its own.
 
     sensor: what it is known by. ask: says what to do, and returns when it is done; nobody is asked where a virtual
     hand presses. tell: says why a press was refused; it is pressed again. frames: averaged in each exposure of a press.

@@ -159,7 +159,7 @@ def fit_pattern(levels: Array) -> tuple[Array, float]:
 
 
 def _block_places(pixels: int) -> Array:
-    """Centres of the blocks of `plane_means` along an axis of so many pixels, which is from -1 to 1."""
+    """Centres of the blocks of `plane_means` along an axis of `pixels`, which is from -1 to 1."""
     centres = np.arange(pixels // BLOCK_PX) * BLOCK_PX + (BLOCK_PX - 1) / 2
     return np.asarray(2 * centres / (pixels - 1) - 1)
 

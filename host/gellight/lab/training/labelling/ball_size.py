@@ -11,7 +11,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.lab.training.presses import Ball, Press, distance_px
+from gellight.lab.training.presses import Ball, Floats, Press, distance_px
 from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.pipeline import Reconstructor
 
@@ -44,15 +44,20 @@ def check_ball(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> float:
 
 
 def _radius_px(reconstructor: Reconstructor, press: Press) -> float:
-    """Least squares of sin(slope) = distance / R over a ring of the contact; slopes count along the radius only."""
-    normal = reconstructor.reconstruct(frame_of(press)).normal_map
-    distance = distance_px(press, (normal.shape[0], normal.shape[1])).astype(np.float64)
-    ring = (distance > _INNER * press.contact_radius_px) & (distance < _OUTER * press.contact_radius_px)
-    rows, columns = np.nonzero(ring)
-    r = distance[ring]
-    # The normal leans outwards where the gel rises: its radial part is the sine of the slope.
-    sine = (normal[ring, 0] * (columns - press.center_x_px) + normal[ring, 1] * (rows - press.center_y_px)) / r
-    strength = float((sine * r).sum() / (r * r).sum())
-    if strength <= 0:
+    radius = radius_by_slopes_px(reconstructor.reconstruct(frame_of(press)).normal_map, press, _INNER, _OUTER)
+    if not 0 < radius < np.inf:
         raise InputError(f"{press.image}: no ball is felt inside the circle: check the circle and the calibration")
-    return 1 / strength
+    return radius
+
+
+def radius_by_slopes_px(normal_map: Floats, press: Press, inner: float, outer: float) -> float:
+    """Return R by least squares of sin(slope) = distance / R between two shares of the contact radius, px.
+
+    Slopes of the (H, W, 3) normals count along the radius only: where the gel rises the normal leans outwards.
+    """
+    distance = distance_px(press, (normal_map.shape[0], normal_map.shape[1])) / press.contact_radius_px
+    rows, columns = np.nonzero((distance >= inner) & (distance < outer))
+    normal = normal_map[rows, columns].astype(np.float64)
+    x, y = columns - press.center_x_px, rows - press.center_y_px
+    with np.errstate(divide="ignore"):
+        return float((x * x + y * y).sum() / (normal[:, 0] * x + normal[:, 1] * y).sum())

@@ -12,15 +12,15 @@ from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
     STEEPEST,
+    PixelSample,
     PressShape,
-    Window,
     background,
     check_clipped,
     difference_image,
     fitted,
     free_response,
+    sampled_around,
     starts,
-    window,
 )
 from gellight.lab.training.labelling.search import Candidate, best_candidate, candidates
 from gellight.lab.training.presses import Ball
@@ -137,14 +137,14 @@ def fit_circle(
     difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float
 ) -> tuple[PressShape, PressCircle]:
     """Fit the pattern to the (H, W, 3) difference image around a first guess of the circle, px, with free response."""
-    pixels = window(difference, center, contact_radius, ball_radius)
+    pixels = sampled_around(difference, center, contact_radius, ball_radius)
     residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
     guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
     shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
     return shape, judged(shape, pixels, residual.left(shape), ball_radius)
 
 
-def judged(shape: PressShape, pixels: Window, left: Array, ball_radius: float) -> PressCircle:
+def judged(shape: PressShape, pixels: PixelSample, left: Array, ball_radius: float) -> PressCircle:
     """Say how well the pattern explains the colours; left: (N, 3) what it does not, grey levels."""
     changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
     pattern = changed - left

@@ -17,10 +17,11 @@ from gellight.base.writing import write_file
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
+from gellight.lab.training.label_file import COLUMNS, QUALITY, REFUSED
 from gellight.lab.training.labelling.circle import PressCircle, find_circle, find_circles
 from gellight.lab.training.labelling.plate import PlateGrid, plate_grid
 from gellight.lab.training.labelling.prism import find_prism
-from gellight.lab.training.presses import COLUMNS, QUALITY, REFUSED, Ball
+from gellight.lab.training.presses import Ball
 
 Array = NDArray[np.float64]
 _INK = (255, 255, 255)

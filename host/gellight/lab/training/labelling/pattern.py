@@ -128,7 +128,7 @@ def response_derivatives(x: Array, y: Array, shape: PressShape, ball_radius: flo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Window:
+class PixelSample:
     """Pixels around a press."""
 
     x: Array
@@ -138,10 +138,10 @@ class Window:
     colour: Array
     """(N, 3) of the difference image, grey levels"""
 
-    def few(self) -> "Window":
+    def few(self) -> "PixelSample":
         """Return a quarter of the pixels, in random order: it tells which beginning leads to the object."""
         few = len(self.x) // 4
-        return Window(x=self.x[:few], y=self.y[:few], colour=self.colour[:few])
+        return PixelSample(x=self.x[:few], y=self.y[:few], colour=self.colour[:few])
 
 
 def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
@@ -170,17 +170,19 @@ def check_clipped(
         )
 
 
-def window(difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float) -> Window:
+def sampled_around(
+    difference: Array, center: tuple[float, float], contact_radius: float, ball_radius: float
+) -> PixelSample:
     """Choose pixels of the (H, W, 3) difference image around a circle, px; the same ones each time."""
     rows, columns = np.indices(difference.shape[:2])
     distance = np.hypot(columns - center[0], rows - center[1])
     near = np.flatnonzero(distance < _WINDOW * max(contact_radius, 0.6 * ball_radius))
     chosen = np.random.default_rng(0).choice(near, min(len(near), _FITTED_PIXELS), replace=False)
     x, y = chosen % difference.shape[1], chosen // difference.shape[1]
-    return Window(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
+    return PixelSample(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
 
 
-def free_response(pixels: Window, ball_radius: float) -> FreeResponse[PressShape]:
+def free_response(pixels: PixelSample, ball_radius: float) -> FreeResponse[PressShape]:
     """Return what a press leaves of the colours around it when the response of the light is free."""
 
     def columns(shape: PressShape) -> Array:

@@ -17,7 +17,7 @@ from gellight.lab.training.labelling.fitting import Bounds, Residual, cost, leas
 from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
-    Window,
+    PixelSample,
     check_clipped,
     difference_image,
 )
@@ -40,8 +40,6 @@ _LONG = 2.0
 """in widths of a face: half the length of edge that is looked for first"""
 _SKIRT = 2.2
 """in widths of a face: how far from the edge the pattern is fitted"""
-_WIDEST = 0.45
-"""of the shorter side of the image"""
 _SLAB = 0.5
 """in widths of a face: steps in which the ends of the edge are looked for"""
 _PLACES, _SHARES = np.linspace(-1.5, 1.5, 25), (0.15, 0.3, 0.5, 0.75, 1.0)
@@ -122,10 +120,10 @@ def find_prism(image: NDArray[np.uint8], reference: NDArray[np.number], *, angle
     difference = difference_image(image, reference)
     middle, shape = _first_guess(difference, slope)
     reach = _LONG * face(shape)
-    shape = _fitted(_strip(difference, middle, shape).window((-reach, reach)), shape, slope)
+    shape = _fitted(_strip(difference, middle, shape).sampled((-reach, reach)), shape, slope)
     strip = _strip(difference, middle, shape)
     ends = _ends(strip, shape, slope)
-    pixels = strip.window(ends)
+    pixels = strip.sampled(ends)
     shape = _fitted(pixels, shape, slope)
     contact = _contact(middle, shape, ends, pixels, slope, image.shape)
     _check(contact)
@@ -172,12 +170,12 @@ class _Strip:
     along: Array
     """(N,) how far each lies along the edge, px"""
 
-    def window(self, ends: tuple[float, float]) -> Window:
+    def sampled(self, ends: tuple[float, float]) -> PixelSample:
         """Choose pixels between two places along the edge; the same ones each time."""
         between = self.near[(self.along > ends[0]) & (self.along < ends[1])]
         chosen = np.random.default_rng(0).choice(between, min(len(between), _FITTED_PIXELS), replace=False)
         y, x = np.divmod(chosen, self.difference.shape[1])
-        return Window(x=x - self.middle[0], y=y - self.middle[1], colour=self.difference[y, x])
+        return PixelSample(x=x - self.middle[0], y=y - self.middle[1], colour=self.difference[y, x])
 
 
 def _strip(difference: Array, middle: tuple[float, float], shape: EdgeShape) -> _Strip:
@@ -187,7 +185,7 @@ def _strip(difference: Array, middle: tuple[float, float], shape: EdgeShape) -> 
     return _Strip(difference=difference, middle=middle, near=near, along=along.ravel()[near])
 
 
-def _fitted(pixels: Window, shape: EdgeShape, slope: float) -> EdgeShape:
+def _fitted(pixels: PixelSample, shape: EdgeShape, slope: float) -> EdgeShape:
     """Return the shape that leaves least of the colours; the best few of a grid of places and widths begin."""
 
     residual, few = free_response(pixels, slope), free_response(pixels.few(), slope)
@@ -216,10 +214,10 @@ def _ends(strip: _Strip, shape: EdgeShape, slope: float) -> tuple[float, float]:
     ends = [-_LONG * wide, _LONG * wide]
     for side, sign in ((0, -1), (1, 1)):
         while True:
-            inside = strip.window((ends[0], ends[1]))
+            inside = strip.sampled((ends[0], ends[1]))
             amounts, *_ = np.linalg.lstsq(columns(inside, shape, slope), inside.colour, rcond=None)
             further = ends[side] + sign * _SLAB * wide
-            slab = strip.window((min(ends[side], further), max(ends[side], further)))
+            slab = strip.sampled((min(ends[side], further), max(ends[side], further)))
             if len(slab.x) < _SLAB * wide * _SKIRT * wide or _unlike(
                 slab, shape, slope, np.asarray(amounts, np.float64)
             ):
@@ -228,7 +226,7 @@ def _ends(strip: _Strip, shape: EdgeShape, slope: float) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def _unlike(slab: Window, shape: EdgeShape, slope: float, amounts: Array) -> bool:
+def _unlike(slab: PixelSample, shape: EdgeShape, slope: float, amounts: Array) -> bool:
     """Whether a response that fits elsewhere along the edge leaves much of a slab unexplained."""
     even = np.ones((len(slab.x), 1))
     seen = without(even, slab.colour)
@@ -240,7 +238,7 @@ def _contact(
     middle: tuple[float, float],
     shape: EdgeShape,
     ends: tuple[float, float],
-    pixels: Window,
+    pixels: PixelSample,
     slope: float,
     image_shape: tuple[int, ...],
 ) -> PrismContact:
@@ -279,7 +277,7 @@ def _clipped(
     return low, max(low, high)
 
 
-def _judged(shape: EdgeShape, pixels: Window, slope: float) -> tuple[float, float]:
+def _judged(shape: EdgeShape, pixels: PixelSample, slope: float) -> tuple[float, float]:
     """Share of what changed that the pattern explains, and its root mean square on the faces, grey levels."""
     pattern = columns(pixels, shape, slope)
     changed = without(pattern[:, :3], pixels.colour)

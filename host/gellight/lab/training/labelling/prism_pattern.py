@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from gellight.lab.training.labelling.fitting import FittedShape, FreeResponse
-from gellight.lab.training.labelling.pattern import Window
+from gellight.lab.training.labelling.pattern import PixelSample
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def _profile(along: Array, across: Array, shape: EdgeShape, slope: float) -> tup
     return np.asarray(signed), np.asarray(slope * depth)
 
 
-def columns(pixels: Window, shape: EdgeShape, slope: float) -> Array:
+def columns(pixels: PixelSample, shape: EdgeShape, slope: float) -> Array:
     """(N, 8) light that drifted, and the response."""
     along, across = shape.along_across(pixels.x, pixels.y)
     reach = face(shape)
@@ -76,7 +76,7 @@ def columns(pixels: Window, shape: EdgeShape, slope: float) -> Array:
     return np.column_stack([*drift, response(along, across, shape, slope)])
 
 
-def _derivatives(pixels: Window, shape: EdgeShape, slope: float) -> Array:
+def _derivatives(pixels: PixelSample, shape: EdgeShape, slope: float) -> Array:
     """(9, 5, N) derivative of `response` to each number of the shape; what only scales a column is left out."""
     along, across = shape.along_across(pixels.x, pixels.y)
     signed, _ = _profile(along, across, shape, slope)
@@ -117,7 +117,7 @@ def _profile_derivatives(along: Array, across: Array, shape: EdgeShape, slope: f
     return signeds, slope * depths
 
 
-def free_response(pixels: Window, slope: float) -> FreeResponse[EdgeShape]:
+def free_response(pixels: PixelSample, slope: float) -> FreeResponse[EdgeShape]:
     """Return what a prism leaves of the colours around it when the response of the light is free."""
     return FreeResponse(
         pixels.colour,

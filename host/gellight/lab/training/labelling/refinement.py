@@ -3,7 +3,7 @@
 Circles that were drawn by hand are some pixels off, each in its own way, while the gel shows the same slope in the same
 colour in every image. So one response of the light, shared by all images, is fitted together with the circles, in
 turns: first the response to all other images, then each circle to that response. A circle is never fitted to a response
-that was learnt from its own image: such a response agrees with the circle as it is, right or wrong.
+that was fitted to its own image: such a response agrees with the circle as it is, right or wrong.
 
 Two things are held fixed. The radius of the ball is known and never fitted. The mean shift over all presses stays 0,
 because a common shift of all circles looks the same as another response of the light.
@@ -26,14 +26,14 @@ from gellight.lab.training.labelling.fitting import without
 from gellight.lab.training.labelling.pattern import (
     LEAST_QUALITY,
     STEEPEST,
+    PixelSample,
     PressShape,
-    Window,
     background,
     difference_image,
     fitted,
     response,
     response_derivatives,
-    window,
+    sampled_around,
 )
 from gellight.lab.training.presses import Ball, Press
 
@@ -79,7 +79,7 @@ class _Fit:
     """One press while it is fitted."""
 
     press: Press
-    pixels: Window
+    pixels: PixelSample
     shape: PressShape
     sure: bool
     """whether the image alone shows one clear ball, and so the radius of its contact"""
@@ -99,7 +99,7 @@ class FirstFits:
             difference, ball_radius = difference_image(press.picture(), self._reference), self._ball.radius_px
             center, radius = (press.center_x_px, press.center_y_px), press.contact_radius_px
             shape, circle = fit_circle(difference, center, radius, ball_radius)
-            pixels = window(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball_radius)
+            pixels = sampled_around(difference, (shape.center_x, shape.center_y), shape.contact_radius, ball_radius)
             self._known[press] = _Fit(press=press, pixels=pixels, shape=shape, sure=circle.quality >= LEAST_QUALITY)
         return self._known[press]
 
@@ -155,7 +155,7 @@ def refine_others(
     *,
     first: FirstFits | None = None,
 ) -> list[Press]:
-    """Refit circles that had no part in `refined`, by its response and its offset; nothing is learnt from them."""
+    """Refit circles that had no part in `refined`, by its response and its offset; nothing is fitted to them."""
     first = first or FirstFits(reference, ball)
     result = []
     for press in presses:
@@ -170,13 +170,13 @@ def _extent(reference: NDArray[np.number]) -> tuple[float, float]:
     return float(reference.shape[1]), float(reference.shape[0])
 
 
-def _columns(pixels: Window, shape: PressShape, ball: Ball, extent: tuple[float, float]) -> Array:
+def _columns(pixels: PixelSample, shape: PressShape, ball: Ball, extent: tuple[float, float]) -> Array:
     """(N, K) the response at each pixel, changing linearly over the view."""
     pattern = response(pixels.x, pixels.y, shape, ball.radius_px)
     return np.concatenate([pattern * share[:, None] for share in _over_the_view(pixels, extent)], axis=1)
 
 
-def _over_the_view(pixels: Window, extent: tuple[float, float]) -> tuple[Array, Array, Array]:
+def _over_the_view(pixels: PixelSample, extent: tuple[float, float]) -> tuple[Array, Array, Array]:
     """(N,) what the response is at each pixel: a constant, and what changes across and down the view."""
     return np.ones_like(pixels.x), pixels.x / extent[0] - 0.5, pixels.y / extent[1] - 0.5
 
@@ -207,7 +207,7 @@ def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, 
 class GivenResponse:
     """What a press leaves of the colours around it when the response of the light is given."""
 
-    pixels: Window
+    pixels: PixelSample
     coefficients: Array
     """(K, 3)"""
     ball: Ball

@@ -17,7 +17,8 @@ from gellight.lab.calibration.preparing import full_colours
 from gellight.lab.optics.lights.ball_series import BallSeries, read_series
 from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
 from gellight.lab.optics.lights.live_series import take_series
-from gellight.lab.training.presses import Ball, Press, TableOptions
+from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of

@@ -10,7 +10,7 @@ from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.labelling.circle import PressCircle, find_circles
-from gellight.lab.training.labelling.pattern import PressShape, free_response, profile, response, window
+from gellight.lab.training.labelling.pattern import PressShape, free_response, profile, response, sampled_around
 from gellight.lab.training.labelling.plate import plate_grid
 from gellight.lab.training.presses import Ball
 from tests.helpers.derivatives import slope
@@ -63,7 +63,7 @@ STEEP = PressShape(
 @pytest.mark.parametrize("shape", [PressShape(center_x=129.3, center_y=101.4, contact_radius=20.0), STEEP])
 def test_the_jacobian_of_the_fit_is_that_of_finite_differences(shape: PressShape) -> None:
     difference = photograph((130.3, 100.7, 24.0)) - reference()
-    residual = free_response(window(difference, (130, 100), 24.0, BALL.radius_px), BALL.radius_px)
+    residual = free_response(sampled_around(difference, (130, 100), 24.0, BALL.radius_px), BALL.radius_px)
     at = shape.vector()
     differences = [slope(lambda vector: residual.left(PressShape.of(vector)).T, at, one) for one in np.eye(len(at))]
     np.testing.assert_allclose(residual.jacobian(shape), differences, atol=1e-6)

@@ -11,10 +11,10 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.labelling import PrismContact, find_prism
-from gellight.lab.training.labelling.pattern import Window
+from gellight.lab.training.labelling.pattern import PixelSample
 from gellight.lab.training.labelling.prism_pattern import EdgeShape, free_response
-from gellight.lab.training.presses import PressTable, TableOptions
 from gellight.lab.training.prisms import read_prisms, with_prisms
+from gellight.lab.training.table import PressTable, TableOptions
 from gellight.reconstruction.integration import angle_deg, normals
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
@@ -93,7 +93,7 @@ def test_an_edge_is_where_it_was_pressed_and_its_labels_are_the_gel_s_slopes(
 def test_the_jacobian_of_the_fit_is_that_of_finite_differences() -> None:
     random = np.random.default_rng(0)
     x, y, colour = random.uniform(-60, 60, 900), random.uniform(-60, 60, 900), random.normal(0, 20, (900, 3))
-    residual = free_response(Window(x=x, y=y, colour=colour), math.tan(math.radians(30)))
+    residual = free_response(PixelSample(x=x, y=y, colour=colour), math.tan(math.radians(30)))
     at = EdgeShape(turn=0.4, offset=1.3, before=20.0, behind=14.0, widening=0.03, step_length=4.0).vector()
     differences = [slope(lambda vector: residual.left(EdgeShape.of(vector)).T, at, one) for one in np.eye(len(at))]
     np.testing.assert_allclose(residual.jacobian(EdgeShape.of(at)), differences, atol=1e-5)

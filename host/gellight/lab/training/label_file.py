@@ -1,0 +1,122 @@
+"""The csv of labels beside its images: read and checked, with file, line and value in every refusal."""
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from gellight.base.errors import InputError
+from gellight.frames.dots import Dots
+from gellight.frames.image_files import read_image
+from gellight.lab.training.presses import Ball, Press
+
+COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
+QUALITY = "quality"
+"""optional column: how well the pattern of a ball fits, of a circle that `detect` found"""
+REFUSED = "refused"
+"""optional column: why an image is not used; such a row has no circle"""
+Row = dict[str, str | None]
+
+
+def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: Dots | None = None) -> list[Press]:
+    """Read and check a csv with the columns of `COLUMNS`; the images are beside it, image_shape is (H, W).
+
+    dots: the marker dots of the gel.
+    Raises InputError naming file, row and value unless every row is a circle that this ball can make in this image,
+    and every image is readable and of that size. A row with a text in the column `REFUSED` is passed over.
+    """
+    presses: list[Press] = []
+    seen: dict[Press, int] = {}
+    for line, row in read_rows(path, COLUMNS):
+        if (row.get(REFUSED) or "").strip():
+            continue
+        where = f"{path}, line {line}"
+        name = (row["image"] or "").strip()
+        if not name:
+            raise InputError(f"{where}: column image is empty: give the name of the image beside the csv")
+        x, y, radius = (number_in(row, column, where) for column in COLUMNS[1:])
+        found = bool((row.get(QUALITY) or "").strip())
+        circle = {"center_x_px": x, "center_y_px": y, "contact_radius_px": radius}
+        press = Press(image=path.parent / name, **circle, found=found, dots=dots)
+        _check_circle(press, ball, image_shape, where)
+        _check_apart(press, seen, where)
+        seen[press] = line
+        check_image(press.image, image_shape, where)
+        presses.append(press)
+    if not presses:
+        raise InputError(f"{path} has no presses: add a line for each image with the columns {', '.join(COLUMNS)}")
+    return presses
+
+
+def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[int, Row]]:
+    """Read a csv of presses that must have these columns, each row with its line; InputError as `read_csv`."""
+    found, rows = read_csv(path, "presses")
+    if missing := [column for column in columns if column not in found]:
+        raise InputError(f"{path} has no column {', '.join(missing)}: its first line must be {','.join(columns)}")
+    return rows
+
+
+def read_csv(path: Path, what: str) -> tuple[list[str], list[tuple[int, Row]]]:
+    """Read the names of the columns, and each row with its line; InputError, naming `what`, where it cannot be read."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream)
+            rows = [(reader.line_num, dict(row)) for row in reader]
+    except OSError as error:
+        raise InputError(f"{what} {path} cannot be opened ({error.strerror}): check the name") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{what} {path} is not a csv file ({error}): save it as UTF-8 text") from error
+    return list(reader.fieldnames or []), rows
+
+
+def number_in(row: Row, column: str, where: str) -> float:
+    """Return the number in a column of a row; InputError where there is none."""
+    text = row[column]
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: {column} is {text!r}: give a number")
+    return value
+
+
+def _check_circle(press: Press, ball: Ball, image_shape: tuple[int, int], where: str) -> None:
+    height, width = image_shape
+    x, y, radius = press.center_x_px, press.center_y_px, press.contact_radius_px
+    if radius <= 0:
+        raise InputError(f"{where}: contact_radius_px is {radius:g}: give a radius greater than 0")
+    if radius >= ball.radius_px:
+        raise InputError(
+            f"{where}: contact_radius_px is {radius:g}, but a ball of radius {ball.radius_mm:g} mm is only "
+            f"{ball.radius_px:.2f} px wide at {ball.pixel_size_mm:g} mm per pixel: "
+            "correct the circle, the ball radius or the pixel size"
+        )
+    if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
+        raise InputError(
+            f"{where}: the circle's centre ({x:g}, {y:g}) px is outside the image of {width} x {height} px: "
+            "correct the circle or remove the line"
+        )
+
+
+def _check_apart(press: Press, seen: Mapping[Press, int], where: str) -> None:
+    """Refuse a circle that shares gel with another one of the same image: one of the two is wrong."""
+    for other, line in seen.items():
+        apart = math.hypot(press.center_x_px - other.center_x_px, press.center_y_px - other.center_y_px)
+        if press.image == other.image and apart < press.contact_radius_px + other.contact_radius_px:
+            raise InputError(
+                f"{where}: image {press.image.name} is already in line {line}, and the two circles overlap: keep one"
+            )
+
+
+def check_image(image: Path, image_shape: tuple[int, int], where: str) -> None:
+    """Refuse an image that cannot be read, or of another size (H, W) than the reference; InputError."""
+    try:
+        shape = read_image(image).shape[:2]
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    if shape != image_shape:
+        raise InputError(
+            f"{where}: image {image.name} is {shape[1]} x {shape[0]} px, the reference image is "
+            f"{image_shape[1]} x {image_shape[0]} px: use images of one camera setting"
+        )

@@ -1,0 +1,127 @@
+"""The table that GelNet is trained on: labelled pixels of presses, their colours and the slopes that the ball gives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
+from gellight.lab.training.presses import Ball, Floats, Press, distance_px, sphere_gradient
+from gellight.reconstruction.light_drift import difference_of, light_drift
+
+RIM = 0.9
+"""of the contact radius: beyond it, within a circle that was drawn by hand, the gel has left the ball already"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """Which pixels of a press are trained on."""
+
+    inset_px: float = 1.0
+    """the outermost ring of the contact circle is left out: there a label that is a pixel off is wrong most"""
+    rim_share: float = 1.0
+    """of the pixels beyond `RIM` of a contact radius that a hand may have drawn, how many are trained on"""
+    flat_share: float = 0.3
+    """untouched pixels, as a share of the contact pixels, with gradient 0"""
+    flat_distance: float = 1.9
+    """in contact radii from the centre: where the gel counts as untouched"""
+    seed: int = 0
+    """chooses the untouched pixels"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressTable:
+    """Labelled pixels of several presses."""
+
+    rows: Floats
+    """(N, C + 4) change of each channel, x, y in px, d(depth)/dx, d(depth)/dy; the channels are dR, dG, dB in grey
+    levels, or those of `series.channel_network`"""
+    image: NDArray[np.int32]
+    """(N,) number of the image each row comes from, see `images_of`"""
+    image_size: tuple[int, int]
+    """(W, H) px"""
+
+    @classmethod
+    def of(cls, bundle: Bundle) -> Self:
+        """Return the table that a bundle was trained on; BundleError where it keeps none."""
+        arrays = bundle.presses()
+        width, height = (int(size) for size in arrays["image_size"])
+        return cls(rows=arrays["rows"], image=arrays["image"], image_size=(width, height))
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the arrays as they are stored in an npz file."""
+        return {"rows": self.rows, "image": self.image, "image_size": np.array(self.image_size, np.int32)}
+
+    @classmethod
+    def joined(cls, parts: Sequence[Floats], images: NDArray[np.int32], image_shape: tuple[int, int]) -> Self:
+        """Join the rows of several presses; images: (n,) the number of the image of each, image_shape (H, W)."""
+        numbers = np.repeat(images, [len(part) for part in parts])
+        return cls(rows=np.concatenate(parts), image=numbers, image_size=(image_shape[1], image_shape[0]))
+
+
+def build_table(
+    presses: Sequence[Press], reference: Floats, ball: Ball, options: TableOptions, *, follow_light: bool = False
+) -> PressTable:
+    """Build the table of all presses; reference is the (H, W, 3) image of the untouched gel, grey levels.
+
+    With `follow_light` the drift of the light is taken off each difference image, as the frame path then does.
+    """
+    random = np.random.default_rng(options.seed)
+    parts = []
+    for press in presses:
+        difference = difference_of(press.picture(), reference, follow_light=follow_light)
+        together = [other for other in presses if other.image == press.image]
+        parts.append(labelled_rows(press, together, difference, ball, options, random))
+    return PressTable.joined(parts, images_of(presses), (reference.shape[0], reference.shape[1]))
+
+
+def labelled_rows(
+    press: Press, together: Sequence[Press], change: Floats, ball: Ball, options: TableOptions,
+    random: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Return the rows of one press, as `PressTable` keeps them; change: (H, W, C) of each channel.
+
+    together: all presses in the same picture; flat are pixels that are far from each of them. InputError where no
+    pixel of the contact is left.
+    """
+    shape = (change.shape[0], change.shape[1])
+    distance, hidden = distance_px(press, shape), press.hidden()
+    if hidden is not None:
+        distance[hidden] = np.nan  # neither in contact nor flat: what is filled in was not seen
+    contact = np.flatnonzero(distance < press.contact_radius_px - options.inset_px)
+    if not len(contact):
+        raise InputError(
+            f"{press.image}: no pixel is left of a contact circle of {press.contact_radius_px:g} px after an inset "
+            f"of {options.inset_px:g} px: press deeper or remove the line"
+        )
+    if options.rim_share < 1 and not press.found:
+        rim = distance.ravel()[contact] > RIM * press.contact_radius_px
+        contact = contact[~rim | (random.random(len(contact)) < options.rim_share)]
+    away = [distance_px(one, shape) > options.flat_distance * one.contact_radius_px for one in together]
+    far = np.flatnonzero(np.all([np.isfinite(distance), *away], axis=0))
+    flat = random.choice(far, min(len(far), round(options.flat_share * len(contact))), replace=False)
+    chosen = np.concatenate([contact, flat])
+    places = np.stack([chosen % shape[1], chosen // shape[1]], axis=1)
+    slopes = np.zeros((len(chosen), 2))
+    slopes[: len(contact)] = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]
+    return np.concatenate([change.reshape(-1, change.shape[2])[chosen], places, slopes], axis=1, dtype=np.float32)
+
+
+def images_of(presses: Sequence[Press]) -> NDArray[np.int32]:
+    """Number the image of each press, (N,): what is trained on and what is judged are divided by it.
+
+    Where all presses are in one image, as with a plate of balls, each press counts as an image.
+    """
+    numbers = {image: number for number, image in enumerate(dict.fromkeys(press.image for press in presses))}
+    if len(numbers) == 1:
+        return np.arange(len(presses), dtype=np.int32)
+    return np.array([numbers[press.image] for press in presses], np.int32)
+
+
+def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
+    """Return how far the light of the presses is from the reference's: root mean square over images and channels."""
+    drifts = [light_drift(press.picture().astype(np.float32) - reference) for press in presses]
+    return float(np.sqrt(np.mean(np.square(drifts))))
