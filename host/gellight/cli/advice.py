@@ -34,7 +34,7 @@ def activation() -> str:
     return f"`. {shlex.quote(str(place))}` puts {NAME} on the PATH of this shell; `{NAME} --help` shows what it can do"
 
 
-def typeable(text: str) -> str:
+def with_program_path(text: str) -> str:
     """Return a message whose commands in backquotes name `gellight` so that the shell, or sudo, finds it."""
     if f"`{NAME} " not in text and f"sudo {NAME} " not in text:
         return text

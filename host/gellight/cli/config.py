@@ -8,22 +8,20 @@ import typer
 
 from gellight.base.settings import Settings, file_paths, merge, read_layers, reference_markdown
 from gellight.cli.options import AsJson
+from gellight.cli.showing import show
 
 app = typer.Typer(help="Show the settings, their schema, and the files they are read from.", no_args_is_help=True)
 
 
-@app.command()
-def show(as_json: AsJson = False) -> None:
+@app.command("show")
+def show_settings(as_json: AsJson = False) -> None:
     """Print the settings in force and where each comes from."""
     layers = read_layers()
     settings = merge(layers).model_dump(exclude_none=True)
     origins = {
         f"{section}.{key}": layer.source for layer in layers for section, keys in layer.values.items() for key in keys
     }
-    if as_json:
-        print(json.dumps({"settings": settings, "origins": origins}))
-    else:
-        print(as_toml(settings, origins))
+    show({"settings": settings, "origins": origins}, as_json, as_toml(settings, origins))
 
 
 @app.command()

@@ -1,6 +1,5 @@
 """`gellight demo`: the whole sensor, simulated, with its dashboard."""
 
-import json
 import os
 import sys
 import webbrowser
@@ -9,8 +8,9 @@ from typing import Annotated
 import typer
 
 from gellight.cli.advice import activation
-from gellight.cli.one_sensor import Running, follow, published, served, table
+from gellight.cli.one_sensor import Running, follow, published, served
 from gellight.cli.options import AsJson, simulated_settings, with_options
+from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
 
 FRAME_TIMEOUT_S = 20.0
@@ -34,7 +34,7 @@ def command(
         if browser and not running.frames:
             open_browser(url)
         summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
-        print(json.dumps(summary) if as_json else table(summary))
+        show(summary, as_json)
     if told := activation():
         print(told, file=sys.stderr)
 

@@ -1,6 +1,5 @@
 """`gellight doctor`: what stands between a sensor and good frames, each finding with its remedy."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from gellight.cli.advice import typeable
+from gellight.cli.advice import with_program_path
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
+from gellight.cli.showing import show
 from gellight.lab.training.rehearsal import check_trainer
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.doctor import examine
@@ -30,11 +30,11 @@ def command(
     """
     findings = []
     for finding in _findings(sensor):
-        findings.append(replace(finding, remedy=typeable(finding.remedy)))
+        findings.append(replace(finding, remedy=with_program_path(finding.remedy)))
         if not as_json:
             print(line(findings[-1]), flush=True)
     if as_json:
-        print(json.dumps({"findings": [finding.as_json() for finding in findings]}))
+        show({"findings": findings}, as_json)
     if any(finding.level is Level.PROBLEM for finding in findings):
         raise typer.Exit(Ending.JUDGED_BAD)
 

@@ -14,7 +14,7 @@ from types import FrameType
 
 from gellight.base.errors import GellightError
 from gellight.base.logs import say
-from gellight.cli.advice import typeable
+from gellight.cli.advice import with_program_path
 
 
 class Ending(IntEnum):
@@ -105,7 +105,7 @@ def end(command: Callable[[], object]) -> None:
     try:
         command()
     except GellightError as error:
-        say(f"gellight: {typeable(str(error))}", level=logging.ERROR)
+        say(f"gellight: {with_program_path(str(error))}", level=logging.ERROR)
         sys.exit(_interrupted_or(Ending.REFUSED))
     except KeyboardInterrupt:
         sys.exit(_interrupted_or(Ending.INTERRUPTED))

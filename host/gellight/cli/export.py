@@ -1,6 +1,5 @@
 """`gellight export`: a recording as files that other programs read."""
 
-import json
 import sys
 from collections.abc import Iterator
 from enum import StrEnum
@@ -15,6 +14,7 @@ from gellight.base.writing import write_file
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson
 from gellight.cli.reconstruct import maps_file
+from gellight.cli.showing import show
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.frames.point_cloud import ply
@@ -63,7 +63,7 @@ def command(
         raise InputError(f"{out} cannot be written ({error.strerror}): choose another folder, or free space") from error
     if not recording.whole:
         print(f"gellight: the end of {file} is missing: its recording was cut short", file=sys.stderr)
-    print(json.dumps({"frames": count, "whole": recording.whole}) if as_json else f"{count} frames in {out}")
+    show({"frames": count, "whole": recording.whole}, as_json, f"{count} frames in {out}")
 
 
 def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:

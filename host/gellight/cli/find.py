@@ -1,28 +1,33 @@
 """`gellight find`: which sensors, cameras and light rings are plugged in."""
 
-import json
+from collections.abc import Iterator
 
-from gellight.cli.advice import typeable
 from gellight.cli.options import AsJson
+from gellight.cli.showing import show
 from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, discover
 
 
 def command(as_json: AsJson = False) -> None:
     """List the sensors, cameras and light rings that are plugged in."""
     found = discover()
-    if as_json:
-        print(json.dumps(as_dictionary(found)))
-        return
+    show(as_dictionary(found), as_json, "\n".join(lines(found)))
+
+
+def lines(found: Discovery) -> Iterator[str]:
+    """Yield what was found, a line each."""
     if found.empty:
-        print(typeable(f"{NOTHING}: {SEE_SIMULATED}"))
+        yield f"{NOTHING}: {SEE_SIMULATED}"
     for sensor in found.sensors:
-        print(f"{found.url_of(sensor)}   USB {sensor.port}, camera {sensor.camera.path}, {sensor.camera.name}, ring "
-              f"{sensor.ring.path if sensor.ring else 'none'}")  # fmt: skip
+        ring = sensor.ring.path if sensor.ring else "none"
+        yield (
+            f"{found.url_of(sensor)}   USB {sensor.port}, camera {sensor.camera.path}, {sensor.camera.name}, "
+            f"ring {ring}"
+        )
     for kind, nodes in (("camera without a ring", found.cameras), ("ring without a camera", found.rings)):
         for node in nodes:
-            print(f"{kind}: {node.stable}   {node.name}" + (f", USB {node.usb.port}" if node.usb else ""))
+            yield f"{kind}: {node.stable}   {node.name}" + (f", USB {node.usb.port}" if node.usb else "")
     for text in found.ambiguities:
-        print(f"ambiguous: {text}")
+        yield f"ambiguous: {text}"
 
 
 def as_dictionary(found: Discovery) -> dict[str, object]:

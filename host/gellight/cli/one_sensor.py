@@ -4,7 +4,7 @@ import json
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -19,8 +19,9 @@ from gellight.base.errors import CameraError
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
-from gellight.cli.advice import typeable
+from gellight.cli.advice import with_program_path
 from gellight.cli.ending import until_interrupted
+from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
@@ -120,7 +121,7 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
         manager = ServiceManager()
         manager.ready()
         summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
-        print(json.dumps(summary) if as_json else table(summary))
+        show(summary, as_json)
 
 
 def tell(manager: ServiceManager, as_json: bool, status: SensorStatus) -> None:
@@ -131,23 +132,21 @@ def tell(manager: ServiceManager, as_json: bool, status: SensorStatus) -> None:
 
 def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
     """Say so where a sensor has no bundle, or is another one than the default, simulated, and used with its bundle."""
+    told, changed = "", ", ".join(settings.geometry.overrides())
     if not bundle.calibrated:
-        remedy = "calibrate it on the page, or with `gellight calibrate`"
-        logs.say(
-            typeable(f"gellight: this sensor has no bundle, so there is no depth: {remedy}"), level=logging.WARNING
-        )
-    if bundle.identity != load_bundle(SYNTHETIC).identity:
-        return
-    changed, told = ", ".join(settings.geometry.overrides()), ""
-    if settings.sensor.url.startswith(REAL):
-        told = "the simulated sensor: calibrate yours with `gellight calibrate` before you trust its depth"
-    elif settings.sensor.url.startswith("sim://") and changed:
+        told = "this sensor has no bundle, so there is no depth: calibrate it on the page, or with `gellight calibrate`"
+    elif bundle.identity == load_bundle(SYNTHETIC).identity and settings.sensor.url.startswith(REAL):
         told = (
-            f"the default sensor, the settings change its {changed}: make one with `gellight calibrate --auto --sensor "
-            "sim://` before you trust the depth"
+            "the bundle `synthetic` is of the simulated sensor: calibrate yours with `gellight calibrate` before you "
+            "trust its depth"
+        )
+    elif bundle.identity == load_bundle(SYNTHETIC).identity and settings.sensor.url.startswith("sim://") and changed:
+        told = (
+            f"the bundle `synthetic` is of the default sensor, the settings change its {changed}: make one with "
+            "`gellight calibrate --auto --sensor sim://` before you trust the depth"
         )
     if told:
-        logs.say(typeable(f"gellight: the bundle `synthetic` is of {told}"), level=logging.WARNING)
+        logs.say(with_program_path(f"gellight: {told}"), level=logging.WARNING)
 
 
 @contextmanager
@@ -238,8 +237,3 @@ def print_status(status: SensorStatus, as_json: bool) -> None:
     elif sys.stderr.isatty():
         print(f"\r{status['frames']} frames, {status['fps']} frames/s, age {status['frame_age_ms']} ms, "
               f"{status['lost']} lost", end="", file=sys.stderr, flush=True)  # fmt: skip
-
-
-def table(summary: Mapping[str, object]) -> str:
-    """Return the statistics as lines for people."""
-    return "\n".join(f"{name:16} {value}" for name, value in summary.items())

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from gellight.cli.options import AsJson, GeometryFile, with_options
+from gellight.cli.showing import show
 from gellight.cli.sweeping import Sweeping, Workers
 from gellight.lab.design import designs, output, studies
 from gellight.lab.design import report as reporting
@@ -47,7 +48,7 @@ class Answering:
         """Write the answer and `files` to the folder, if there is one, and print it as JSON or as text."""
         if self.out is not None:
             output.write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
-        typer.echo(json.dumps(answer) if self.as_json else text)
+        show(answer, self.as_json, text)
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,7 @@ def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> N
     study = Study(size=size, workers=workers)
     with study.sweep("timing") as options:
         times = time_sweep(study.setup(), options, LightGroups())
-    typer.echo(json.dumps({**asdict(times), "ratio": times.ratio}) if as_json else times.in_words())
+    show({**asdict(times), "ratio": times.ratio}, as_json, times.in_words())
 
 
 @app.command()

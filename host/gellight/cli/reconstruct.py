@@ -1,9 +1,8 @@
 """`gellight reconstruct`: pictures of the gel to depth, normals and contact."""
 
 import io
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +14,7 @@ from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson, with_options
+from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
@@ -119,7 +119,7 @@ def command(
     paths = [path for text in images for path in image_files(text)]
     _refuse_clashes(paths, out)
     rows = [_written(frame, path, out, depth_scale_um) for frame, path in method.frames(paths)]
-    typer.echo(json.dumps([asdict(row) for row in rows], indent=2) if as_json else _table(rows))
+    show(rows, as_json, _table(rows))
 
 
 def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:

@@ -1,6 +1,5 @@
 """`gellight record`: what a sensor gives, in a file."""
 
-import json
 import sys
 import time
 from dataclasses import asdict
@@ -14,6 +13,7 @@ from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
 from gellight.cli.one_sensor import WAIT_S, Running, published, served
 from gellight.cli.options import AsJson, Seconds, with_options
+from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
@@ -58,7 +58,7 @@ def command(
             until_interrupted(not (seconds or running.frames)),
         ):
             follow(daemon, recorder, running.frames, seconds)
-        print(json.dumps({"file": str(out), **asdict(recorder.status)}) if as_json else said(out, recorder.status))
+        show({"file": str(out), **asdict(recorder.status)}, as_json, said(out, recorder.status))
     if recorder.ended:
         raise InputError(recorder.status.ended)
 

@@ -1,6 +1,5 @@
 """`gellight ring`: the light ring by hand."""
 
-import json
 import time
 from dataclasses import asdict, dataclass, replace
 from enum import IntEnum
@@ -12,6 +11,7 @@ import typer
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
+from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, check_wiring, find_board, wired_as
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
@@ -56,7 +56,7 @@ def information(url: Url = "serial://", as_json: AsJson = False) -> None:
     """Show which board it is, what it is doing and what went wrong."""
     with connect(url) as ring:
         board = _board(ring)
-    print(json.dumps(asdict(board), indent=2) if as_json else _text(board))
+    show(board, as_json, _text(board))
 
 
 def _board(ring: LightRing) -> Board:

@@ -1,12 +1,12 @@
 """`gellight selfcheck`: the host against the reference simulator, press by press."""
 
-import json
 from typing import Annotated
 
 import typer
 
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, simulated_settings
+from gellight.cli.showing import show
 from gellight.daemon.active_pipeline import reconstructor_for
 from gellight.daemon.assembly import chosen_bundle
 from gellight.frames.frames import SelfCheckResult
@@ -48,7 +48,7 @@ def command(
                 print(line(press, result))
     passed = all(result.passed for _, result in results)
     if as_json:
-        print(json.dumps({"passed": passed, "presses": [{"press": p, **r.as_json()} for p, r in results]}))
+        show({"passed": passed, "presses": [{"press": p, **r.as_json()} for p, r in results]}, as_json)
     if not passed:
         raise typer.Exit(Ending.JUDGED_BAD)
 

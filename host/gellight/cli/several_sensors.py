@@ -18,7 +18,8 @@ from gellight.base.parent import end_with_parent
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.cli.ending import Ending, end
-from gellight.cli.one_sensor import STATUS_S, Running, follow, print_status, published, served, table
+from gellight.cli.one_sensor import STATUS_S, Running, follow, print_status, published, served
+from gellight.cli.showing import show, table
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer
@@ -65,7 +66,7 @@ def run_several(each: list[Settings], running: Running, *, dashboard: bool, as_j
             stack.callback(sensor.ask_to_end)
         _watch(sensors, as_json and not running.frames)
         summary = {sensor.name: dict(sensor.report.status) for sensor in sensors}
-        print(json.dumps(summary) if as_json else "\n\n".join(map(table, summary.values())))
+        show(summary, as_json, "\n\n".join(map(table, summary.values())))
     if failed := [f"{sensor.name}: {sensor.report.error}" for sensor in sensors if sensor.report.error]:
         raise CameraError(f"{len(failed)} of {len(sensors)} sensors failed: {'; '.join(failed)}")
 

@@ -1,20 +1,14 @@
 """`gellight simulate`: what the simulator computes, as files."""
 
-import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
 from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
+from gellight.cli.showing import progress, show
 from gellight.cli.sweeping import Sweeping, Workers
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.dataset import DatasetRequest, LightKind, make_dataset, store_in
@@ -72,13 +66,9 @@ def press(
     refuse_existing(out / "press.npz", overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
-    with _shown(object_name) as show:
-        report = press_once(request, out, read_geometry(geometry), show)
-    answer = asdict(report)
-    if as_json:
-        typer.echo(json.dumps(answer))
-        return
-    typer.echo("\n".join(f"{name:15} {value}" for name, value in answer.items() if value is not None))
+    with progress(object_name) as tell:
+        report = press_once(request, out, read_geometry(geometry), lambda step: tell(None, None, in_words(step)))
+    show(report, as_json)
 
 
 @app.command()
@@ -119,7 +109,7 @@ def dataset(
     with sweeping.sweep_in(store_in(out), "presses", as_json=as_json) as options:
         report = make_dataset(request, out, options)
     text = f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv"
-    typer.echo(json.dumps(asdict(report)) if as_json else text)
+    show(report, as_json, text)
 
 
 @app.command()
@@ -140,19 +130,12 @@ def demo(
         made = press_ahead(resolution, read_geometry(geometry), options)
     lines = [f"not found: {each}" for each in made.not_found]
     text = "\n".join([f"{made.presses} presses are kept in {made.folder}", *lines])
-    typer.echo(json.dumps(asdict(made)) if as_json else text)
+    show(made, as_json, text)
     if made.not_found:
         raise typer.Exit(1)
 
 
-@contextmanager
-def _shown(title: str) -> Iterator[Callable[[Step], None]]:
-    """Yield what shows Newton's steps: a line on a terminal, else nothing."""
-    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        line = bar.add_task(title, total=None)
-
-        def show(step: Step) -> None:
-            figures = f"gap {step.min_gap_mm * 1e3:.1f} um, det F {step.min_det_f:.2f}"
-            bar.update(line, description=f"{title}: step {step.number}, {step.longest_mm:.1e} mm, {figures}")
-
-        yield show
+def in_words(step: Step) -> str:
+    """Return how Newton's iteration goes, for people."""
+    figures = f"gap {step.min_gap_mm * 1e3:.1f} um, det F {step.min_det_f:.2f}"
+    return f"step {step.number}, {step.longest_mm:.1e} mm, {figures}"

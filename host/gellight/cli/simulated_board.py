@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import BoardError
-from gellight.cli.advice import typeable
+from gellight.cli.advice import with_program_path
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, Seconds
 from gellight.lab.emulator.child import SimulatedBoard
@@ -33,7 +33,9 @@ def command(
 def show(board: SimulatedBoard, seconds: float) -> None:
     """Print the path of the board, then its light whenever it changes; BoardError where it ends before the time."""
     end, shown = time.monotonic() + seconds, 0
-    print(typeable(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`"), flush=True)
+    print(
+        with_program_path(f"a simulated board at {board.path}: try `gellight ring info --url {board.path}`"), flush=True
+    )
     while time.monotonic() < end:
         while shown < len(board.timeline):
             light = board.timeline[shown]

@@ -1,6 +1,5 @@
 """`gellight status`: the daemons that run on this computer."""
 
-import json
 from typing import Annotated, Any
 
 import typer
@@ -8,6 +7,7 @@ import typer
 from gellight.base.errors import StreamError
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
+from gellight.cli.showing import show
 from gellight.stream.running import RunningDaemon, running
 from gellight.stream.subscription import subscribe
 
@@ -22,12 +22,9 @@ def command(
     """
     found = [daemon for daemon in running() if name in (None, daemon.name)]
     told = {daemon.name: status_of(daemon) for daemon in found}
-    if as_json:
-        print(json.dumps(told))
-    elif not told:
-        print(f"no daemon{f' of {name}' if name else ''} runs: start one with `gellight run`")
-    for daemon in [] if as_json else found:
-        print(line(daemon, told[daemon.name]))
+    lines = [line(daemon, told[daemon.name]) for daemon in found]
+    none = f"no daemon{f' of {name}' if name else ''} runs: start one with `gellight run`"
+    show(told, as_json, "\n".join(lines or [none]))
     if not told or any(status["error"] for status in told.values()):
         raise typer.Exit(Ending.JUDGED_BAD)
 

@@ -1,17 +1,15 @@
 """What verbs share that compute many independent things: processes, parts of the whole, a cluster, a progress bar."""
 
-import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
 from gellight.base.errors import InputError
+from gellight.cli.showing import progress, show
 from gellight.lab.simulator.sweep import ResultStore, SweepIncomplete, SweepOptions, available_cores, parse_shard
 from sim_reference.deformation import NotConverged
 
@@ -36,9 +34,9 @@ class Sweeping:
         a line, where results of other shards are missing.
         """
         shard, workers = parse_shard(self.shard), self.workers or available_cores()
-        with _progress(title) as show:
+        with progress(title) as tell:
             try:
-                yield SweepOptions(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=show)
+                yield SweepOptions(store=store, workers=workers, shard=shard, scheduler=self.scheduler, progress=tell)
             except SweepIncomplete:
                 self._answer_part(store, as_json=as_json)
                 raise typer.Exit from None
@@ -54,16 +52,4 @@ class Sweeping:
         """Print that only a part of the sweep is there."""
         part = {"shard": self.shard, "complete": False, "store": str(store.folder)}
         text = f"shard {self.shard} is done; the others are still missing in {store.folder}"
-        typer.echo(json.dumps(part) if as_json else text)
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[Callable[[int, int, str], None]]:
-    """Yield what shows the progress of a sweep: a bar on a terminal, else nothing."""
-    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        line = bar.add_task(title, total=None)
-
-        def show(done: int, total: int, label: str) -> None:
-            bar.update(line, completed=done, total=total, description=f"{title}: {label}" if label else title)
-
-        yield show
+        show(part, as_json, text)

@@ -10,7 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.cli import ending
-from gellight.cli.advice import activation, program, typeable
+from gellight.cli.advice import activation, program, with_program_path
 from gellight.cli.ending import MEANINGS, Ending, end, until_interrupted
 from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT
@@ -108,7 +108,9 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_advice_names_the_program_by_its_path_where_the_shell_does_not_find_it(installed: Path) -> None:
     assert program() == installed
-    told = typeable("may not use it: run `sudo gellight install-udev`; `gellight find` lists all, gellight is here")
+    told = with_program_path(
+        "may not use it: run `sudo gellight install-udev`; `gellight find` lists all, gellight is here"
+    )
     assert told == (
         f"may not use it: run `sudo '{installed}' install-udev`; `'{installed}' find` lists all, gellight is here"
     )
@@ -118,7 +120,7 @@ def test_sudo_gets_the_path_also_where_the_shell_finds_the_program(
     installed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", f"/nowhere{os.pathsep}{installed.parent}")
-    assert typeable("`sudo gellight install-udev`, then `gellight find`") == (
+    assert with_program_path("`sudo gellight install-udev`, then `gellight find`") == (
         f"`sudo '{installed}' install-udev`, then `gellight find`"
     )
 

@@ -1,6 +1,5 @@
 """`gellight calibrate list`, `install` and `restore`: which bundle a sensor uses."""
 
-import json
 from typing import Annotated
 
 import typer
@@ -8,8 +7,8 @@ import typer
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.bundle.store import BundleStore
-from gellight.cli.advice import typeable
 from gellight.cli.options import AsJson, Sensor
+from gellight.cli.showing import show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.daemon.installing import Installed, install, restore
 from gellight.frames.camera import Camera
@@ -25,16 +24,13 @@ def list_bundles(
     """Show the bundles kept on this computer; an asterisk marks those in service."""
     store = BundleStore()
     entries = [entry for entry in store.bundles() if name in (None, entry.sensor, entry.name)]
-    if as_json:
-        listed = [entry.model_dump(mode="json") for entry in entries]
-        typer.echo(json.dumps({"folder": str(store.folder), "bundles": listed}, indent=2))
-        return
+    lines = []
     for entry in entries:
         made = entry.created.astimezone().strftime("%Y-%m-%d %H:%M") if entry.created else entry.problem
         called = f"  {entry.name}" if entry.name else ""
-        typer.echo(f"{'*' if entry.in_service else ' '} {entry.sensor:<20} {entry.identity}  {made}{called}")
-    if not entries:
-        typer.echo(typeable(f"no bundles in {store.folder}: `gellight calibrate` makes them"))
+        lines.append(f"{'*' if entry.in_service else ' '} {entry.sensor:<20} {entry.identity}  {made}{called}")
+    none = f"no bundles in {store.folder}: `gellight calibrate` makes them"
+    show({"folder": str(store.folder), "bundles": entries}, as_json, "\n".join(lines or [none]))
 
 
 def install_bundle(
@@ -67,11 +63,9 @@ def _opened(sensor: str | None) -> Camera:
 
 def _report(installed: Installed, as_json: bool) -> None:
     entry = installed.bundle
-    if as_json:
-        typer.echo(json.dumps({**entry.model_dump(mode="json"), "remembered": installed.remembered}, indent=2))
-        return
     known = "its board remembers it" if installed.remembered else "it has no board that could remember it"
-    typer.echo(f"bundle {entry.identity} is in service for sensor {entry.sensor}; {known}")
-    typer.echo(
+    text = (
+        f"bundle {entry.identity} is in service for sensor {entry.sensor}; {known}\n"
         "a sensor that runs goes on with its old bundle until it is started again; --calibration auto names this one"
     )
+    show({**entry.model_dump(mode="json"), "remembered": installed.remembered}, as_json, text)

@@ -1,6 +1,5 @@
 """`gellight calibrate channels`: GelNet over three or more lights, shown one after the other."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,8 +9,9 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.calibrate.directions import Pictures
-from gellight.cli.calibrate.training import SizedTraining, progress_bar
+from gellight.cli.calibrate.training import SizedTraining
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
+from gellight.cli.showing import progress, show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.lab.calibration.choices import RING_COLOURS
 from gellight.lab.calibration.preparing import full_colours
@@ -88,18 +88,16 @@ def command(given: Given, new: NewBundle, how: FewBalls, as_json: AsJson = False
     you are asked for one press after the other, on a simulated sensor a virtual hand presses; `run --calibration` then
     shows these groups in turn. A quarter of the balls is held out and judges GelNet beside least squares.
     """
-    with progress_bar("training") as report:
+    with progress("training") as report:
         bundle = fit_channels(given.taken(), new.out, options=how.options(), overwrite=new.overwrite, progress=report)
     judged = bundle.metrics["held_out"]
-    if as_json:
-        typer.echo(json.dumps({"calibration": str(new.out), "held_out": judged}, indent=2))
-        return
-    typer.echo(f"wrote {new.out}; on {judged['network']['balls']} balls that were held out:")
+    lines = [f"wrote {new.out}; on {judged['network']['balls']} balls that were held out:"]
     for name, way in (("network", "GelNet"), ("least_squares", "least squares")):
         near, wide, felt = (judged[name][key] for key in ("normal_deg", "wide_normal_deg", "felt_radius_mm"))
-        typer.echo(
+        lines.append(
             f"{way:14} normals {near:.2f} and {wide:.2f} deg within 0.8 and 0.95 of the contact, radius {felt:.4g} mm"
         )
+    show({"calibration": str(new.out), "held_out": judged}, as_json, "\n".join(lines))
 
 
 def _ask(words: str) -> None:

@@ -1,7 +1,6 @@
 """`gellight calibrate detect`: the contacts of balls or prisms in pictures, without a click."""
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -10,6 +9,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
+from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.labelling import (
@@ -120,13 +120,13 @@ def command(
     found, scale = pressed.found(paths, pressed.untouched(paths, out.with_name(f"{out.stem}-untouched.png"), overwrite))
     refused = [detection for detection in found if detection.contact is None]
     if as_json:  # before what may fail
-        typer.echo(_json(found, scale))
+        show(_result(found, scale), as_json)
     if len(refused) < len(found):
         write_presses(out, found)
         if overlay is not None:
             write_overlays(overlay, found)
     if not as_json:
-        typer.echo(_table(found, out, scale, pressed.sought))
+        print(_table(found, out, scale, pressed.sought))
     if len(refused) == len(found):
         raise InputError(
             f"no {pressed.sought} in any of {len(found)} images: nothing was written; see the reason of each"
@@ -170,9 +170,9 @@ def _written_untouched(paths: list[Path], ball: Ball, target: Path, overwrite: b
     return str(target)
 
 
-def _json(found: list[Detection], scale: PlateScale | None) -> str:
+def _result(found: list[Detection], scale: PlateScale | None) -> object:
     records = [detection.record() for detection in found]
-    return json.dumps(records if scale is None else {"circles": records, "scale": asdict(scale)}, indent=2)
+    return records if scale is None else {"circles": records, "scale": scale}
 
 
 def _images(texts: list[str]) -> list[Path]:

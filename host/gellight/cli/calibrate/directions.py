@@ -1,6 +1,5 @@
 """`gellight calibrate directions`: find the lights of any sensor from pictures of balls, one a light."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
+from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_grey
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import LitBalls, divided, read_series
@@ -73,7 +73,7 @@ def command(
     azimuth = np.degrees(np.arctan2(-middles[:, 1], middles[:, 0])) % 360
     found = {"azimuth_deg": azimuth.round(1).tolist(), "elevation_deg": elevation.round(1).tolist()}
     result = {"lights": str(out), **found, "held_out": judged.as_json()}
-    typer.echo(json.dumps(result, indent=2) if as_json else "\n".join(f"{k:14} {v}" for k, v in result.items()))
+    show(result, as_json)
 
 
 def same_size(paths: list[Path], white: float | None) -> list[Path]:

@@ -1,6 +1,5 @@
 """`gellight calibrate force`: find what turns depth into newtons, and add it to a bundle."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.cli.showing import show
 from gellight.lab.calibration.force.adding import add_force, measure_force
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import ForceRecord
@@ -35,11 +35,8 @@ def command(
     bundle = load_bundle(calibration)
     record = measure_force(bundle, forces, recording, Layer(gel_thickness_mm, poisson_ratio))
     written = add_force(bundle, record, new.out, overwrite=new.overwrite)
-    if as_json:
-        found = {"calibration": str(new.out), "identity": written.identity, **record.model_dump(mode="json")}
-        typer.echo(json.dumps(found, indent=2))
-        return
-    typer.echo(_text(record, new.out))
+    found = {"calibration": str(new.out), "identity": written.identity, **record.model_dump(mode="json")}
+    show(found, as_json, _text(record, new.out))
 
 
 def _text(record: ForceRecord, out: Path) -> str:

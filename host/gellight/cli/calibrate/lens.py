@@ -1,6 +1,5 @@
 """`gellight calibrate lens`: measure the distortion of the camera with a pin grid, and add it to a bundle."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.cli.showing import show
 from gellight.frames.image_files import image_files
 from gellight.lab.optics.lens.measuring import LensFigures, add_lens, figures, measure_lens, write_overlay
 
@@ -40,7 +40,7 @@ def command(
     written = add_lens(bundle, fit, paths, new.out, overwrite=new.overwrite)
     found = figures(fit, bundle)
     result = {"calibration": str(new.out), "identity": written.identity, **found.as_json()}
-    typer.echo(json.dumps(result, indent=2) if as_json else _text(found, new.out))
+    show(result, as_json, _text(found, new.out))
 
 
 def _text(lens: LensFigures, out: Path) -> str:

@@ -1,12 +1,12 @@
 """`gellight calibrate lights`: measure the light of each LED, for photometric stereo, and add it to a bundle."""
 
-import json
 from typing import Annotated
 
 import typer
 
 from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
+from gellight.cli.showing import show
 from gellight.daemon.assembly import chosen_bundle
 from gellight.lab.optics.lights.adding import add_lights
 
@@ -44,4 +44,4 @@ def command(
         press_ball=lambda: typer.prompt("Press the ball and hold it still; then Enter", default="", err=True),
         overwrite=new.overwrite,
     )
-    typer.echo(json.dumps(found, indent=2) if as_json else "\n".join(f"{k:20} {v}" for k, v in found.items()))
+    show(found, as_json)

@@ -1,6 +1,5 @@
 """`gellight calibrate` itself: the guided routine in the terminal, and by itself on the simulated sensor."""
 
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -15,11 +14,11 @@ from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
-from gellight.cli.advice import typeable
 from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training import Training
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
+from gellight.cli.showing import show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.daemon.installing import install
 from gellight.frames.camera import Camera
@@ -234,13 +233,11 @@ def _calibrate(
 def _report(routine: Routine, target: Target, seconds: float, as_json: bool) -> None:
     verdict, snapshot = routine.display.verdict, routine.snapshot()
     assert verdict is not None  # it has ended well
-    if as_json:
-        kept = {name: snapshot[name] for name in ("figures", "verdict", "bundle")}
-        typer.echo(json.dumps({**kept, "seconds": round(seconds, 1)}, indent=2))
-    else:
-        figures = _figures_text(routine.display.figures)
-        wrote = _written(Path(out), target.install) if (out := routine.display.bundle) else []
-        typer.echo("\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"]))
+    kept = {name: snapshot[name] for name in ("figures", "verdict", "bundle")}
+    figures = _figures_text(routine.display.figures)
+    wrote = _written(Path(out), target.install) if (out := routine.display.bundle) else []
+    text = "\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"])
+    show({**kept, "seconds": round(seconds, 1)}, as_json, text)
     if not verdict.passed:
         print("gellight: the calibration did not pass: go on with --resume to press more", file=sys.stderr)
         raise typer.Exit(Ending.JUDGED_BAD)
@@ -248,7 +245,7 @@ def _report(routine: Routine, target: Target, seconds: float, as_json: bool) -> 
 
 def _written(out: Path, installed: bool) -> list[str]:
     service = "it is in service" if installed else f"`gellight calibrate install {out}` puts it into service"
-    return [f"wrote {out}; its report: {out / 'report.html'}", typeable(service)]
+    return [f"wrote {out}; its report: {out / 'report.html'}", service]
 
 
 def _figures_text(steps: Steps) -> Iterator[str]:

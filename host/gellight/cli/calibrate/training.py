@@ -1,10 +1,7 @@
 """`gellight calibrate fit`, `evaluate`, `crossvalidate` and `synthetic`: train GelNet, and measure what it is worth."""
 
-import json
-import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,12 +10,12 @@ import typer
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
+from gellight.cli.showing import progress, show
 from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
 from gellight.frames.view import read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.lab.training import training, validation
-from gellight.lab.training.child import Progress, silent
 from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
@@ -115,7 +112,7 @@ def fit(
     crossed = _cross_validated(given, folds, options, recorded.refine, prisms) if folds else None
     if crossed:
         extra["cross_validation"] = crossed.as_json()
-    with progress_bar("training") as report:
+    with progress("training") as report:
         written = training.fit(
             *given,
             bundle.out,
@@ -153,13 +150,10 @@ def evaluate(
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
     angles = prism_errors(bundle, _prisms(prisms, bundle.image_shape, steps.dots if steps else None))
-    if as_json:
-        result = {**errors.as_json(), "ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
-        result["prisms"] = [asdict(angle) for angle in angles]
-        typer.echo(json.dumps(result, indent=2))
-    else:
-        felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
-        typer.echo("\n".join([*_error_lines(errors), felt, *map(_prism_line, angles)]))
+    balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
+    felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
+    text = "\n".join([*_error_lines(errors), felt, *map(_prism_line, angles)])
+    show({**errors.as_json(), **balls, "prisms": angles}, as_json, text)
 
 
 @with_options
@@ -176,7 +170,7 @@ def crossvalidate(
     given = recorded.read()
     prisms = recorded.pressed_prisms(given[1])
     errors = _cross_validated(given, folds, how.options(), recorded.refine, prisms)
-    typer.echo(json.dumps(errors.as_json(), indent=2) if as_json else "\n".join(_cross_lines(errors)))
+    show(errors, as_json, "\n".join(_cross_lines(errors)))
 
 
 @with_options
@@ -191,7 +185,7 @@ def synthetic(
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""
     check_recipe(recipe)
-    with progress_bar("training") as report:
+    with progress("training") as report:
         written = make_synthetic(
             bundle.out,
             width=width,
@@ -239,7 +233,7 @@ def _prism_line(found: PrismError) -> str:
 def _cross_validated(
     given: Given, folds: int, options: TrainingOptions, refine: bool, prisms: list[PrismPress]
 ) -> CrossValidation:
-    with progress_bar("folds") as report:
+    with progress("folds") as report:
         return cross_validate(*given, folds=folds, options=options, refine=refine, prisms=prisms, progress=report)
 
 
@@ -254,21 +248,8 @@ def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
     return Ball(radius_mm=float(radius), pixel_size_mm=x_mm)
 
 
-@contextmanager
-def progress_bar(label: str) -> Iterator[Progress]:
-    """Show a bar on a terminal, and nothing where the output goes to a file."""
-    if not sys.stderr.isatty():
-        yield silent
-        return
-    with typer.progressbar(length=1000, label=label, file=sys.stderr) as bar:
-        yield lambda done, total, value: bar.update(round(1000 * done / total) - bar.pos)
-
-
 def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: list[str]) -> None:
-    if as_json:
-        typer.echo(json.dumps({"calibration": str(out), "metrics": bundle.metrics}, indent=2))
-    else:
-        typer.echo("\n".join([f"wrote {out}", *lines]))
+    show({"calibration": str(out), "metrics": bundle.metrics}, as_json, "\n".join([f"wrote {out}", *lines]))
 
 
 def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:

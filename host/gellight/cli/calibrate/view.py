@@ -1,6 +1,5 @@
 """`gellight calibrate view`: take perspective and surroundings out of the pictures of a camera."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.cli.options import AsJson, Overwrite, with_options
+from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image, read_levels
 from gellight.frames.view import View
 from gellight.lab.optics.lens.grid_view import view_of_grid
@@ -90,7 +90,7 @@ def command(
         raise InputError(f"{out} cannot be written ({error.strerror or error}): choose another folder") from error
     result = {"view": str(out / VIEW), "images": [str(path) for path in written]}
     size = f"{view.width_px} x {view.height_px} px"
-    typer.echo(json.dumps(result, indent=2) if as_json else f"wrote {len(written)} pictures of {size} and {out / VIEW}")
+    show(result, as_json, f"wrote {len(written)} pictures of {size} and {out / VIEW}")
 
 
 def _read(path: Path, white: float | None) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
