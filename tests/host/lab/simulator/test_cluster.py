@@ -48,7 +48,9 @@ def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path: Path) -> None:
     options = SweepOptions(store=ResultStore(tmp_path), scheduler="tcp://127.0.0.1:1")
-    result = CliRunner().invoke(app, ["optimize", "coarse", "--scheduler", "tcp://127.0.0.1:1", "--size", "32"])
+    result = CliRunner().invoke(
+        app, ["optimize", "coarse", "--scheduler", "tcp://127.0.0.1:1", "--store", str(tmp_path)]
+    )
     assert isinstance(result.exception, InputError)
     assert "no Dask scheduler at tcp://127.0.0.1:1" in str(result.exception)
     assert run([], options) == []

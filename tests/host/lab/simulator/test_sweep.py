@@ -35,6 +35,11 @@ from tests.helpers.studies import FEW, setup
 calls: list[int] = []
 
 
+@pytest.fixture
+def options(tmp_path: Path) -> SweepOptions:
+    return SweepOptions(store=ResultStore(tmp_path / "store"))
+
+
 def square(number: int) -> int:
     calls.append(number)
     if number < 0:
@@ -158,7 +163,7 @@ SWEEP = """
 import sys
 from pathlib import Path
 from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
-from tests.host.design.test_sweep import linger
+from tests.host.lab.simulator.test_sweep import linger
 if __name__ == "__main__":
     folder = sys.argv[1]
     tasks = [Task(str(at), linger, (folder + f"/{at}",)) for at in range(2)]
@@ -170,7 +175,7 @@ def test_workers_end_with_the_sweep_that_is_killed(tmp_path: Path) -> None:
     for at in range(2):
         (tmp_path / str(at)).mkdir()
     (tmp_path / "sweep.py").write_text(SWEEP)
-    environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(CHECKOUT), str(CHECKOUT / "host")])}
     with started([sys.executable, tmp_path / "sweep.py", tmp_path], env=environment) as sweep:
         wait_until(lambda: len(list(tmp_path.glob("[01]/*"))) == 2)
         sweep.kill()
