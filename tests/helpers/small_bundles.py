@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import onnx
+from numpy.polynomial import chebyshev
 from onnx import TensorProto, helper, numpy_helper
 
 from gellight.bundle.bundle import Bundle, load_bundle
@@ -31,6 +32,7 @@ def ordinary() -> Bundle:
     """GelNet, and the lights for photometric stereo."""
     whole = load_bundle("synthetic")
     lights = json.loads(whole.files["lights.json"])
+    lights["patterns"] = {kind: at_blocks(np.array(pattern)).tolist() for kind, pattern in lights["patterns"].items()}
     files = {
         "metrics.json": whole.files["metrics.json"],
         "lights.json": json.dumps({**lights, "image_width_px": SHAPE[1], "image_height_px": SHAPE[0]}).encode(),
@@ -38,6 +40,19 @@ def ordinary() -> Bundle:
     }
     means = whole.reference.reshape(SHAPE[0], BLOCK, SHAPE[1], BLOCK, 3).mean(axis=(1, 3))
     return sized(replace(whole, files=files, source="ordinary"), means, PIXEL_MM)
+
+
+def at_blocks(patterns: np.ndarray) -> np.ndarray:
+    """Return (K, i, j) Chebyshev coefficients over -1 to 1, from those of the whole picture, for the blocks' centres.
+
+    The outermost centres lie (BLOCK - 1) / 2 px inside of those of the pixels.
+    """
+    nodes = np.cos(np.pi * (np.arange(patterns.shape[1]) + 0.5) / patterns.shape[1])
+    back = np.linalg.inv(chebyshev.chebvander(nodes, len(nodes) - 1))
+    down, across = (
+        back @ chebyshev.chebvander(nodes * (1 - (BLOCK - 1) / (BLOCK * n - 1)), len(nodes) - 1) for n in SHAPE
+    )
+    return np.einsum("ai,kij,bj->kab", down, patterns, across)
 
 
 def sized(bundle: Bundle, reference: np.ndarray, pixel_mm: float) -> Bundle:

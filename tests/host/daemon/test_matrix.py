@@ -1,4 +1,4 @@
-"""GelNet runs, and everything that can be put in while it runs is put in: `-s` prints the table.
+"""What runs, times what is put in while it runs: `-s` prints the table.
 
 A ball is pressed 1 mm deep. Each pair feels it, or is refused and what ran before feels it, two frames later.
 """
@@ -29,11 +29,22 @@ WITHIN = {"directions": 0.2}
 """of what is pressed, by bundle; lights that are only linear in the place, on flat gel, are no nearer. Others: 5 %"""
 PATIENCE_S = 20.0
 AWAY_READS = 5
-ROWS = {"network": ("ordinary", "network")}
-"""bundle and mode of what runs"""
+ROWS = {
+    "network": ("ordinary", "network", "hold"),
+    "network, lens": ("lens", "network", "hold"),
+    "network, view": ("view", "network", "hold"),
+    "network, dots": ("dots", "network", "hold"),
+    "network, lights": ("directions", "network", "hold"),
+    "no bundle": ("none", "network", "hold"),
+    "photometric": ("ordinary", "photometric", "hold"),
+    "photometric, dots": ("dots", "photometric", "hold"),
+    "photometric, lights": ("directions", "photometric", "hold"),
+    "photometric, free": ("ordinary", "photometric", "free"),
+}
+"""bundle, mode and light mode of what runs"""
 BUNDLES = ("ordinary", "lens", "view", "dots", "directions", "none")
 COLUMNS = (
-    *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network"
+    *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network", "to photometric"
 )  # fmt: skip
 
 
@@ -196,8 +207,15 @@ PASSING: dict[str, Callable[[SensorSession, Unplugged], None]] = {
 def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
     row: str, bundles: dict[str, Bundle], table: dict[str, dict[str, str]]
 ) -> None:
-    name, mode = ROWS[row]
-    settings = Settings.model_validate({"sensor": {"url": URL}, "geometry": SMALL, "reconstruction": {"mode": mode}})
+    name, mode, light_mode = ROWS[row]
+    settings = Settings.model_validate(
+        {
+            "sensor": {"url": URL},
+            "geometry": SMALL,
+            "reconstruction": {"mode": mode},
+            "lighting": {"light_mode": light_mode},
+        }
+    )
     cells = table.setdefault(row, {})
     camera = Unplugged(open_camera(URL, geometry=settings.geometry.overrides(), bundle=lambda _: bundles[name]))
     wrong = []
