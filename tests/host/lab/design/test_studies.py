@@ -14,11 +14,12 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.cli.main import app
-from gellight.lab.design import benchmark_files, studies
+from gellight.lab.design import benchmark_files, output, studies
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.sweep import SweepOptions, run_study
+from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
-from sim_reference.optimizer import sensitivity
+from sim_reference.optimizer import fine, sensitivity
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.studies import setup
 
@@ -83,6 +84,15 @@ def test_the_fine_study_prints_json() -> None:
     assert len(answer["sat"]) == len(answer["nsd"]) == len(answer["normal_error_deg"]) == 4
     assert answer["nsd"] == sorted(answer["nsd"])
     assert answer["errors_deg"]["window"]["one exposure"]["mae"][3] is None
+
+
+def test_the_light_of_a_height_is_told_as_a_share_of_that_of_the_first(options: SweepOptions) -> None:
+    study = run_study(studies.fine_study(setup(32, ("SCROWN",)), (0.0, 12.0, 24.0)), options)
+    told = output.fine_json(study)["mean_light"]
+    lights = [fine.illumination(fine.at_height(SensorGeometry(), height), fine.View()) for height in study.heights_mm]
+    assert told == pytest.approx([one.mean / lights[0].mean for one in lights], abs=1e-5)
+    assert told[0] == 1
+    assert told[0] < told[1] < told[2], "the LEDs stand nearer to the gel"
 
 
 def test_the_ball_is_printed_as_json() -> None:
