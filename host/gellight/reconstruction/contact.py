@@ -71,6 +71,8 @@ def measure_patches(
     mask: (H, W) the contact patch. depth_mm: (H, W) mm. gradient_map: (H, W, 2). Pixels that touch at a corner are
     connected. Parts smaller than `SMALLEST_PATCH_PX` are left out. NaN in depth or slope is left out of the figures.
     """
+    if not mask.any():
+        return []
     size_x, size_y = pixel_size_xy(pixel_size_mm)
     middle = [(length - 1) / 2 for length in mask.shape]
     # All of it in the part around them: to look through the whole map takes several times as long.

@@ -30,18 +30,17 @@ WITHIN = {"directions": 0.2}
 PATIENCE_S = 20.0
 AWAY_READS = 5
 ROWS = {
-    "network": ("ordinary", "network", "hold"),
-    "network, lens": ("lens", "network", "hold"),
-    "network, view": ("view", "network", "hold"),
-    "network, dots": ("dots", "network", "hold"),
-    "network, lights": ("directions", "network", "hold"),
-    "no bundle": ("none", "network", "hold"),
-    "photometric": ("ordinary", "photometric", "hold"),
-    "photometric, dots": ("dots", "photometric", "hold"),
-    "photometric, lights": ("directions", "photometric", "hold"),
-    "photometric, free": ("ordinary", "photometric", "free"),
+    "network": ("ordinary", "network"),
+    "network, lens": ("lens", "network"),
+    "network, view": ("view", "network"),
+    "network, dots": ("dots", "network"),
+    "network, lights": ("directions", "network"),
+    "no bundle": ("none", "network"),
+    "photometric": ("ordinary", "photometric"),
+    "photometric, dots": ("dots", "photometric"),
+    "photometric, lights": ("directions", "photometric"),
 }
-"""bundle, mode and light mode of what runs"""
+"""bundle and mode of what runs"""
 BUNDLES = ("ordinary", "lens", "view", "dots", "directions", "none")
 COLUMNS = (
     *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network", "to photometric"
@@ -207,13 +206,12 @@ PASSING: dict[str, Callable[[SensorSession, Unplugged], None]] = {
 def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
     row: str, bundles: dict[str, Bundle], table: dict[str, dict[str, str]]
 ) -> None:
-    name, mode, light_mode = ROWS[row]
+    name, mode = ROWS[row]
     settings = Settings.model_validate(
         {
             "sensor": {"url": URL},
             "geometry": SMALL,
             "reconstruction": {"mode": mode},
-            "lighting": {"light_mode": light_mode},
         }
     )
     cells = table.setdefault(row, {})
