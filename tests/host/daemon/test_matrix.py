@@ -28,7 +28,10 @@ URL = f"sim://?object=BALL&depth={PRESSED_MM}"
 WITHIN = {"directions": 0.2}
 """of what is pressed, by bundle; lights that are only linear in the place, on flat gel, are no nearer. Others: 5 %"""
 PATIENCE_S = 20.0
+LONGEST_S = 60.0
+"""a pair that takes longer hangs; on a busy machine the slowest took 15 s"""
 AWAY_READS = 5
+pytestmark = pytest.mark.timeout(900)
 ROWS = {
     "network": ("ordinary", "network"),
     "network, lens": ("lens", "network"),
@@ -236,6 +239,6 @@ def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
             except AssertionError as error:
                 wrong.append(f"after {what}: {error}")
             print(f"{row}, {what}: {cells[what]}, {time.monotonic() - begun_s:.1f} s")
-            if time.monotonic() - begun_s > PATIENCE_S:
+            if time.monotonic() - begun_s > LONGEST_S:
                 wrong.append(f"{what}: took {time.monotonic() - begun_s:.1f} s")
     assert not wrong, wrong
