@@ -25,7 +25,7 @@ class SwitchedCamera(CameraWrapper):
         self._light = STILL
         self._exposure = SensorState.of(camera, {EXPOSURE}).controls
         """what light plans change, as it was before; a bundle need not say it"""
-        self._state = SensorState(controls={}, colours=None)
+        self._state = SensorState.of(camera)
         """how the sensor was set last, for one that is away and cannot say it"""
         self._offset: int | None = 0
         self._last = 0
