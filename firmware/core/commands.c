@@ -59,10 +59,9 @@ enum status handle_set_limits(struct call *call)
 {
     struct controller *controller = call->controller;
     const struct set_limits *request = call->request;
-    uint32_t cap_ma = controller->config.current.external_supply ? CURRENT_CAP_EXTERNAL_MA : CURRENT_CAP_MA;
     if (running(call))
         return STATUS_BUSY;
-    if (outside(call, request->limit_ma, 100, cap_ma) || outside(call, request->policy, 0, POLICY_SCALE))
+    if (outside(call, request->limit_ma, 100, controller->granted.limit_ma) || outside(call, request->policy, 0, POLICY_SCALE))
         return STATUS_OUT_OF_RANGE;
     controller->limits.limit_ma = request->limit_ma;
     controller->limits.policy = request->policy;
@@ -100,17 +99,56 @@ enum status handle_get_config(struct call *call)
     return STATUS_OK;
 }
 
+static void take_effect(struct controller *controller)
+{
+    ring_configure(&controller->limits, &controller->config.current);
+    ring_bound(&controller->limits, &controller->granted);
+}
+
 enum status handle_set_config(struct call *call)
 {
     struct controller *controller = call->controller;
+    struct configuration *current = &controller->config.current;
     const struct configuration *request = call->request;
     if (!quiet(controller))
         return STATUS_BUSY;
-    if (!config_valid(request, &call->value))
+    if (!config_unconfirmed(current, request, &call->value) || !config_valid(request, &call->value))
         return STATUS_OUT_OF_RANGE;
-    controller->config.current = *request;
-    ring_configure(&controller->limits, &controller->config.current);
+    *current = *request;
+    take_effect(controller);
     return STATUS_OK;
+}
+
+enum status handle_set_supply(struct call *call)
+{
+    struct controller *controller = call->controller;
+    const struct set_supply *request = call->request;
+    struct configuration changed = controller->config.current;
+    if (request->magic != SUPPLY_MAGIC)
+        return refuse(call, STATUS_BAD_MAGIC, request->magic);
+    if (!quiet(controller))
+        return STATUS_BUSY;
+    changed.external_supply = request->external_supply;
+    changed.channel_ua = request->channel_ua;
+    if (!changed.external_supply && changed.limit_ma > CURRENT_CAP_MA)
+        changed.limit_ma = CURRENT_CAP_MA;
+    if (!config_valid(&changed, &call->value))
+        return STATUS_OUT_OF_RANGE;
+    controller->config.current = changed;
+    take_effect(controller);
+    return STATUS_OK;
+}
+
+/* Seconds until the flash may be written again; 0: now, and one of the saves that are allowed is used. */
+static uint32_t save_in_s(struct controller *controller)
+{
+    uint64_t now_us = controller_now_us(controller);
+    uint64_t from_us = controller->saves_us > now_us ? controller->saves_us : now_us;
+    uint32_t ahead_us = (uint32_t)(from_us - now_us);
+    if (ahead_us > SAVES_AHEAD_US)
+        return (ahead_us - SAVES_AHEAD_US + 999999u) / 1000000u;
+    controller->saves_us = from_us + SAVE_EVERY_US;
+    return 0;
 }
 
 enum status handle_save_config(struct call *call)
@@ -118,6 +156,11 @@ enum status handle_save_config(struct call *call)
     struct controller *controller = call->controller;
     if (!quiet(controller))
         return STATUS_BUSY;
+    if (config_stored(&controller->config))
+        return STATUS_OK;
+    uint32_t wait_s = save_in_s(controller);
+    if (wait_s)
+        return refuse(call, STATUS_SAVED_TOO_OFTEN, wait_s);
     return config_save(&controller->config, controller->port) ? STATUS_OK : STATUS_FLASH_FAILED;
 }
 
@@ -127,7 +170,7 @@ enum status handle_factory(struct call *call)
     if (!quiet(controller))
         return STATUS_BUSY;
     config_factory(&controller->config);
-    ring_configure(&controller->limits, &controller->config.current);
+    take_effect(controller);
     return STATUS_OK;
 }
 

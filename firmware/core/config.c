@@ -10,7 +10,6 @@
 #define SECTOR_PAGES (PORT_SECTOR_BYTES / PORT_PAGE_BYTES)
 #define ATTEMPTS 4u
 #define LAST_PIN 29u
-#define CHANNEL_USB_UA 20000u /* of a WS2812B, the most of the usual LEDs: on USB less may not be assumed */
 
 struct record {
     uint32_t magic;
@@ -45,11 +44,11 @@ void config_factory(struct config *config)
         .latch_us = 300,
         .policy = POLICY_REJECT,
         .name = "GelLight",
-        .data_pin = 2,
-        .trigger_pin = 3,
+        .data_pin = DATA_PIN,
+        .trigger_pin = TRIGGER_PIN,
         .led_count = LED_COUNT,
         .colour_order = COLOUR_ORDER_GRB,
-        .status_pin = 25,
+        .status_pin = STATUS_PIN,
         .output_pin = NO_PIN,
         .output_at = OUTPUT_AT_START,
         .switch_pin = NO_PIN,
@@ -97,7 +96,7 @@ bool config_valid(const struct configuration *candidate, uint32_t *value)
     return within(candidate->host_timeout_ms, 100, 60000, value) &&
            within(candidate->external_supply, 0, 1, value) && within(candidate->limit_ma, 100, cap_ma, value) &&
            within(candidate->quiescent_ua, 0, 5000, value) &&
-           within(candidate->channel_ua, candidate->external_supply ? 1000 : CHANNEL_USB_UA, 60000, value) &&
+           within(candidate->channel_ua, CHANNEL_LEAST_UA, 60000, value) &&
            within(candidate->latch_us, 50, 500, value) && within(candidate->policy, 0, POLICY_SCALE, value) &&
            within(candidate->led_count, 1, MOST_LEDS, value) &&
            within(candidate->colour_order, 0, COLOUR_ORDER_RGBW, value) &&
@@ -105,10 +104,21 @@ bool config_valid(const struct configuration *candidate, uint32_t *value)
            within(candidate->hottest_c, 40, 85, value) && pins_valid(candidate, value);
 }
 
-/* A record of firmware that did not know these fields has 0xff there. */
+bool config_unconfirmed(const struct configuration *now, const struct configuration *candidate, uint32_t *value)
+{
+    uint32_t least_ua = candidate->external_supply ? CHANNEL_EXTERNAL_UA : CHANNEL_USB_UA;
+    if (candidate->external_supply == now->external_supply && now->channel_ua < least_ua)
+        least_ua = now->channel_ua;
+    return within(candidate->external_supply, 0, now->external_supply, value) &&
+           within(candidate->channel_ua, least_ua, 60000, value);
+}
+
+/* A record of firmware that did not know these fields has 0xff there; one of before 2.1 may undercut every LED. */
 static void complete(struct configuration *configuration)
 {
     struct config factory;
+    if (configuration->channel_ua < CHANNEL_LEAST_UA)
+        configuration->channel_ua = CHANNEL_EXTERNAL_UA;
     if (configuration->hottest_c == 0xff)
         configuration->hottest_c = HOTTEST_C;
     if (configuration->led_count != 0xff)
@@ -172,9 +182,14 @@ static bool holds_newest(const struct config *config, uint32_t page)
     return config->saves && page % SECTOR_PAGES == 0 && page / SECTOR_PAGES == config->page / SECTOR_PAGES;
 }
 
+bool config_stored(const struct config *config)
+{
+    return config->saves && bytes_equal(&config->current, &config->stored, sizeof config->current);
+}
+
 bool config_save(struct config *config, const struct port *port)
 {
-    if (config->saves && bytes_equal(&config->current, &config->stored, sizeof config->current))
+    if (config_stored(config))
         return true;
     uint32_t page = config->page, failures = 0;
     for (uint32_t looked = 0; looked < PAGES && failures < ATTEMPTS; looked++) {

@@ -15,6 +15,11 @@
 #include "port.h"
 #include "protocol.h"
 
+/* of a board as it comes */
+#define DATA_PIN 2u
+#define TRIGGER_PIN 3u
+#define STATUS_PIN 25u
+
 struct config {
     struct configuration current; /* in force */
     struct configuration stored;  /* in flash */
@@ -28,6 +33,12 @@ void config_factory(struct config *config);
 
 /* The first field that is out of range, as its value in *value; true if all are well. */
 bool config_valid(const struct configuration *candidate, uint32_t *value);
+
+/* The same for what takes a confirmation (SET_SUPPLY) to change: nothing that the supply or the LEDs may not stand. */
+bool config_unconfirmed(const struct configuration *now, const struct configuration *candidate, uint32_t *value);
+
+/* Whether the current configuration is in flash. */
+bool config_stored(const struct config *config);
 
 /* Write the current configuration unless it is stored already; false if the flash does not take it. */
 bool config_save(struct config *config, const struct port *port);

@@ -16,12 +16,15 @@ void controller_start(struct controller *controller, const struct port *port)
     controller->trigger.divider = 1;
     controller->shown = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
     config_load(&controller->config, port);
+    if (port->identity.reset_reason != RESET_REASON_POWER) /* or restarts would make saves unlimited */
+        controller->saves_us = controller_now_us(controller) + SAVES_AHEAD_US;
     controller->limits.led_count = controller->config.current.led_count;
     controller->colour_order = controller->config.current.colour_order;
     controller->supply.fitted = controller->config.current.switch_pin != NO_PIN;
     controller->pulse_middle = controller->config.current.output_at == OUTPUT_AT_MIDDLE;
     port->setup(port->context, &controller->config.current);
     ring_configure(&controller->limits, &controller->config.current);
+    controller->granted = controller->limits;
     lights_go_dark(controller, DARK_BOOT);
     controller_poll(controller);
 }

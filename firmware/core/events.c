@@ -46,6 +46,7 @@ void event_dimmed(struct controller *controller)
         .temperature = heat_temperature(&controller->heat),
         .events_dropped = (uint16_t)controller->counters.events_dropped,
         .dimmed = controller->heat.dimmed,
+        .mean_ma = heat_mean_ma(&controller->heat),
     };
     send_event(controller, EVENT_DIMMED, &event, sizeof event);
 }
@@ -69,6 +70,7 @@ void status_now(const struct controller *controller, struct status_reply *status
         .mode = controller->sequencer.mode,
         .step = controller->shown.step,
         .dimmed = controller->heat.dimmed,
+        .mean_ma = heat_mean_ma(&controller->heat),
     };
 }
 

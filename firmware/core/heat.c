@@ -2,6 +2,8 @@
 
 #define READ_EVERY_US 100000u
 #define READINGS 16 /* of the smoothed mean */
+#define HOUSING_READINGS 12u /* power of two: a charge decays to a third in 4096 readings, 6.8 minutes */
+#define HOUSING_CHARGE ((uint64_t)HOUSING_MA * READ_EVERY_US << HOUSING_READINGS) /* what HOUSING_MA gathers in the end */
 
 static int32_t degrees(int32_t celsius)
 {
@@ -19,12 +21,33 @@ static void smooth(struct heat *heat, uint64_t now_us, int16_t temperature)
     heat->read_us = now_us ? now_us : 1u;
 }
 
+void heat_draw(struct heat *heat, uint64_t now_us, uint16_t current_ma)
+{
+    if (now_us > heat->drawn_us) { /* a light may have been latched shortly before the last reading */
+        heat->drawn += heat->drawing_ma * (uint32_t)(now_us - heat->drawn_us);
+        heat->drawn_us = now_us;
+    }
+    heat->drawing_ma = current_ma;
+}
+
+/* Whether the housing gets too warm: too much was drawn for long, and still is. */
+static bool gather(struct heat *heat, uint64_t now_us)
+{
+    uint32_t elapsed_us = (uint32_t)(now_us - heat->read_us);
+    heat_draw(heat, now_us, heat->drawing_ma);
+    bool much = heat->drawn > HOUSING_MA * elapsed_us;
+    heat->charge += heat->drawn - (heat->charge >> HOUSING_READINGS);
+    heat->drawn = 0;
+    return much && heat->charge > HOUSING_CHARGE;
+}
+
 bool heat_read(struct heat *heat, uint64_t now_us, int16_t temperature, uint8_t hottest_c)
 {
-    if (temperature == NO_TEMPERATURE)
-        return false;
-    smooth(heat, now_us, temperature);
-    bool hot = heat->mean > degrees(hottest_c), cool = heat->mean < degrees((int32_t)hottest_c - (int32_t)COOLER_C);
+    bool sensed = temperature != NO_TEMPERATURE, hot = gather(heat, now_us);
+    bool cool = heat->charge < HOUSING_CHARGE / 6u * 5u;
+    smooth(heat, now_us, sensed ? temperature : 0);
+    hot = hot || (sensed && heat->mean > degrees(hottest_c));
+    cool = cool && (!sensed || heat->mean < degrees((int32_t)hottest_c - (int32_t)COOLER_C));
     if (heat->dimmed && now_us - heat->dimmed_us < DIMMING_US)
         return false;
     if (!(hot && heat->dimmed < DIMMINGS) && !(cool && heat->dimmed))
@@ -37,4 +60,9 @@ bool heat_read(struct heat *heat, uint64_t now_us, int16_t temperature, uint8_t 
 int16_t heat_temperature(const struct heat *heat)
 {
     return (int16_t)(heat->mean / READINGS);
+}
+
+uint16_t heat_mean_ma(const struct heat *heat)
+{
+    return (uint16_t)((uint32_t)(heat->charge >> HOUSING_READINGS) / READ_EVERY_US);
 }

@@ -1,7 +1,8 @@
 /*
- * The LEDs get dimmer while the chip beside them is hot. The limit is in the configuration; above it each colour is
- * halved, and again every DIMMING_US for as long as it stays hot, down to an eighth. Below the limit by COOLER_C it goes
- * back by the same steps.
+ * The LEDs get dimmer while the chip beside them is hot, or while they have drawn more than HOUSING_MA in the mean of the
+ * last minutes: the chip does not feel how warm they make their housing. The limit of the chip is in the configuration.
+ * Above either each colour is halved, and again every DIMMING_US for as long as that lasts, down to an eighth. Below the
+ * limit by COOLER_C, and HOUSING_MA by a sixth, it goes back by the same steps.
  */
 #ifndef GELLIGHT_HEAT_H
 #define GELLIGHT_HEAT_H
@@ -16,7 +17,14 @@ struct heat {
     uint64_t read_us;   /* when the sensor was read last, 0: never */
     uint64_t dimmed_us; /* when `dimmed` changed last */
     uint8_t dimmed;     /* how often each colour is halved */
+    uint16_t drawing_ma;
+    uint64_t drawn_us; /* until when what was drawn is in `drawn` */
+    uint32_t drawn;    /* since the last reading, mA us */
+    uint64_t charge;   /* mA us; of what was drawn some minutes ago a share, see HOUSING_READINGS */
 };
+
+/* The LEDs draw this from now on. */
+void heat_draw(struct heat *heat, uint64_t now_us, uint16_t current_ma);
 
 /* Whether the sensor is to be read now. */
 bool heat_due(const struct heat *heat, uint64_t now_us);
@@ -26,5 +34,8 @@ bool heat_read(struct heat *heat, uint64_t now_us, int16_t temperature, uint8_t 
 
 /* Of the chip, smoothed, in 0.1 degrees. */
 int16_t heat_temperature(const struct heat *heat);
+
+/* What the LEDs draw in the mean. */
+uint16_t heat_mean_ma(const struct heat *heat);
 
 #endif

@@ -120,6 +120,7 @@ bool lights_finish(struct controller *controller, struct latched *latched)
     controller->shown = slot->at;
     controller->shown_id = slot->light_id;
     controller->shown_ma = slot->current_ma;
+    heat_draw(&controller->heat, latched->latched_us, slot->current_ma);
     bytes_copy(controller->shown_colours, slot->colours, COLOUR_BYTES);
     controller->shown_dimmed = slot->dimmed;
     controller->shown_shines = slot->shines;

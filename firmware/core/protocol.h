@@ -6,8 +6,8 @@
 #include <stdint.h>
 
 #define PROTOCOL_MAJOR 2u
-#define PROTOCOL_MINOR 0u
-#define SCHEMA_CRC 0x88054684u
+#define PROTOCOL_MINOR 1u
+#define SCHEMA_CRC 0xe35a3f6eu
 #define LED_COUNT 12u
 #define MOST_LEDS 24u
 #define COLOUR_BYTES 72u
@@ -21,9 +21,14 @@
 #define DWELL_MAX_US 60000000u
 #define CURRENT_CAP_MA 450u
 #define CURRENT_CAP_EXTERNAL_MA 2000u
+#define CHANNEL_USB_UA 20000u
+#define CHANNEL_EXTERNAL_UA 12000u
+#define CHANNEL_LEAST_UA 5000u
+#define HOUSING_MA 600u
 #define TRIM_MAX 42949673u
 #define RESET_MAGIC 0x52534554u
 #define BOOTLOADER_MAGIC 0x424f4f54u
+#define SUPPLY_MAGIC 0x53555050u
 #define NO_STEP 255u
 #define NO_PIN 255u
 #define ACTIVE_LOW 128u
@@ -33,6 +38,8 @@
 #define COOLER_C 5u
 #define DIMMINGS 3u
 #define DIMMING_US 10000000u
+#define SAVES_AT_ONCE 8u
+#define SAVE_EVERY_US 60000000u
 #define SUPPLY_US 20000u
 
 /* How a request ended; `value` of the reply is what was refused. */
@@ -48,6 +55,7 @@ enum status {
     STATUS_CHECKSUM = 8,
     STATUS_BAD_MAGIC = 9,
     STATUS_FLASH_FAILED = 10,
+    STATUS_SAVED_TOO_OFTEN = 11,
 };
 
 /* What moves the sequence on: the host's STEP, the board's clock, or the trigger pin. */
@@ -155,6 +163,7 @@ enum command {
     COMMAND_RESET = 0x15,
     COMMAND_BOOTLOADER = 0x16,
     COMMAND_SELFTEST = 0x17,
+    COMMAND_SET_SUPPLY = 0x18,
 };
 
 enum event {
@@ -267,7 +276,7 @@ _Static_assert(sizeof(struct trim) == 8, "trim");
 
 /* The current limit; refused while a sequence runs. */
 struct RECORD set_limits {
-    uint16_t limit_ma;
+    uint16_t limit_ma; /* 100 to that of the last start */
     uint8_t policy; /* enum policy */
 };
 _Static_assert(sizeof(struct set_limits) == 3, "set_limits");
@@ -279,7 +288,7 @@ struct RECORD status_reply {
     uint32_t config_saves; /* how often the configuration was written in its life */
     uint16_t current_ma; /* of the light that is on */
     uint16_t limit_ma;
-    int16_t temperature; /* of the chip, in 0.1 degrees Celsius; NO_TEMPERATURE: it has no sensor */
+    int16_t temperature; /* of the chip, in 0.1 degrees Celsius, good to 10 degrees; NO_TEMPERATURE: no sensor */
     uint16_t repetition;
     uint16_t loop;
     uint16_t events_dropped;
@@ -288,9 +297,10 @@ struct RECORD status_reply {
     uint8_t policy; /* enum policy */
     uint8_t mode; /* enum sync_mode */
     uint8_t step; /* 0xFF: no sequence */
-    uint8_t dimmed; /* how often every colour is halved because the chip is hot, 0 to DIMMINGS */
+    uint8_t dimmed; /* how often every colour is halved because chip or housing is hot, 0 to DIMMINGS */
+    uint16_t mean_ma; /* of the last seven minutes; above HOUSING_MA the LEDs are dimmed */
 };
-_Static_assert(sizeof(struct status_reply) == 34, "status_reply");
+_Static_assert(sizeof(struct status_reply) == 36, "status_reply");
 
 /* What went wrong since the start, and how often. */
 struct RECORD counters_reply {
@@ -320,15 +330,15 @@ struct RECORD telemetry {
 };
 _Static_assert(sizeof(struct telemetry) == 2, "telemetry");
 
-/* What the board remembers without power. */
+/* What the board remembers without power. What lets its LEDs draw more counts from the next start on. */
 struct RECORD configuration {
     uint16_t host_timeout_ms; /* silence after which the LEDs go dark, 100 to 60000 */
     uint16_t limit_ma;
     uint16_t quiescent_ua; /* of a dark LED */
-    uint16_t channel_ua; /* of one colour of one LED at 255: 20000 (WS2812B) or more; external supply: from 1000 */
+    uint16_t channel_ua; /* of one colour of one LED at 255: CHANNEL_USB_UA or more; less as SET_SUPPLY says */
     uint16_t latch_us; /* low time after which the LEDs take their data, 50 to 500 */
     uint8_t policy; /* enum policy */
-    uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450 */
+    uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450; set by SET_SUPPLY */
     uint8_t name[16]; /* of the sensor, UTF-8, padded with zeros */
     uint8_t bundle[8]; /* identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none */
     uint8_t data_pin; /* GPIO of the LEDs' data, 0 to 29; this and what follows counts from the next start on */
@@ -358,6 +368,14 @@ struct RECORD self_test_reply {
 };
 _Static_assert(sizeof(struct self_test_reply) == 12, "self_test_reply");
 
+/* What no command can measure, and no program may get wrong: what feeds the LEDs, and what they draw. */
+struct RECORD set_supply {
+    uint32_t magic; /* SUPPLY_MAGIC */
+    uint16_t channel_ua; /* as in the configuration, CHANNEL_LEAST_UA or more */
+    uint8_t external_supply; /* as in the configuration */
+};
+_Static_assert(sizeof(struct set_supply) == 7, "set_supply");
+
 /* A light was latched by the LEDs. */
 struct RECORD light_event {
     uint64_t first_bit_us; /* board clock when its transfer began */
@@ -379,14 +397,15 @@ struct RECORD dark_event {
 };
 _Static_assert(sizeof(struct dark_event) == 11, "dark_event");
 
-/* The board dims its LEDs by another amount than before, because its chip has become hot or cool. */
+/* The board dims its LEDs by another amount than before, because its chip or its housing has become hot or cool. */
 struct RECORD dimmed_event {
     uint64_t time_us;
     int16_t temperature; /* as in StatusReply */
     uint16_t events_dropped;
     uint8_t dimmed; /* as in StatusReply; 0: not any more */
+    uint16_t mean_ma; /* as in StatusReply */
 };
-_Static_assert(sizeof(struct dimmed_event) == 13, "dimmed_event");
+_Static_assert(sizeof(struct dimmed_event) == 15, "dimmed_event");
 
 /* X(NAME, name, bytes of the request record, bytes of the reply record) for each command */
 #define COMMANDS(X) \
@@ -412,6 +431,7 @@ _Static_assert(sizeof(struct dimmed_event) == 13, "dimmed_event");
     X(FACTORY, factory, 0u, 0u) \
     X(RESET, reset, sizeof(struct magic), 0u) \
     X(BOOTLOADER, bootloader, sizeof(struct magic), 0u) \
-    X(SELFTEST, selftest, 0u, sizeof(struct self_test_reply))
+    X(SELFTEST, selftest, 0u, sizeof(struct self_test_reply)) \
+    X(SET_SUPPLY, set_supply, sizeof(struct set_supply), 0u)
 
 #endif

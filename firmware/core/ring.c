@@ -6,6 +6,19 @@ void ring_configure(struct ring_limits *limits, const struct configuration *conf
     limits->quiescent_ua = configuration->quiescent_ua;
     limits->channel_ua = configuration->channel_ua;
     limits->policy = configuration->policy;
+    limits->hottest_c = configuration->hottest_c;
+}
+
+void ring_bound(struct ring_limits *limits, const struct ring_limits *granted)
+{
+    if (limits->limit_ma > granted->limit_ma)
+        limits->limit_ma = granted->limit_ma;
+    if (limits->quiescent_ua < granted->quiescent_ua)
+        limits->quiescent_ua = granted->quiescent_ua;
+    if (limits->channel_ua < granted->channel_ua)
+        limits->channel_ua = granted->channel_ua;
+    if (limits->hottest_c > granted->hottest_c)
+        limits->hottest_c = granted->hottest_c;
 }
 
 static uint32_t sum(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES])

@@ -14,10 +14,14 @@ struct ring_limits {
     uint16_t quiescent_ua;
     uint16_t channel_ua;
     uint8_t policy; /* enum policy */
+    uint8_t hottest_c;
 };
 
-/* Take over the model and the limit; the number of LEDs stays what it was at the start. */
+/* Take over the model and the limits; the number of LEDs stays what it was at the start. */
 void ring_configure(struct ring_limits *limits, const struct configuration *configuration);
+
+/* Let the LEDs draw no more, and get no hotter, than was granted. */
+void ring_bound(struct ring_limits *limits, const struct ring_limits *granted);
 
 uint32_t ring_current_ua(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
 uint16_t ring_current_ma(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);

@@ -33,6 +33,9 @@ struct controller_slot {
     uint8_t role;      /* enum sequencer_next: what it is to the sequence; SEQUENCER_WAIT: nothing */
 };
 
+/* 100 000 erases of either sector take three years at one save a minute. */
+#define SAVES_AHEAD_US ((SAVES_AT_ONCE - 1u) * SAVE_EVERY_US)
+
 struct controller {
     const struct port *port;
     struct packet_receiver receiver;
@@ -42,7 +45,9 @@ struct controller {
     size_t reply_count;
 
     struct config config;
+    uint64_t saves_us; /* until then saves would be spread at their rate: at most SAVES_AHEAD_US from now */
     struct ring_limits limits;
+    struct ring_limits granted; /* the limits at the start: until the next one no command goes beyond them */
     struct sequencer sequencer;
     struct trigger trigger;
     struct set_sync sync;

@@ -49,7 +49,7 @@ static void watch_heat(struct controller *controller)
     const struct port *port = controller->port;
     uint64_t now_us = controller_now_us(controller);
     if (heat_due(&controller->heat, now_us) &&
-        heat_read(&controller->heat, now_us, port->temperature(port->context), controller->config.current.hottest_c))
+        heat_read(&controller->heat, now_us, port->temperature(port->context), controller->limits.hottest_c))
         event_dimmed(controller);
     show_again(controller);
 }

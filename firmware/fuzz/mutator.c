@@ -60,6 +60,10 @@ static void fill_well(uint8_t code, void *payload)
             .status_pin = (uint8_t)(chance(2) ? NO_PIN : 25u), .output_pin = (uint8_t)(chance(2) ? NO_PIN : 4u),
             .output_at = (uint8_t)chance(2), .switch_pin = (uint8_t)(chance(2) ? NO_PIN : 6u),
             .hottest_c = (uint8_t)(40u + chance(46))};
+    if (code == COMMAND_SET_SUPPLY)
+        *(struct set_supply *)payload = (struct set_supply){
+            .magic = SUPPLY_MAGIC, .channel_ua = (uint16_t)(CHANNEL_LEAST_UA + chance(20000)),
+            .external_supply = (uint8_t)chance(2)};
     if (code == COMMAND_RESET)
         *(struct magic *)payload = (struct magic){.magic = RESET_MAGIC};
     if (code == COMMAND_TRIM)

@@ -43,7 +43,7 @@ static void check_state(const struct board *board)
     /* where the limit has just become lower, what is above it is lit or on its way until the next light, which is not */
     require(!slot->busy || slot->current_ma <= limit_ma || controller->still_wanted);
     require(board_current_ua(board) <= limit_ma * 1000u || slot->busy || controller->still_wanted);
-    require(limit_ma <= (controller->config.current.external_supply ? 2000u : 450u));
+    require(limit_ma <= controller->granted.limit_ma && controller->limits.channel_ua >= controller->granted.channel_ua);
     require(sequencer->next.step < STEP_COUNT && sequencer->active.step_count <= STEP_COUNT);
     require(controller->reply_count <= PACKET_WIRE_BYTES);
     require(config_valid(&controller->config.current, &value));

@@ -32,6 +32,7 @@ def save(core: VirtualBoard, name: str) -> int:
 
 def test_the_configuration_survives_many_saves(core: VirtualBoard) -> None:
     for number in range(100):
+        core.advance(p.SAVE_EVERY_US)
         assert save(core, f"sensor {number}") == Status.OK
     again = VirtualBoard(core.library, core.flash())
     assert again.ok("GET_CONFIG") == named("sensor 99")
@@ -64,6 +65,21 @@ def test_a_record_of_firmware_that_knew_less_still_counts(
     board.close()
 
 
+def test_saves_are_limited_in_rate(core: VirtualBoard) -> None:
+    """Or a program that saves for ever wears the flash out within hours."""
+    for number in range(p.SAVES_AT_ONCE):
+        assert save(core, f"sensor {number}") == Status.OK
+    core.ok("SET_CONFIG", named("one more"))
+    assert core.ask("SAVE_CONFIG")[:2] == (Status.SAVED_TOO_OFTEN, 60)
+    assert status(core).config_saves == p.SAVES_AT_ONCE
+    core.advance(p.SAVE_EVERY_US)
+    assert core.ask("SAVE_CONFIG")[0] == Status.OK
+    assert core.ask("SAVE_CONFIG")[0] == Status.OK  # nothing to write
+    assert save(core, "too early") == Status.SAVED_TOO_OFTEN
+    core.advance(1000 * p.SAVE_EVERY_US)
+    assert [save(core, f"later {number}") for number in range(p.SAVES_AT_ONCE + 1)].count(0) == p.SAVES_AT_ONCE
+
+
 def test_saving_the_same_writes_nothing(core: VirtualBoard) -> None:
     save(core, "same")
     before = core.flash()
@@ -77,13 +93,13 @@ def test_a_configuration_out_of_range_is_refused(core: VirtualBoard, field: str)
     assert core.ask("SET_CONFIG", wrong)[0] == Status.OUT_OF_RANGE
 
 
-def test_on_usb_no_led_may_be_said_to_need_less_than_the_thirstiest(core: VirtualBoard) -> None:
-    """With 12 mA in the model a white ring of WS2812B would pass 450 mA and draw 732."""
-    modest = dataclasses.replace(named("modest"), channel_ua=12_000)
-    assert core.ask("SET_CONFIG", modest)[:2] == (Status.OUT_OF_RANGE, 12_000)
-    supplied = dataclasses.replace(modest, external_supply=1)
-    assert core.ask("SET_CONFIG", supplied)[0] == Status.OK
-    assert core.ok("GET_CONFIG") == supplied
+def test_a_record_that_undercuts_every_led_keeps_the_rest(core: VirtualBoard) -> None:
+    """Firmware of before took 1 mA a colour where the LEDs have a supply of their own."""
+    old = dataclasses.replace(named("veteran"), external_supply=1, limit_ma=2000, channel_ua=1_000)
+    page = (struct.pack("<II", 0x474C4346, 7) + old.pack()).ljust(252, b"\xff")
+    board = VirtualBoard(core.library, (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff"))
+    assert board.ok("GET_CONFIG") == dataclasses.replace(old, channel_ua=p.CHANNEL_EXTERNAL_UA)
+    board.close()
 
 
 def test_a_power_cut_at_any_byte_loses_at_most_the_record_being_written(core: VirtualBoard) -> None:
@@ -91,6 +107,7 @@ def test_a_power_cut_at_any_byte_loses_at_most_the_record_being_written(core: Vi
     for saves, span in ((3, 256), (16, 4096 + 256)):
         core_before = VirtualBoard(core.library)
         for number in range(saves):
+            core_before.advance(p.SAVE_EVERY_US)
             save(core_before, f"old {number}")
         flash = core_before.flash()
         core_before.close()

@@ -1,5 +1,6 @@
 """From sources to a board: UF2, ELF, reproducible builds, and the three ways of flashing."""
 
+import contextlib
 import shutil
 import struct
 from contextlib import closing
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 from zlib import crc32
 
 import pytest
+import usb.core
 
 from gellight.base.errors import BoardError, InputError
 from gellight.lab.emulator.child import SimulatedBoard
@@ -141,6 +143,33 @@ def test_flash_that_does_not_take_its_bytes_is_noticed(image: bytes) -> None:
 
     with pytest.raises(BoardError, match="worn out"):
         flash.Picoboot(backend=Worn()).flash(image)
+
+
+class Unplugged(BootRom):
+    """Loses its cable after so many bytes were written."""
+
+    left = 0
+
+    def _take_bytes(self, data: bytes) -> None:
+        if len(data) > self.left:
+            super()._take_bytes(data[: self.left].ljust(len(data), b"\xff"))
+            raise usb.core.USBError("No such device", errno=19)
+        self.left -= len(data)
+        super()._take_bytes(data)
+
+
+def test_a_cut_while_flashing_leaves_a_board_that_waits_for_its_image(image: bytes) -> None:
+    """Never boot2 of one image before half of another."""
+    older = image[:4096] + bytes(60_000)
+    for left in range(0, len(image) + 4096, 200):
+        rom = Unplugged(older)
+        rom.left = left
+        with contextlib.suppress(BoardError):
+            flash.Picoboot(backend=rom).flash(image)
+        whole = bytes(rom.flash[: len(image)]) == image
+        boots = boot2_crc(bytes(rom.flash[:252])) == int.from_bytes(rom.flash[252:256], "little")
+        assert boots == whole, left
+    assert whole
 
 
 def test_the_simulated_boot_loader_is_strict() -> None:

@@ -1,6 +1,7 @@
 """The committed image on an emulated RP2040: its bus, itself, its flash."""
 
 import dataclasses
+import struct
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import usb.core
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Check, SyncMode
-from gellight.ring.firmware.image import image_crc
+from gellight.ring.firmware.image import FLASH_BASE, HEADER, HEADER_OFFSET, image_crc
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.transport import UsbTransport
 from gellight.ring.wire import Packet, encode
@@ -225,6 +226,52 @@ def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoa
         board.power_on()
 
 
+def test_a_restart_gives_one_save(board: BenchBoard, ring: LightRing) -> None:
+    for start in (0, 1):
+        again = LightRing(VirtualTransport(board), keep_alive_s=None)
+        board.run(2_000)
+        for number in range(1 if start else p.SAVES_AT_ONCE):
+            named = dataclasses.replace(again.configuration(), name=b"%d %d" % (start, number) + bytes(13))
+            again.configure(named, save=True)
+        with pytest.raises(BoardError, match=r"SAVED_TOO_OFTEN \(60\); its flash wears out"):
+            again.configure(dataclasses.replace(named, name=bytes(16)), save=True)
+        again.reset()
+        board.run(200_000)
+
+
+def test_picotool_finds_name_version_and_pins(image: bytes, ring: LightRing) -> None:
+    told = binary_info(image)
+    hello, factory = ring.hello, ring.configuration()
+    version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
+    assert told[PROGRAM_NAME] == "GelLight light ring"
+    assert told[PROGRAM_VERSION] == version
+    pins = {number: told[1 << number].removesuffix(" (default)") for number in range(30) if 1 << number in told}
+    assert pins == {factory.data_pin: "LEDs", factory.trigger_pin: "trigger", factory.status_pin: "status LED"}
+
+
+PROGRAM_NAME, PROGRAM_VERSION = 0x02031C86, 0x11A9BC3A
+
+
+def binary_info(image: bytes) -> dict[int, str]:
+    """The texts of the pico-sdk's binary_info, by their identities or by a mask of pins, found as picotool does."""
+
+    def words(address: int, count: int) -> tuple[int, ...]:
+        return struct.unpack_from(f"<{count}I", image, address - FLASH_BASE)
+
+    first = words(FLASH_BASE + 256, 64)
+    at = first.index(0x7188EBF2)
+    start, end, moved, stop = first[at + 1 : at + 5]
+    assert stop == 0xE71AA390
+    assert words(moved, 1) == (0,)
+    told = {}
+    for entry in words(start, (end - start) // 4):
+        kind, what, text = words(entry, 3)
+        assert kind in (0x5052 << 16 | 6, 0x5052 << 16 | 9)
+        told[what] = image[text - FLASH_BASE :].partition(b"\0")[0].decode()
+    return told
+
+
 def test_the_image_is_small(image: bytes) -> None:
     """1 % of the flash: copying it to RAM holds the first darkness up by 7 ms at 30 MHz."""
-    assert len(image) <= 20 * 1024
+    _, count, _ = HEADER.unpack_from(image, HEADER_OFFSET)
+    assert HEADER_OFFSET + HEADER.size + count <= (2 << 20) // 100

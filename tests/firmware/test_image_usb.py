@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from gellight.lab.emulator.usb_host import ADDRESS
+from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
+from gellight.ring.wire import Packet, encode
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
+CLOCK = p.COMMANDS["CLOCK"].code
 RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 
 
@@ -89,7 +92,7 @@ def test_a_controller_that_hangs_is_reset_in_the_dark(board: BenchBoard, ring: L
     ring.telemetry(10)
     board.run(30_000)
     board.host.hangs = True
-    assert board.run_until(lambda: not board.host.configured, 1_500_000)
+    assert board.run_until(lambda: not board.host.configured, 11_500_000)
     assert board.run_until(lambda: board.host.configured, 200_000)
     board.run(3_000)
     assert not lit(board).any()
@@ -129,3 +132,97 @@ def test_a_reset_in_mid_transfer_enumerates_anew(image: bytes, after_us: float) 
         board.run(2_000)
         assert lit(board).any()
     assert board.faults == []
+
+
+# ---- endpoints that the host halts (USB 2.0, 9.4.5) ----
+
+
+def halted(board: BenchBoard, endpoint: int) -> bool:
+    return usb.ask(board, usb.status_of(endpoint)) == b"\1\0"
+
+
+@pytest.mark.parametrize("endpoint", [usb.NOTIFY_IN, usb.BULK_IN, usb.BULK_OUT])
+def test_a_halted_endpoint_stalls_until_the_halt_is_cleared(board: BenchBoard, ring: LightRing, endpoint: int) -> None:
+    ring.clock()  # one packet each way: after the halt DATA0 comes anew
+    assert usb.ask(board, usb.status_of(endpoint)) == b"\0\0"
+    assert usb.ask(board, usb.halt(endpoint)) == b""
+    assert halted(board, endpoint)
+    assert board.host.stalled == {endpoint}
+    before = len(board.host.received)
+    board.host.send(encode(Packet(CLOCK, 99, bytes(8))))
+    board.run(20_000)
+    if endpoint != usb.NOTIFY_IN:
+        assert len(board.host.received) == before
+    assert usb.ask(board, usb.clear_halt(endpoint)) == b""
+    assert not halted(board, endpoint)
+    board.run(5_000)
+    assert board.host.received[before:].count(0) == 1
+    assert ring.status().state == 0
+    assert ring.retries == 0
+
+
+def test_a_packet_that_waits_for_the_host_outlives_a_halt(board: BenchBoard, ring: LightRing) -> None:
+    board.host.latency_us = 30_000.0
+    board.host.send(encode(Packet(CLOCK, 99, bytes(8))))
+    board.run(3_000)
+    board.host.latency_us = 0.0
+    before = board.host.received.count(0)
+    assert usb.ask(board, usb.halt(usb.BULK_IN)) == b""
+    board.run(60_000)  # frames are noted meanwhile
+    assert board.host.received.count(0) == before
+    assert usb.ask(board, usb.clear_halt(usb.BULK_IN)) == b""
+    board.run(3_000)
+    assert board.host.received.count(0) == before + 1
+    ring.clock()
+
+
+@pytest.mark.parametrize("anew", [usb.SET_CONFIGURATION, usb.SET_INTERFACE])
+def test_a_halt_ends_where_the_endpoints_begin_anew(board: BenchBoard, ring: LightRing, anew: usb.Request) -> None:
+    for endpoint in (usb.BULK_IN, usb.BULK_OUT):
+        usb.ask(board, usb.halt(endpoint))
+    assert usb.ask(board, anew) == b""
+    assert not halted(board, usb.BULK_IN)
+    assert not halted(board, usb.BULK_OUT)
+    assert not board.host.stalled
+
+
+@pytest.mark.parametrize(
+    "request_", [usb.halt(0x00), usb.halt(0x83), usb.clear_halt(0x01), usb.status_of(0x0F), (0x00, 3, 1, 0, 0)]
+)
+def test_what_cannot_be_halted_is_refused(board: BenchBoard, ring: LightRing, request_: usb.Request) -> None:
+    """Endpoint 0, those that are not there, and the features of the device."""
+    assert usb.ask(board, request_) is None
+    assert ring.status().state == 0
+
+
+# ---- a host that is slow, or says rubbish ----
+
+
+def test_a_command_behind_noise_waits_a_millisecond_at_most(board: BenchBoard, ring: LightRing) -> None:
+    board.run(5_000)
+    plain = [answered_after_us(board, b"") for _ in range(8)]
+    noisy = [answered_after_us(board, b"\x55" * 768) for _ in range(8)]
+    assert max(noisy) <= max(plain) + 1_000
+
+
+def answered_after_us(board: BenchBoard, noise: bytes) -> float:
+    board.run(1_300)
+    board.host.received.clear()
+    begun_us = board.now_us
+    board.host.send(noise + b"\0" + encode(Packet(CLOCK, 99, bytes(8))))
+    assert board.run_until(lambda: board.host.received.count(0), 50_000)
+    return board.now_us - begun_us
+
+
+def test_a_host_that_does_not_read_for_nine_seconds_keeps_its_port(board: BenchBoard, ring: LightRing) -> None:
+    ring.set_leds(RED)
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.latency_us = 9e6
+    board.run(8_900_000)
+    assert not lit(board).any()
+    assert board.host.opened
+    board.host.latency_us = 0.0
+    board.run(200_000)
+    ring.telemetry(0)
+    assert ring.status().dark == Dark.HOST_SILENT

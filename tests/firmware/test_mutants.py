@@ -69,8 +69,9 @@ def _sequence(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.set_sync(SyncMode.FREE)
     since = len(board.waveform.frame_starts_us)
     ring.start()
-    board.host.send(bytes(30_000))  # so that the interrupt of USB is busy when a step falls due
-    board.run(50_000)
+    for number in range(800):  # so that the interrupt of USB is busy when a step falls due; then quiet
+        board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, number & 255, bytes(8))))
+    board.run(90_000)
     times = np.array(board.waveform.frame_starts_us[since:])
     ring.blank()
     board.run(3_000)
@@ -133,15 +134,19 @@ def _suspend(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 
 
 def _close(board: BenchBoard, ring: LightRing) -> Iterator[str]:
-    ring.set_leds(PATTERN)
-    for number in range(30):  # so that the main loop is busy when both happens, and looks only after that
-        board.host.send(encode(Packet(p.COMMANDS["SET_GROUP"].code, number, p.SetGroup(9, bytes(36)).pack())))
-    board.run(2_000)
-    board.host.close()
-    board.host.open()
-    if not _dark(board):
-        yield "lit after closing"
-    _reopen(board)
+    for after_us in (
+        1_300,
+        2_000,
+    ):  # at one of them both happens while the main loop is busy
+        ring.set_leds(PATTERN)
+        for number in range(30):
+            board.host.send(encode(Packet(p.COMMANDS["COMMIT"].code, number, p.Commit(0, 0, 32).pack())))
+        board.run(after_us)
+        board.host.close()
+        board.host.open()
+        if not _dark(board):
+            yield "lit after closing"
+        ring = _reopen(board)
 
 
 def _short_packets(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -165,12 +170,13 @@ def _short_packets(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 
 
 def _long_rest(board: BenchBoard, ring: LightRing) -> Iterator[str]:
-    """What the board says after a second in which nobody said anything has to wait for its place in a USB frame."""
-    for place_us in range(0, 1000, 100):
+    """What the board says after ten seconds in which nobody said anything has to wait for its place in a USB frame."""
+    ring.configure(replace(ring.configuration(), host_timeout_ms=10_100))
+    for place_us in range(0, 1000, 200):
         ring.set_leds(PATTERN)
         board.run(1000 - (board.now_us - place_us) % 1000)
         ring.clock()
-        board.run(1_030_000)
+        board.run(10_130_000)
         if not board.host.opened:
             yield "a controller that works is reset as one that hangs"
         if ring.status().dark != Dark.HOST_SILENT:
@@ -258,6 +264,7 @@ def _bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
             yield "a transfer that was cut short answers the next"
     if board.chip.read_uint32(usb.ADDRESS_REGISTER) != ADDRESS:
         yield "the address of a transfer that was cut short"
+    yield from _halt(board, ring)
     for request in (*[usb.CLEAR_HALT_IN] * 2, *[usb.CLEAR_HALT_OUT] * 2, usb.SET_INTERFACE, usb.SEND_BREAK):
         ring.clock()  # one packet between two of a kind
         if usb.ask(board, request) != b"":
@@ -267,8 +274,42 @@ def _bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.telemetry(10)
     board.run(30_000)
     board.host.hangs = True
-    if not board.run_until(lambda: not board.host.configured, 1_500_000) or not _dark(board):
+    if not board.run_until(lambda: not board.host.configured, 11_500_000) or not _dark(board):
         yield "a controller that hangs is not reset in the dark"
+
+
+def _halt(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """A packet that waits while its endpoint is halted comes after the halt."""
+    board.host.latency_us = 10_000.0
+    board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, 99, bytes(8))))
+    board.run(3_000)
+    board.host.latency_us = 0.0
+    usb.ask(board, usb.halt(usb.BULK_IN))
+    board.run(60_000)  # frames are noted meanwhile
+    board.host.received.clear()
+    if usb.BULK_IN not in board.host.stalled or usb.ask(board, usb.status_of(usb.BULK_IN)) != b"\1\0":
+        yield "an endpoint that is halted does not stall"
+    usb.ask(board, usb.clear_halt(usb.BULK_IN))
+    board.run(3_000)
+    if board.host.received.count(0) != 1:
+        yield "a packet lost, or doubled, by a halt"
+
+
+def _noise(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    board.run(3_000)
+    board.host.received.clear()
+    board.host.send(b"\x55" * 768 + b"\0" + encode(Packet(p.COMMANDS["CLOCK"].code, 99, bytes(8))))
+    if not board.run_until(lambda: board.host.received.count(0), 1_500):
+        yield "a command behind noise waits"
+
+
+def _paused(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.latency_us = 9e6
+    board.run(3_000_000)
+    if not board.host.opened:
+        yield "a host that does not read loses its port"
 
 
 def _blinks(board: BenchBoard, duration_us: float) -> set[int]:
@@ -358,7 +399,7 @@ CHECKS: dict[str, Callable[[BenchBoard, LightRing], Iterator[str]]] = {
     check.__name__.strip("_"): check
     for check in (
         _colours, _hub, _short_packets, _long_rest, _sequence, _trigger, _configuration, _flood, _suspend, _close,
-        _watchdog, _fault, _start_fault, _reflash, _heat, _bus, _wiring,
+        _watchdog, _fault, _start_fault, _reflash, _heat, _bus, _wiring, _noise, _paused,
     )
 }  # fmt: skip
 

@@ -20,7 +20,6 @@ from gellight.lab.emulator.clocks import Crystal
 from gellight.lab.emulator.registers import UsbGuard
 from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
-TRIGGER_PIN = 3
 USB_INTERRUPT = 5
 SIE_STATUS, INTS = 0x50, 0x98
 SUSPENDED, RESUMED, SUSPEND_INTERRUPT = 1 << 4, 1 << 11, 1 << 14
@@ -112,11 +111,6 @@ class BenchBoard(EmulatedBoard):
         """Warm the chip; it stays so warm when it starts anew."""
         self.temperature_c = temperature_c
         self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
-
-    def set_trigger(self, high: bool) -> None:
-        """Drive the trigger pin."""
-        self._wake_pio()
-        self.chip.gpio[TRIGGER_PIN].set_input_value(high)
 
     def usb_text(self, name: str) -> str:
         """Return a string descriptor, as the host read it: manufacturer, product or serial."""

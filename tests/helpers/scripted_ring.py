@@ -94,6 +94,7 @@ class ScriptedRing(LightRing):
             light_id=len(self.shown) + lost,
             dimmed=self.dimmed,
             temperature=self.temperature,
+            mean_ma=0,
         )
 
     def close(self) -> None:

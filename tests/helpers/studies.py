@@ -1,8 +1,12 @@
-"""A small setup of the optimizer's studies."""
+"""A small setup of the optimizer's studies, and fixtures: a store and a cache of the test's own."""
 
 from dataclasses import replace
+from pathlib import Path
+
+import pytest
 
 from gellight.lab.design import studies
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions
 from sim_reference.geometry import SensorGeometry
 
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
@@ -11,3 +15,13 @@ FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
 def setup(size: int = 64, names: tuple[str, ...] = FEW) -> studies.Setup:
     """Return the studies' input for `size` x `size` pixels and the objects `names`."""
     return replace(studies.setup_of(SensorGeometry(), 0.9, 1.0, size), names=names)
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> SweepOptions:
+    return SweepOptions(store=ResultStore(tmp_path / "store"))
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))

@@ -71,8 +71,8 @@ class HeavyFrames:
 
     def confidence(self, image: np.ndarray, gradient_map: np.ndarray) -> Confidence:
         dark = np.arange(image.shape[1]) * 2 < image.shape[1]
-        doubts = np.broadcast_to(np.where(dark, DARK, 0), image.shape[:2]).astype(np.uint8)
-        return Confidence(value=np.where(doubts, 0.25, 1).astype(np.float32), doubts=doubts)
+        flags = np.broadcast_to(np.where(dark, DARK, 0), image.shape[:2]).astype(np.uint8)
+        return Confidence(value=np.where(flags, 0.25, 1).astype(np.float32), quality_flags=flags)
 
 
 def write_weighings(folder: Path, presses: Sequence[Weighed], forces_n: Sequence[float] | None = None) -> Path:

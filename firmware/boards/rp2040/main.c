@@ -4,6 +4,7 @@
 
 #include "bytes.h"
 #include "crc.h"
+#include "lights.h"
 #include "watches.h"
 
 #define STACK_PAINT 0xa5u
@@ -117,12 +118,14 @@ static void follow_bus(void)
         controller_link(&controller, true, DARK_NOT_DARK);
 }
 
-static void serve_host(void)
+/* Whether more bytes may wait. */
+static bool serve_host(void)
 {
     uint8_t bytes[RECEIVE_BYTES];
     size_t count = usb_receive(bytes, sizeof bytes);
     for (size_t i = 0; i < count; i++)
         controller_receive(&controller, bytes[i]);
+    return count == sizeof bytes;
 }
 
 /* Every interrupt since the last sleep has set the event register, so none is slept through, and none is held off. */
@@ -143,14 +146,15 @@ int main(void)
     usb_start(port.identity.unique_id);
     for (;;) {
         follow_bus();
-        serve_host();
-        usb_watch();
+        bool more = serve_host();
+        usb_watch(!lights_will_shine(&controller));
         controller_poll(&controller);
         if (tick_passed()) {
             status_show(&controller);
             if (controller_healthy(&controller))
                 watchdog_feed();
         }
-        sleep_until_something_happens();
+        if (!more)
+            sleep_until_something_happens();
     }
 }

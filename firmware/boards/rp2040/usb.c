@@ -13,6 +13,7 @@
 #define NOTIFY_OFFSET 0x200u
 #define ENDPOINT_CONTROL(endpoint, out) (USB_DPRAM + 8u * (endpoint) + ((out) ? 4u : 0u))
 #define ENABLED (1u << 31 | 1u << 29) /* with an interrupt for each buffer */
+#define HALT_BIT(endpoint) (1u << ((endpoint) & 15u) << ((endpoint) >> 7) * 4u)
 #define BULK (2u << 26)
 #define INTERRUPT (3u << 26)
 
@@ -32,6 +33,7 @@
 #define BAUD_TOUCH 1200u
 #define SOF_EVERY_US 50000u
 #define HUNG_US 1000000u
+#define PAUSED_US 10000000u /* with dark LEDs: so long a host may not read, whose program stands in a debugger */
 #define UNPLUGGED_US 10000u /* long enough for any hub to notice */
 
 /*
@@ -48,7 +50,9 @@
 static struct byte_ring incoming, outgoing;
 static bool configured;
 static bool in_data1, out_data1, in_busy, out_armed;
-static bool in_waiting;         /* for the next frame, before its packet is armed */
+static bool in_waiting;         /* for the next frame, or the end of a halt, before its packet is armed */
+static uint32_t in_count;       /* bytes in the buffer that the host has not fetched */
+static uint32_t halted; /* bits of endpoints that stall each transfer (USB 2.0, 9.4.5) */
 static uint32_t progress_us;    /* low half of the time when something was queued, armed or came last */
 static bool terminal_ready; /* DTR, as the host said last */
 static volatile bool open;  /* and the bus is awake */
@@ -88,9 +92,14 @@ static void close_port(enum usb_event why)
     usb_note(why);
 }
 
+bool data_halted(uint32_t endpoint)
+{
+    return halted & HALT_BIT(endpoint);
+}
+
 static void accept_packet(void)
 {
-    out_armed = configured && RING_BYTES - ring_count(&incoming) >= PACKET;
+    out_armed = configured && !data_halted(BULK_OUT) && RING_BYTES - ring_count(&incoming) >= PACKET;
     if (!out_armed)
         return;
     hand_over(BUFFER_CONTROL(2, true), PACKET | LAST | (out_data1 ? DATA1 : 0));
@@ -123,31 +132,38 @@ static bool frame_noted(uint32_t within_us)
     return sof_noted && now_us() - sof_us < within_us;
 }
 
+/* A frame that begins about now is waited for: it takes 40 us until that is certain, the next one a millisecond. */
 static bool frame_allows(void)
 {
-    uint32_t since_us = now_us() - sof_us, place_us = since_us % FRAME_US;
-    bool certain = since_us == place_us || place_us >= FRAME_BEGINS_US; /* that this frame has begun */
-    return frame_noted(SOF_EVERY_US + 10000u) && certain && place_us < FRAME_ENDS_US;
+    uint32_t since_us, place_us;
+    if (!frame_noted(SOF_EVERY_US + 10000u))
+        return false;
+    do {
+        since_us = now_us() - sof_us;
+        place_us = since_us % FRAME_US;
+    } while (since_us != place_us && place_us < FRAME_BEGINS_US);
+    return place_us < FRAME_ENDS_US;
 }
 
+/* What is in the buffer already was taken back, by a halt that is over. */
 static void arm_packet(void)
 {
-    uint32_t count = ring_count(&outgoing) < IN_PACKET ? ring_count(&outgoing) : IN_PACKET;
+    if (!in_count)
+        while (in_count < IN_PACKET && ring_count(&outgoing))
+            dpram(USB_DPRAM + IN_OFFSET)[in_count++] = ring_get(&outgoing);
     in_waiting = false;
-    in_busy = configured && count;
+    in_busy = configured && in_count;
     if (!in_busy)
         return;
-    for (uint32_t i = 0; i < count; i++)
-        dpram(USB_DPRAM + IN_OFFSET)[i] = ring_get(&outgoing);
     progress_us = now_us();
-    hand_over(BUFFER_CONTROL(2, false), count | FULL | LAST | (in_data1 ? DATA1 : 0));
+    hand_over(BUFFER_CONTROL(2, false), in_count | FULL | LAST | (in_data1 ? DATA1 : 0));
     in_data1 = !in_data1;
 }
 
 static void send_packet(void)
 {
-    in_busy = in_waiting = configured && ring_count(&outgoing);
-    if (!in_busy)
+    in_busy = in_waiting = configured && (in_count || ring_count(&outgoing));
+    if (!in_busy || data_halted(BULK_IN))
         return;
     progress_us = now_us(); /* nothing has hung while there was nothing to send */
     if (frame_allows())
@@ -156,18 +172,35 @@ static void send_packet(void)
         await_frame();
 }
 
-/* The host begins anew with DATA0 (USB 2.0, 9.4.5), and what is armed has to expect it; no transfer goes on meanwhile. */
-void data_clear_halt(bool out)
+static void take_back(uint32_t endpoint, uint32_t answer)
 {
-    if (out) {
+    REGISTER(BUFFER_CONTROL(endpoint & 15u, endpoint == BULK_OUT)) = answer;
+}
+
+/* What is armed is taken back. */
+void data_halt(uint32_t endpoint)
+{
+    halted |= HALT_BIT(endpoint);
+    take_back(endpoint, STALL);
+    if (endpoint == BULK_IN)
+        in_waiting = in_busy;
+    if (endpoint == BULK_OUT)
+        out_armed = false;
+}
+
+/* The host begins anew with DATA0 (USB 2.0, 9.4.5), and what is armed has to expect it; no transfer goes on meanwhile. */
+void data_clear_halt(uint32_t endpoint)
+{
+    halted &= ~HALT_BIT(endpoint);
+    take_back(endpoint, 0);
+    if (endpoint == BULK_OUT) {
         out_data1 = false;
-        if (out_armed)
-            accept_packet();
-        return;
+        accept_packet();
     }
-    in_data1 = in_busy && !in_waiting;
-    if (in_data1)
-        hand_over(BUFFER_CONTROL(2, false), (REGISTER(BUFFER_CONTROL(2, false)) & COUNT) | FULL | LAST);
+    if (endpoint == BULK_IN) {
+        in_data1 = false;
+        send_packet();
+    }
 }
 
 static void open_port(void)
@@ -187,8 +220,10 @@ void data_configure(bool chosen)
     REGISTER(ENDPOINT_CONTROL(1, false)) = ENABLED | INTERRUPT | NOTIFY_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, true)) = ENABLED | BULK | OUT_OFFSET;
     REGISTER(ENDPOINT_CONTROL(2, false)) = ENABLED | BULK | IN_OFFSET;
-    REGISTER(BUFFER_CONTROL(2, false)) = 0; /* a packet from before must not be sent */
+    take_back(NOTIFY_IN, 0);
+    take_back(BULK_IN, 0); /* a packet from before must not be sent */
     in_data1 = out_data1 = in_busy = in_waiting = false;
+    halted = in_count = 0;
     ring_empty(&incoming);
     ring_empty(&outgoing);
     accept_packet();
@@ -225,8 +260,14 @@ static void start_of_frame(void)
     sof_us = now_us();
     sof_noted = true;
     (void)REGISTER(USB_SOF_RD); /* ends the interrupt */
-    if (in_waiting)
+    if (in_waiting && !data_halted(BULK_IN))
         arm_packet();
+}
+
+static void fetched(void)
+{
+    in_count = 0;
+    send_packet();
 }
 
 static void buffers_done(void)
@@ -238,7 +279,7 @@ static void buffers_done(void)
     if (done & 1u << 1)
         control_received();
     if (done & 1u << 4)
-        send_packet();
+        fetched();
     if (done & 1u << 5)
         take_packet();
 }
@@ -293,12 +334,13 @@ void usb_start(const uint8_t unique_id[8])
 
 /*
  * A packet waits, frames begin, but nothing comes or goes: the controller hangs, and only its reset helps (RP2040-E15). A
- * host that just does not read is no such case as long as it says anything at all.
+ * host that just does not read looks the same, but for the time: it does so while its program is held up.
  */
-void usb_watch(void)
+void usb_watch(bool dark)
 {
     lock();
-    bool hung = open && in_busy && frame_noted(2u * SOF_EVERY_US) && now_us() - progress_us > HUNG_US;
+    bool hung = open && in_busy && !data_halted(BULK_IN) && frame_noted(2u * SOF_EVERY_US) &&
+                now_us() - progress_us > (dark ? PAUSED_US : HUNG_US);
     if (open && !frame_noted(SOF_EVERY_US))
         await_frame();
     if (!hung) {

@@ -13,12 +13,14 @@
 #define TO_STANDARD_INTERFACE 0x01u
 #define TO_ENDPOINT 0x02u
 #define OF_INTERFACE 0x81u
+#define OF_ENDPOINT 0x82u
 #define TO_INTERFACE 0x21u   /* a request of its class */
 #define FROM_INTERFACE 0xa1u
 
 /* bRequest */
 #define GET_STATUS 0u
 #define CLEAR_FEATURE 1u
+#define SET_FEATURE 3u
 #define SET_ADDRESS 5u
 #define GET_DESCRIPTOR 6u
 #define GET_CONFIGURATION 8u
@@ -34,8 +36,6 @@
 #define NO_ADDRESS 0xffu
 #define SERIAL_INTERFACE 0u
 #define DATA_INTERFACE 1u
-#define BULK_OUT 0x02u
-#define BULK_IN 0x82u
 
 struct setup {
     uint8_t type, request;
@@ -103,15 +103,44 @@ static void get_descriptor(void)
         control_refuse();
 }
 
-/* The only feature that is known: the halt of an endpoint, value 0. */
-static void clear_feature(void)
+static bool endpoint_0(void)
 {
-    if (setup.value)
+    return (setup.index & ~0x80u) == 0;
+}
+
+/* Those besides 0 are there once a configuration is chosen (9.4.5). */
+static bool endpoint_known(void)
+{
+    return endpoint_0() ||
+           (configuration && (setup.index == NOTIFY_IN || setup.index == BULK_OUT || setup.index == BULK_IN));
+}
+
+/* The only feature that is known: the halt of an endpoint, value 0. Endpoint 0 is never halted. */
+static void endpoint_feature(void)
+{
+    bool halt = setup.request == SET_FEATURE;
+    if (setup.value || !endpoint_known() || (halt && endpoint_0())) {
         control_refuse();
-    else
-        control_accept();
-    if (!setup.value && (setup.index == BULK_IN || setup.index == BULK_OUT))
-        data_clear_halt(setup.index == BULK_OUT);
+        return;
+    }
+    control_accept();
+    if (halt)
+        data_halt(setup.index);
+    else if (!endpoint_0())
+        data_clear_halt(setup.index);
+}
+
+/* Of device and interface: bus powered, and nothing else. */
+static void get_status(void)
+{
+    static uint8_t status[2];
+    bool of_endpoint = setup.type == OF_ENDPOINT;
+    if (of_endpoint && !endpoint_known()) {
+        control_refuse();
+        return;
+    }
+    status[0] = of_endpoint && data_halted(setup.index);
+    control_reply(status, sizeof status);
 }
 
 /* Each interface has the one setting 0; choosing it resets the toggles of its endpoints (9.1.1.5). */
@@ -125,15 +154,14 @@ static void interface_setting(void)
     } else {
         control_accept();
         if (setup.index == DATA_INTERFACE) {
-            data_clear_halt(false);
-            data_clear_halt(true);
+            data_clear_halt(BULK_IN);
+            data_clear_halt(BULK_OUT);
         }
     }
 }
 
 static void standard_request(void)
 {
-    static const uint8_t nothing[2];
     if (setup.type == TO_HOST && setup.request == GET_DESCRIPTOR) {
         get_descriptor();
     } else if (setup.type == TO_DEVICE && setup.request == SET_ADDRESS && setup.value <= LAST_ADDRESS) {
@@ -145,13 +173,13 @@ static void standard_request(void)
         data_configure(configuration);
     } else if (setup.type == TO_HOST && setup.request == GET_CONFIGURATION) {
         control_reply(&configuration, 1);
-    } else if (setup.type == TO_ENDPOINT && setup.request == CLEAR_FEATURE) {
-        clear_feature();
+    } else if (setup.type == TO_ENDPOINT && (setup.request == CLEAR_FEATURE || setup.request == SET_FEATURE)) {
+        endpoint_feature();
     } else if ((setup.type == OF_INTERFACE && setup.request == GET_INTERFACE) ||
                (setup.type == TO_STANDARD_INTERFACE && setup.request == SET_INTERFACE)) {
         interface_setting();
-    } else if (setup.request == GET_STATUS && setup.type >= 0x80 && setup.type <= 0x82) {
-        control_reply(nothing, 2); /* of device, interface or endpoint: bus powered, nothing halted */
+    } else if (setup.request == GET_STATUS && setup.type >= TO_HOST && setup.type <= OF_ENDPOINT) {
+        get_status();
     } else {
         control_refuse();
     }

@@ -15,6 +15,10 @@
 #define PACKET 64u
 #define BUFFER_CONTROL(endpoint, out) (USB_DPRAM + 0x80u + 8u * (endpoint) + ((out) ? 4u : 0u))
 
+#define NOTIFY_IN 0x81u
+#define BULK_OUT 0x02u
+#define BULK_IN 0x82u
+
 /* USB_MUXING: where the data lines come from; with software connect */
 #define TO_PHY (1u << 0 | 1u << 3)
 #define TO_PADS (1u << 2 | 1u << 3)
@@ -45,7 +49,9 @@ void join_abandon(void);
 /* usb.c, called by endpoint 0 */
 void data_configure(bool configured);
 void data_lines(bool ready, uint32_t baud);
-void data_clear_halt(bool out);
+void data_halt(uint32_t endpoint);
+void data_clear_halt(uint32_t endpoint);
+bool data_halted(uint32_t endpoint);
 void usb_note(enum usb_event what);
 
 #endif

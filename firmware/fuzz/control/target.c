@@ -31,6 +31,7 @@ static const uint8_t known[][SETUP_BYTES] = {
     {0, 9, 1, 0, 0, 0, 0, 0},       {0x80, 8, 0, 0, 0, 0, 1, 0},   {2, 1, 0, 0, 0x82, 0, 0, 0},   {2, 1, 0, 0, 2, 0, 0, 0},
     {0x81, 10, 0, 0, 1, 0, 1, 0},   {1, 11, 0, 0, 1, 0, 0, 0},     {0x80, 0, 0, 0, 0, 0, 2, 0},   {0x21, 0x20, 0, 0, 0, 0, 7, 0},
     {0x21, 0x22, 3, 0, 0, 0, 0, 0}, {0xa1, 0x21, 0, 0, 0, 0, 7, 0}, {0x21, 0x23, 10, 0, 0, 0, 0, 0}, {0, 5, 0, 0, 0, 0, 0, 0},
+    {2, 3, 0, 0, 0x82, 0, 0, 0},    {0x82, 0, 0, 0, 2, 0, 2, 0},
 };
 
 static bool chosen, open;
@@ -57,10 +58,23 @@ void data_lines(bool ready, uint32_t baud)
     open = ready;
 }
 
-void data_clear_halt(bool out)
+static bool halted;
+
+void data_halt(uint32_t endpoint)
 {
-    (void)out;
-    require(in_transfer);
+    require(in_transfer && (endpoint == NOTIFY_IN || endpoint == BULK_OUT || endpoint == BULK_IN));
+    halted = true;
+}
+
+void data_clear_halt(uint32_t endpoint)
+{
+    require(in_transfer && (endpoint == NOTIFY_IN || endpoint == BULK_OUT || endpoint == BULK_IN));
+    halted = false;
+}
+
+bool data_halted(uint32_t endpoint)
+{
+    return halted && endpoint & 15u;
 }
 
 void usb_note(enum usb_event what)

@@ -30,6 +30,7 @@ REMEDIES = {
     Status.CHECKSUM: "send groups and steps again, then commit",
     Status.BAD_MAGIC: "this is a mistake of the program, please report it",
     Status.FLASH_FAILED: "the flash of the board is worn out or not powered well; its configuration was not saved",
+    Status.SAVED_TOO_OFTEN: "its flash wears out: save again after so many seconds",
 }
 
 
@@ -53,7 +54,7 @@ class BoardLink:
         """Say hello; BoardError, with the transport closed, where nobody answers or the protocol is another one."""
         self.transport = transport
         self.timeout_s, self.attempts = timeout_s, attempts
-        """a request is sent at most so often, and each time waits so long for its reply, whatever else comes"""
+        """how often a request is sent, and how long it waits for its reply each time, whatever else comes"""
         self._monotonic: Callable[[], float] = getattr(transport, "monotonic", time.monotonic)
         """a board that is emulated step by step has a time of its own"""
         self.retries = 0
@@ -132,7 +133,7 @@ class BoardLink:
                 return None
 
     def _receive(self, timeout_s: float) -> bool:
-        """Take bytes from the transport and sort the packets in them; False if none came for so long."""
+        """Take bytes from the transport and sort the packets in them; False if none came in time."""
         data = self.transport.read(timeout_s)
         self._partial += data
         *whole, self._partial = self._partial.split(b"\0")
@@ -164,7 +165,7 @@ class BoardLink:
             listener(event)
 
     def _wait_for_event(self, wanted: Callable[[Record], bool], timeout_s: float) -> Record | None:
-        """Return the first event so wanted, None after so long; meanwhile other threads send their requests."""
+        """Return the first wanted event, None after `timeout_s`; meanwhile other threads send their requests."""
         end_s = self._monotonic() + timeout_s
         while True:
             with self._lock:

@@ -41,6 +41,17 @@ BOARDS = {
 }  # fmt: skip
 
 
+LEDS = {"ws2812b": 20_000, "ws2812b-v5": 12_000, "ws2812b-2020": 12_000, "ws2812c-2020": 5_000}
+"""what one colour of an LED draws at 255, uA, by their data sheets; SK6812 as ws2812b, SK6805 as ws2812c-2020"""
+
+
+def channel_ua_of(name: str) -> int:
+    """Return what one colour of an LED draws, uA; InputError for a kind that is not listed."""
+    if name not in LEDS:
+        raise InputError(f"there is no preset for LEDs {name!r}: choose {', '.join(LEDS)}; ws2812b draws the most")
+    return LEDS[name]
+
+
 def find_board(name: str) -> Board:
     """Return a board by its name; InputError for one that is not listed."""
     if name not in BOARDS:

@@ -17,6 +17,7 @@ class Status(IntEnum):
     CHECKSUM = 8
     BAD_MAGIC = 9
     FLASH_FAILED = 10
+    SAVED_TOO_OFTEN = 11
 
 
 class SyncMode(IntEnum):

@@ -30,6 +30,8 @@ SILENCE_S = 0.5
 """a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
 BY_ITSELF = {Dark.BOOT, Dark.HOST_SILENT, Dark.PORT_CLOSED, Dark.SUSPENDED, Dark.FAULT}
 """why a board ends a light or a sequence that nobody has told it to end"""
+WARM_MA = protocol.HOUSING_MA * 5 // 6
+"""above this mean a board that was dimmed for its housing stays so"""
 LATCH_TIMEOUT_S = 5.0
 """a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
 
@@ -74,7 +76,7 @@ class LightRing(BoardLink):
         self.lit_s = -inf
         """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
         self.dimmed = 0
-        """how often the board halves every colour because its chip is hot, as it said last"""
+        """how often the board halves every colour because it is hot, as it said last"""
         self._dark: Dark | None = None
         """why the board has made its LEDs dark by itself; None: it has not, or they are lit again"""
         self._running = False
@@ -180,9 +182,8 @@ class LightRing(BoardLink):
         if lit and self._dark is None and status.state == State.STILL and status.dark in BY_ITSELF:
             self._take_event(protocol.DarkEvent(status.time_us, status.events_dropped, status.dark))
         if status.dimmed != self.dimmed:
-            self._take_event(
-                protocol.DimmedEvent(status.time_us, status.temperature, status.events_dropped, status.dimmed)
-            )
+            self._take_event(protocol.DimmedEvent(status.time_us, status.temperature, status.events_dropped,
+                                                  status.dimmed, status.mean_ma))  # fmt: skip
 
     def _take_event(self, event: Record) -> None:
         if isinstance(event, protocol.DarkEvent):
@@ -195,19 +196,19 @@ class LightRing(BoardLink):
         super()._take_event(event)
 
     def _note_dimmed(self, event: protocol.DimmedEvent) -> None:
-        """Frames show another light than was asked for until the chip is cool and `light` has shown it again."""
+        """Frames show another light than was asked for until the board is cool and `light` has shown it again."""
         self.dimmed = event.dimmed
         if self.still is not None:
             self.lit_s = inf
             self._dark = self._dark if event.dimmed or self._dark else Dark.NOT_DARK
         if event.dimmed:
-            logger.warning(hot_text(event.temperature, event.dimmed))
+            logger.warning(hot_text(event))
 
     # ---- commands ----
 
     @property
     def led_count(self) -> int:
-        """Return how many LEDs the board drives; every light has so many colours."""
+        """Return how many LEDs the board drives, which is the number of colours of a light."""
         return self.hello.led_count
 
     def clock(self, host_us: int = 0) -> protocol.ClockReply:
@@ -262,7 +263,7 @@ class LightRing(BoardLink):
         """Raise BoardError for a light that is not the one that was asked for."""
         status = self.status()
         if status.dimmed:
-            raise BoardError(hot_text(status.temperature, status.dimmed))
+            raise BoardError(hot_text(status))
         raise BoardError(
             f"the current limit scales this light to {scale / protocol.FULL_SCALE:.1%}, so it is not the light that "
             "was asked for: dim it, or raise the limit with an external supply"
@@ -343,6 +344,14 @@ class LightRing(BoardLink):
         if save:
             self._request("SAVE_CONFIG", protocol.Empty)
 
+    def set_supply(self, *, external: bool, channel_ua: int) -> None:
+        """Say what feeds the LEDs, and what one colour of one LED draws at least; counts once saved and started anew.
+
+        Too little here, and the board lets the LEDs draw more than their supply and their housing stand.
+        """
+        record = protocol.SetSupply(protocol.SUPPLY_MAGIC, channel_ua, external)
+        self._request("SET_SUPPLY", protocol.Empty, record)
+
     def factory(self) -> None:
         """Return to the built-in configuration, not yet saved."""
         self._request("FACTORY", protocol.Empty)
@@ -374,15 +383,17 @@ class LightRing(BoardLink):
 
 
 def chip_temperature_c(status: protocol.StatusReply) -> float | None:
-    """Return the temperature of the board's chip in degrees Celsius, good to some 5 degrees; None without a sensor."""
+    """Return the temperature of the board's chip in degrees Celsius, good to 10 degrees; None without a sensor."""
     return None if status.temperature == protocol.NO_TEMPERATURE else status.temperature / 10
 
 
-def hot_text(temperature: int, dimmed: int) -> str:
-    """Say that a chip of so many tenths of a degree has made the board halve its light so often, and what to do."""
+def hot_text(told: protocol.StatusReply | protocol.DimmedEvent) -> str:
+    """Say that the board halves its light, how hot its chip is, and what its LEDs draw where that may be the reason."""
+    drawn = f", its LEDs draw {told.mean_ma} mA in the mean" if told.mean_ma >= WARM_MA else ""
     return (
-        f"the chip of the light ring's board has {temperature / 10:.0f} °C, so it dims its LEDs to 1/{1 << dimmed}: "
-        "let it cool, light fewer LEDs or for a shorter time, or raise its limit: `gellight ring configure --hottest`"
+        f"the chip of the light ring's board has {told.temperature / 10:.0f} °C (±10){drawn}, so it dims its LEDs to "
+        f"1/{1 << told.dimmed}: let it cool, light fewer LEDs or for a shorter time, or raise the limit of its chip: "
+        "`gellight ring configure --hottest`"
     )
 
 

@@ -36,7 +36,7 @@ from gellight.ring.wire import (
     u64,
 )
 
-VERSION = (2, 0)
+VERSION = (2, 1)
 GROUP_COUNT = 16
 STEP_COUNT = 32
 REPLY = 0x80
@@ -49,10 +49,19 @@ DWELL_MAX_US = 60_000_000
 CURRENT_CAP_MA = 450
 """the most that a USB port may be asked for, unless the board has its own supply"""
 CURRENT_CAP_EXTERNAL_MA = 2_000
+CHANNEL_USB_UA = 20_000
+"""of one colour of a WS2812B, the most of the usual LEDs: on USB less may not be assumed"""
+CHANNEL_EXTERNAL_UA = 12_000
+"""no LED of the 5050 package draws less"""
+CHANNEL_LEAST_UA = 5_000
+"""of a WS2812C-2020: no LED draws less; below the two above only with SET_SUPPLY"""
+HOUSING_MA = 600
+"""mean of the last minutes above which the LEDs are dimmed: 3 W, which warm a printed housing by some 25 degrees"""
 TRIM_MAX = 42_949_673
 """one per cent"""
 RESET_MAGIC = 0x52534554
 BOOTLOADER_MAGIC = 0x424F4F54
+SUPPLY_MAGIC = 0x53555050
 NO_STEP = 0xFF
 NO_PIN = 0xFF
 ACTIVE_LOW = 0x80
@@ -67,6 +76,10 @@ DIMMINGS = 3
 """at most so many: to an eighth"""
 DIMMING_US = 10_000_000
 """from one dimming to the next"""
+SAVES_AT_ONCE = 8
+"""of the configuration after power came; one after another start"""
+SAVE_EVERY_US = 60_000_000
+"""and then one so often: flash wears out"""
 SUPPLY_US = 20_000
 """from the moment at which the load switch of the LEDs closes to their first light"""
 
@@ -84,9 +97,14 @@ CONSTANTS = {
     "DWELL_MAX_US": DWELL_MAX_US,
     "CURRENT_CAP_MA": CURRENT_CAP_MA,
     "CURRENT_CAP_EXTERNAL_MA": CURRENT_CAP_EXTERNAL_MA,
+    "CHANNEL_USB_UA": CHANNEL_USB_UA,
+    "CHANNEL_EXTERNAL_UA": CHANNEL_EXTERNAL_UA,
+    "CHANNEL_LEAST_UA": CHANNEL_LEAST_UA,
+    "HOUSING_MA": HOUSING_MA,
     "TRIM_MAX": TRIM_MAX,
     "RESET_MAGIC": RESET_MAGIC,
     "BOOTLOADER_MAGIC": BOOTLOADER_MAGIC,
+    "SUPPLY_MAGIC": SUPPLY_MAGIC,
     "NO_STEP": NO_STEP,
     "NO_PIN": NO_PIN,
     "ACTIVE_LOW": ACTIVE_LOW,
@@ -96,6 +114,8 @@ CONSTANTS = {
     "COOLER_C": COOLER_C,
     "DIMMINGS": DIMMINGS,
     "DIMMING_US": DIMMING_US,
+    "SAVES_AT_ONCE": SAVES_AT_ONCE,
+    "SAVE_EVERY_US": SAVE_EVERY_US,
     "SUPPLY_US": SUPPLY_US,
 }
 
@@ -218,7 +238,7 @@ class Trim(Record):
 class SetLimits(Record):
     """The current limit; refused while a sequence runs."""
 
-    limit_ma: u16
+    limit_ma: Annotated[u16, "100 to that of the last start"]
     policy: Annotated[u8, "enum policy"]
 
 
@@ -231,7 +251,7 @@ class StatusReply(Record):
     config_saves: Annotated[u32, "how often the configuration was written in its life"]
     current_ma: Annotated[u16, "of the light that is on"]
     limit_ma: u16
-    temperature: Annotated[i16, "of the chip, in 0.1 degrees Celsius; NO_TEMPERATURE: it has no sensor"]
+    temperature: Annotated[i16, "of the chip, in 0.1 degrees Celsius, good to 10 degrees; NO_TEMPERATURE: no sensor"]
     repetition: u16
     loop: u16
     events_dropped: u16
@@ -240,7 +260,8 @@ class StatusReply(Record):
     policy: Annotated[u8, "enum policy"]
     mode: Annotated[u8, "enum sync_mode"]
     step: Annotated[u8, "0xFF: no sequence"]
-    dimmed: Annotated[u8, "how often every colour is halved because the chip is hot, 0 to DIMMINGS"] = 0
+    dimmed: Annotated[u8, "how often every colour is halved because chip or housing is hot, 0 to DIMMINGS"] = 0
+    mean_ma: Annotated[u16, "of the last seven minutes; above HOUSING_MA the LEDs are dimmed"] = 0
 
 
 @dataclass(frozen=True)
@@ -268,15 +289,15 @@ class CountersReply(Record):
 
 @dataclass(frozen=True)
 class Configuration(Record):
-    """What the board remembers without power."""
+    """What the board remembers without power. What lets its LEDs draw more counts from the next start on."""
 
     host_timeout_ms: Annotated[u16, "silence after which the LEDs go dark, 100 to 60000"]
     limit_ma: u16
     quiescent_ua: Annotated[u16, "of a dark LED"]
-    channel_ua: Annotated[u16, "of one colour of one LED at 255: 20000 (WS2812B) or more; external supply: from 1000"]
+    channel_ua: Annotated[u16, "of one colour of one LED at 255: CHANNEL_USB_UA or more; less as SET_SUPPLY says"]
     latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 500"]
     policy: Annotated[u8, "enum policy"]
-    external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450"]
+    external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450; set by SET_SUPPLY"]
     name: Annotated[Bytes16, "of the sensor, UTF-8, padded with zeros"]
     bundle: Annotated[Bytes8, "identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none"] = bytes(8)
     data_pin: Annotated[u8, "GPIO of the LEDs' data, 0 to 29; this and what follows counts from the next start on"] = 2
@@ -302,6 +323,15 @@ class Magic(Record):
     """A number that says that this is meant."""
 
     magic: u32
+
+
+@dataclass(frozen=True)
+class SetSupply(Record):
+    """What no command can measure, and no program may get wrong: what feeds the LEDs, and what they draw."""
+
+    magic: Annotated[u32, "SUPPLY_MAGIC"]
+    channel_ua: Annotated[u16, "as in the configuration, CHANNEL_LEAST_UA or more"]
+    external_supply: Annotated[u8, "as in the configuration"]
 
 
 @dataclass(frozen=True)
@@ -339,12 +369,13 @@ class DarkEvent(Record):
 
 @dataclass(frozen=True)
 class DimmedEvent(Record):
-    """The board dims its LEDs by another amount than before, because its chip has become hot or cool."""
+    """The board dims its LEDs by another amount than before, because its chip or its housing has become hot or cool."""
 
     time_us: u64
     temperature: Annotated[i16, "as in StatusReply"]
     events_dropped: u16
     dimmed: Annotated[u8, "as in StatusReply; 0: not any more"]
+    mean_ma: Annotated[u16, "as in StatusReply"] = 0
 
 
 class Exchange(NamedTuple):
@@ -374,12 +405,13 @@ COMMANDS: dict[str, Exchange] = {
     "COUNTERS": Exchange(0x0F, Empty, CountersReply, "What went wrong?"),
     "TELEMETRY": Exchange(0x10, Telemetry, Empty, "Report the status by itself."),
     "GET_CONFIG": Exchange(0x11, Empty, Configuration, "Read the configuration."),
-    "SET_CONFIG": Exchange(0x12, Configuration, Empty, "Change it until the next start; the LEDs have to be dark."),
+    "SET_CONFIG": Exchange(0x12, Configuration, Empty, "Change it, not yet saved; the LEDs have to be dark."),
     "SAVE_CONFIG": Exchange(0x13, Empty, Empty, "Write it to flash, if it differs; the LEDs have to be dark."),
     "FACTORY": Exchange(0x14, Empty, Empty, "Return to the built-in configuration, not yet saved."),
     "RESET": Exchange(0x15, Magic, Empty, "Start anew."),
     "BOOTLOADER": Exchange(0x16, Magic, Empty, "Start the boot loader of the chip."),
     "SELFTEST": Exchange(0x17, Empty, SelfTestReply, "Test yourself; the LEDs have to be dark."),
+    "SET_SUPPLY": Exchange(0x18, SetSupply, Empty, "Change what feeds the LEDs from the next start on, not yet saved."),
 }
 
 EVENTS: dict[str, tuple[int, type[Record]]] = {

@@ -3,7 +3,7 @@
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://WHICH``: the port of the board with this serial number or
 product string, or ``serial://`` of the only one there is. ``usb://`` or ``usb://WHICH``: the same endpoints through
 pyusb, without a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own;
-``sim://?leds=8``: one that is configured for so many LEDs.
+``sim://?leds=8``: one that is configured for 8 LEDs.
 """
 
 import errno
@@ -33,7 +33,7 @@ class Transport(Protocol):
         """Send all bytes, or raise BoardError."""
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, waiting for the first byte at most so long; b"" if nothing came."""
+        """Return what has arrived, waiting for the first byte `timeout_s` at most; b"" if nothing came."""
 
     def close(self) -> None:
         """Close; the board then darkens its LEDs."""

@@ -25,7 +25,7 @@ VENDOR, PRODUCT = 0x2E8A, 0x0003
 INTERFACE, OUT, IN = 1, 0x03, 0x84
 MAGIC = 0x431FD10B
 EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x84
-SECTOR = 4096
+SECTOR, PAGE = 4096, 256
 TIMEOUT_MS = 5000
 WAIT_S = 10.0
 TOUCH_BAUD = 1200
@@ -114,18 +114,28 @@ class Picoboot:
         return answer
 
     def flash(self, image: bytes) -> None:
-        """Erase, write and read back an image, sector by sector; BoardError if it reads back differently."""
+        """Erase, write and read back an image, sector by sector; BoardError if it reads back differently.
+
+        The first page is what the boot ROM looks for: it is erased first and written last, so that a board whose
+        flashing was cut short waits in its boot loader.
+        """
         image_crc(image)
         padded = image + b"\xff" * (-len(image) % SECTOR)
         self._command(EXCLUSIVE, b"\1")
         self._command(EXIT_XIP, b"")
         for at in range(0, len(padded), SECTOR):
-            sector, address = padded[at : at + SECTOR], FLASH_BASE + at
-            where = struct.pack("<II", address, SECTOR)
-            self._command(ERASE, where)
-            self._command(WRITE, where, data=sector)
-            if self._command(READ, where, count=SECTOR) != sector:
-                raise BoardError(f"the flash at 0x{address:08x} reads back differently: it may be worn out")
+            self._command(ERASE, struct.pack("<II", FLASH_BASE + at, SECTOR))
+            if at:
+                self._write(at, padded[at : at + SECTOR])
+        self._write(PAGE, padded[PAGE:SECTOR])
+        self._write(0, padded[:PAGE])
+
+    def _write(self, at: int, data: bytes) -> None:
+        """Write whole pages that are erased, and read them back."""
+        where = struct.pack("<II", FLASH_BASE + at, len(data))
+        self._command(WRITE, where, data=data)
+        if self._command(READ, where, count=len(data)) != data:
+            raise BoardError(f"the flash at 0x{FLASH_BASE + at:08x} reads back differently: it may be worn out")
 
     def reboot(self) -> None:
         """Start what is in flash."""
@@ -191,10 +201,10 @@ def check_board(image: bytes, before: Collection[str], *, wait_s: float = WAIT_S
     back too. BoardError where it does not come back, does not answer, or holds another image.
     """
     with _open_returned(before, wait_s) as ring:
-        runs, wanted, failed = ring.hello.image_crc, image_crc(image), ring.self_test().failed
+        runs, wanted = ring.hello.image_crc, image_crc(image)
         if runs != wanted:
             raise BoardError(f"the board runs image {runs:08x}, not {wanted:08x} that was written: flash it again")
-        if failed & Check.IMAGE:
+        if ring.self_test().failed & Check.IMAGE:
             raise BoardError(f"the flash of the board does not hold image {wanted:08x} undamaged: flash it again")
         return ring.transport.url
 

@@ -84,44 +84,50 @@ def _size(record: type[Record]) -> str:
 
 def document() -> str:
     """Return the text of `protocol.md`."""
+    commands = (
+        f"| 0x{e.code:02x} | {name} | {_link(e.request)} | {_link(e.reply)} | {e.meaning} |"
+        for name, e in protocol.COMMANDS.items()
+    )
+    events = (f"| 0x{code:02x} | {name} | {_link(record)} |" for name, (code, record) in protocol.EVENTS.items())
     parts = [
         f"<!-- Generated from host/gellight/ring/protocol.py by `{COMMAND_LINE}`; do not edit. -->",
         "# Protocol of the light ring",
         (protocol.__doc__ or "").strip(),
         f"Version {protocol.VERSION[0]}.{protocol.VERSION[1]}, schema 0x{protocol.schema_crc():08x}.",
         "## Commands",
-        *(
-            f"### {name} (0x{e.code:02x})\n\n{e.meaning}\n\nRequest: {_link(e.request)}. Reply: {_link(e.reply)}."
-            for name, e in protocol.COMMANDS.items()
-        ),
+        "\n".join(("| code | command | request | reply | |", "|---|---|---|---|---|", *commands)),
         "## Events",
-        *(f"### {name} (0x{code:02x})\n\n{_link(record)}." for name, (code, record) in protocol.EVENTS.items()),
-        "## Records",
+        "\n".join(("| code | event | record |", "|---|---|---|", *events)),
+        "## Records\n\nOffset, type, field, meaning.",
         *(_describe(record) for record in protocol.records()),
         "## Enumerations",
         *(_members(enum) for enum in ENUMS),
-        "## Constants\n\n" + "\n".join(f"- `{name}` = {value}" for name, value in protocol.CONSTANTS.items()),
+        "## Constants",
+        _listing([f"{name} {value}" for name, value in protocol.CONSTANTS.items()]),
     ]
     return "\n\n".join(parts) + "\n"
 
 
 def _link(record: type[Record]) -> str:
-    return "nothing" if record is protocol.Empty else f"[{record.__name__}](#{record.__name__.lower()})"
+    return "" if record is protocol.Empty else f"[{record.__name__}](#{record.__name__.lower()})"
 
 
 def _describe(record: type[Record]) -> str:
     rows, offset = [], 0
     for name, scalar, meaning in layout(record):
         kind = f"{scalar.c_type}[{scalar.length}]" if scalar.length else scalar.c_type
-        rows.append(f"| {offset} | `{name}` | {kind.replace('_t', '')} | {meaning} |")
+        rows.append(f"{offset:2} {kind.replace('_t', ''):9} {name:15} {meaning}".rstrip())
         offset += struct.calcsize(f"<{scalar.code}")
-    table = "| offset | field | type | meaning |\n|---|---|---|---|\n" + "\n".join(rows)
-    return f"### {record.__name__}\n\n{(record.__doc__ or '').strip()} {offset} bytes.\n\n{table}"
+    return f"### {record.__name__}\n\n{(record.__doc__ or '').strip()} {offset} bytes.\n\n{_listing(rows)}"
+
+
+def _listing(rows: list[str]) -> str:
+    return "\n".join(("```", *rows, "```"))
 
 
 def _members(enum: type[IntEnum] | type[IntFlag]) -> str:
-    rows = ", ".join(f"`{m.name}` = {m.value}" for m in enum)
-    return f"### {enum.__name__}\n\n{(enum.__doc__ or '').strip()} {rows}."
+    rows = ", ".join(f"`{m.name}` {m.value}" for m in enum)
+    return f"**{enum.__name__}.** {(enum.__doc__ or '').strip()} {rows}."
 
 
 def generate(checkout: Path) -> list[Path]:
