@@ -37,13 +37,13 @@ def confidence_of(
     lit = np.where(reference >= DARKEST_GREY, image / np.maximum(reference, DARKEST_GREY), 1.0).min(axis=2)
     clipped = image.max(axis=2) >= CLIPPED_GREY
     value = np.minimum(lit / DARK_SHARE, 1.0)
-    doubts = np.where(lit < DARK_SHARE, DARK, 0) | np.where(clipped, CLIPPED, 0)
+    flags = np.where(lit < DARK_SHARE, DARK, 0) | np.where(clipped, CLIPPED, 0)
     value *= np.where(clipped, CLIPPED_VALUE, 1.0)
     if steepest is not None:
         slope = np.hypot(gradient_map[..., 0], gradient_map[..., 1])
-        doubts |= np.where(slope > steepest, STEEP, 0)
+        flags |= np.where(slope > steepest, STEEP, 0)
         value *= np.minimum(steepest / np.maximum(slope, steepest), 1.0) ** 2
-    return Confidence(value=np.maximum(value, LEAST_VALUE).astype(np.float32), doubts=doubts.astype(np.uint8))
+    return Confidence(value=np.maximum(value, LEAST_VALUE).astype(np.float32), quality_flags=flags.astype(np.uint8))
 
 
 def steepest_of(slopes: NDArray[np.floating]) -> float:

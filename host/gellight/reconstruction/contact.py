@@ -15,6 +15,14 @@ THRESHOLD_MM = 0.02
 SMALLEST_PATCH_PX = 16
 """what is smaller is a crumb that noise broke off the rim of a patch"""
 
+LEVELS = 32
+"""into so many levels of depth a region is divided, and"""
+_RIMS = slice(6, 26)
+"""among these, from a fifth to four fifths of its depth, its rim is looked for"""
+FEWEST_BLOCKS = 16
+"""of 2 x 2 pixels: in a smaller region no rim can be told, and half of the deepest takes its place"""
+_STEEP = np.float32(0.95)
+"""of the largest mean steepness: so far it may fall from the steepest level down to the rim"""
 _NEIGHBOURS = np.ones((3, 3), np.bool_)
 
 
@@ -25,13 +33,14 @@ def find_contact(
 
     depth_mm: (H, W) mm, 0 at rest, positive where pressed. pixel_size_mm: one number or (x, y).
 
-    The gel around an object is dragged along, so the pressed region is larger than the contact. In each connected
-    region deeper than `threshold_mm` the patch is what is at least half as deep as the region's deepest point: at the
-    rim of a sphere's contact the surface has half the indentation (Hertz; K. L. Johnson, Contact Mechanics, 1985,
-    section 4.2: u(a) = u(0) / 2). On a gel that is not thick against the contact the rim lies higher up, so the
-    patch is too small: for a 4 mm ball on 5 mm of gel its overlap with the true contact (intersection over union) is
-    0.9, 0.8 and 0.74 at 0.1, 0.5 and 1 mm. For other shapes half is a convention, and what touches without pressing
-    is not seen.
+    The gel around an object is dragged along, so the pressed region is larger than the contact. Where the object ends
+    the gel stops to follow it: under a ball the slope grows to the rim of the contact and falls beyond (Hertz; K. L.
+    Johnson, Contact Mechanics, 1985, section 4.2), and at the edge of a flat end it is steepest. So in each connected
+    region deeper than `threshold_mm` the patch is what is deeper than the level where the surface is, on average,
+    steepest, and than those below that are 0.95 times as steep. Against finite elements the overlap with the true
+    contact (intersection over union) is 0.83 to 0.98 under balls of 2.5 to 7 mm radius pressed 0.3 to 1 mm into 5 mm
+    of gel, and 0.76 to 0.85 under a flat end (0.72 to 0.86 and 0.71 to 0.75 at half of the deepest). What touches
+    without pressing is not seen.
 
     Regions are told apart on blocks of 2 x 2 pixels, each standing for its second largest depth. So one pixel that
     sticks out of its block is never a contact and never the indentation; at the apex of a ball of radius R the
@@ -47,7 +56,7 @@ def find_contact(
         return Contact(mask=np.zeros(depth_mm.shape, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
     deepest, inside = np.zeros(count + 1, np.float64), labels > 0
     np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
-    level = np.maximum(deepest / 2, threshold_mm)
+    level = np.maximum(deepest * _rims(blocks, labels, deepest, size_x / size_y), threshold_mm)
     level[0] = np.inf
     mask = _at_least(depth_mm, level[labels].astype(depth_mm.dtype))
     # The counts of the columns along x, of the rows along y.
@@ -122,6 +131,40 @@ def _second_largest_of_blocks(depth: NDArray[np.floating]) -> NDArray[np.floatin
     # The largest is the larger of the two highs; the second is the smaller high or the low beside the larger one.
     second: NDArray[np.floating] = np.maximum(np.minimum(high, high_2), np.where(high > high_2, low, low_2))
     return second
+
+
+def _rims(
+    blocks: NDArray[np.floating], labels: NDArray[np.int32], deepest: NDArray[np.float64], aspect: float
+) -> NDArray[np.float64]:
+    """Return the level of each region's rim as a share of its deepest point, (count + 1,).
+
+    aspect: width of a pixel over its height.
+    """
+    inside = labels > 0
+    region = labels[inside]
+    per_mm = np.float32(LEVELS) / deepest.astype(np.float32)[region]
+    levels = np.minimum((blocks[inside].astype(np.float32) * per_mm).astype(np.intp), LEVELS - 1)
+    count, steepness = (
+        np.bincount(region * LEVELS + levels, weights, len(deepest) * LEVELS).reshape(-1, LEVELS)
+        for weights in (None, _steepness(blocks, aspect)[inside])
+    )
+    size = count.sum(axis=1)
+    near, steep = (2 * one[:, 1:-1] + one[:, :-2] + one[:, 2:] for one in (count, steepness))
+    mean = (steep / np.maximum(near, 1))[:, _RIMS.start - 1 : _RIMS.stop - 1]
+    least = _STEEP * mean.max(axis=1)
+    every, steepest, levels = np.arange(len(mean)), np.argmax(mean, axis=1), np.arange(mean.shape[1])
+    too_flat = (mean < least[:, None]) & (levels < steepest[:, None])
+    first = np.where(too_flat, levels + 1, 0).max(axis=1)
+    here, below = mean[every, first], mean[every, first - 1]
+    back = np.divide(here - least, here - below, out=np.zeros(len(mean)), where=(first > 0))
+    return np.where(size < FEWEST_BLOCKS, 0.5, (_RIMS.start + first + 0.5 - back) / LEVELS)
+
+
+def _steepness(blocks: NDArray[np.floating], aspect: float) -> NDArray[np.floating]:
+    """(h, w) steepness of the surface to a factor; 0 where it is not known."""
+    wide = np.pad(blocks, 1, mode="edge")
+    x, y = wide[1:-1, 2:] - wide[1:-1, :-2], (wide[2:, 1:-1] - wide[:-2, 1:-1]) * aspect
+    return np.asarray(np.nan_to_num(np.sqrt(x * x + y * y)))
 
 
 def _at_least(depth: NDArray[np.floating], level: NDArray[np.floating]) -> NDArray[np.bool_]:

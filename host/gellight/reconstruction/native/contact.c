@@ -1,6 +1,10 @@
 /* Depth map to contact: `contact.py` says what counts as one. */
 #include "frame_path.h"
 
+/* Of `contact.py`, which has their reasons. */
+enum { LEVELS = 32, FIRST_LEVEL = 6, LAST_LEVEL = 26, FEWEST_BLOCKS = 16 };
+#define STEEP 0.95F
+
 /* Second largest depth of 2 x 2 pixels, (ceil(height / 2), ceil(width / 2)); an odd last row or column is doubled. */
 static void second_largest(const float *depth, float *blocks, int width, int height) {
     const int w = (width + 1) / 2, h = (height + 1) / 2;
@@ -82,23 +86,81 @@ static void mark_row(const float *restrict row, const float *restrict level, uin
     result[3] += (double)count * y;
 }
 
-/* `find_contact`: mask of what is at least half as deep as the deepest point of its region.
+/* Steepness of the surface at a block, to a factor; 0 where it is not known. */
+static float steepness(const float *blocks, int i, int j, float aspect, int w, int h) {
+    const float *row = blocks + (ptrdiff_t)i * w;
+    const float x = row[smaller_int(j + 1, w - 1)] - row[larger_int(j - 1, 0)];
+    const float y = (blocks[(ptrdiff_t)smaller_int(i + 1, h - 1) * w + j] - blocks[(ptrdiff_t)larger_int(i - 1, 0) * w + j]) * aspect;
+    const float slope = __builtin_sqrtf(x * x + y * y);
+    return slope == slope ? slope : 0;
+}
+
+/* Mean of a histogram's bin and its neighbours, which count half; 0 where nothing is in them. */
+static float mean_of_bin(const float *count, const float *sum, int k) {
+    const float n = 2 * count[k] + count[k - 1] + count[k + 1];
+    return n > 0 ? (2 * sum[k] + sum[k - 1] + sum[k + 1]) / n : 0;
+}
+
+/* The level of the rim as a share of the deepest: down from the steepest while the surface is nearly as steep. */
+static float rim_of(const float *count, const float *sum) {
+    float mean[LAST_LEVEL];
+    int k = FIRST_LEVEL;
+    for (int i = FIRST_LEVEL; i < LAST_LEVEL; i++) {
+        mean[i] = mean_of_bin(count, sum, i);
+        if (mean[i] > mean[k]) k = i;
+    }
+    const float least = STEEP * mean[k];
+    while (k > FIRST_LEVEL && mean[k - 1] >= least) k--;
+    const float back = k > FIRST_LEVEL ? (mean[k] - least) / (mean[k] - mean[k - 1]) : 0;
+    return ((float)k + 0.5F - back) / LEVELS;
+}
+
+/* Put the depth at the rim of each region's contact where its largest depth was. slot: of the regions that are large
+ * enough, which histogram they have; histogram: 2 LEVELS for each, of how many blocks have a depth, and how steep. */
+static void rim_levels(const float *blocks, float threshold, float aspect, const int32_t *label, int32_t *parent, float *deepest,
+                       int32_t *slot, float *histogram, int labels, int w, int h) {
+    int slots = 0;
+    for (int a = 0; a < labels; a++) slot[a] = 0;
+    for (ptrdiff_t at = 0; at < (ptrdiff_t)w * h; at++)
+        if (label[at]) slot[root(parent, label[at])]++;
+    for (int a = 1; a < labels; a++) slot[a] = slot[a] >= FEWEST_BLOCKS ? slots++ : -1;
+    for (int k = 0; k < 2 * LEVELS * slots; k++) histogram[k] = 0;
+    for (int i = 0; i < h; i++)
+        for (int j = 0; j < w; j++) {
+            if (!label[(ptrdiff_t)i * w + j]) continue;
+            const int a = root(parent, label[(ptrdiff_t)i * w + j]);
+            if (slot[a] < 0) continue;
+            float *bin = histogram + 2 * LEVELS * (ptrdiff_t)slot[a];
+            bin += smaller_int((int)(blocks[(ptrdiff_t)i * w + j] * (LEVELS / deepest[a])), LEVELS - 1);
+            bin[0] += 1;
+            bin[LEVELS] += steepness(blocks, i, j, aspect, w, h);
+        }
+    for (int a = 1; a < labels; a++) {
+        const float *count = histogram + 2 * LEVELS * (ptrdiff_t)slot[a];
+        deepest[a] = larger(deepest[a] * (slot[a] < 0 ? 0.5F : rim_of(count, count + LEVELS)), threshold);
+    }
+}
+
+/* `find_contact`: mask of what is deeper than the rim of its region's contact.
  *
- * result: pixels in contact, largest depth, sums of their columns and rows. blocks, label: ceil(width / 2) ceil(height / 2);
- * parent, deepest: one more; level: ceil(width / 2). */
-EXPORT void find_contact(const float *depth, float threshold, uint8_t *mask, double *result, float *blocks, int32_t *label,
-                         int32_t *parent, float *deepest, float *level, int width, int height) {
+ * aspect: width of a pixel over its height. result: pixels in contact, largest depth, sums of their columns and rows.
+ * blocks, label: ceil(width / 2) ceil(height / 2); parent, deepest, slot: one more; histogram: 2 LEVELS for each
+ * FEWEST_BLOCKS of the blocks; level: ceil(width / 2). */
+EXPORT void find_contact(const float *depth, float threshold, float aspect, uint8_t *mask, double *result, float *blocks,
+                         int32_t *label, int32_t *parent, float *deepest, int32_t *slot, float *histogram, float *level,
+                         int width, int height) {
     const int w = (width + 1) / 2, h = (height + 1) / 2;
     second_largest(depth, blocks, width, height);
     const int labels = label_regions(blocks, threshold, label, parent, deepest, w, h);
     for (int k = 0; k < 4; k++) result[k] = 0;
     for (int a = 1; a < labels; a++)
         if (root(parent, a) == a && deepest[a] > result[1]) result[1] = deepest[a];
+    rim_levels(blocks, threshold, aspect, label, parent, deepest, slot, histogram, labels, w, h);
     for (int i = 0; i < h; i++) {
         int any = 0;
         for (int j = 0; j < w; j++) {
             const int a = label[(ptrdiff_t)i * w + j];
-            level[j] = a ? larger(deepest[root(parent, a)] / 2, threshold) : __builtin_inff();
+            level[j] = a ? deepest[root(parent, a)] : __builtin_inff();
             any |= a;
         }
         for (int y = 2 * i; y < 2 * i + 2 && y < height; y++)

@@ -32,7 +32,7 @@ SIGNATURES = {
     "level_and_slopes": "pfpffpii",
     "smooth_adaptively": "pppppppppiiiiiii",
     "slopes_and_normals": "pppii",
-    "find_contact": "pfpppppppii",
+    "find_contact": "pffpppppppppii",
 }
 """arguments of each function: pointer, int, float"""
 _COUNTING = ("touched_cells", "coarse_slopes", "split_cells", "chosen_rows", "blend", "resting_depths")

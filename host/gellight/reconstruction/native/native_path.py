@@ -245,7 +245,10 @@ class NativePath:
     def _contact(self, depth_mm: Floats) -> Contact:
         m, (size_x, size_y) = self._m, self._bundle.pixel_size_mm
         mask = np.empty(self._bundle.image_shape, np.bool_)
-        self._run("find_contact", depth_mm, THRESHOLD_MM, mask, m.found, m.blocks, m.label, m.parent, m.deepest, m.work)
+        self._run(
+            "find_contact", depth_mm, THRESHOLD_MM, size_x / size_y, mask, m.found, m.blocks, m.label, m.parent,
+            m.deepest, m.slot, m.histogram, m.work,
+        )  # fmt: skip
         count, deepest, x, y = m.found.tolist()
         centroid = (x / count - (self._width - 1) / 2, y / count - (self._height - 1) / 2) if count else None
         return Contact(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.reconstruction.contact import FEWEST_BLOCKS, LEVELS
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX
 from gellight.reconstruction.smoothing import FilterTaps
 
@@ -38,7 +39,8 @@ class WorkMemory:
         self.work, self.work_plane = _floats(16 * (width + 64) + 2 * widest), _floats(height * width)
         blocks = -(-height // 2) * -(-width // 2)
         self.blocks, self.deepest = _floats(blocks), _floats(blocks + 1)
-        self.label, self.parent = np.zeros(blocks, np.int32), np.zeros(blocks + 1, np.int32)
+        self.label, self.parent, self.slot = np.zeros(blocks, np.int32), *np.zeros((2, blocks + 1), np.int32)
+        self.histogram = _floats(blocks // FEWEST_BLOCKS + 1, 2 * LEVELS)
         self.found = np.zeros(4)
 
 
