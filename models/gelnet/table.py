@@ -1,7 +1,7 @@
 """The table of labelled pixels that GelNet learns from: read, checked, split by image."""
 
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ class Table:
     """(N,) which image each row comes from"""
     image_size: tuple[int, int]
     """(W, H) px"""
+    untouched: NDArray[np.float32] | None = None
+    """(H, W, 3) picture of the untouched gel, grey levels; None where it is not known or the channels are others"""
 
     @property
     def pixels(self) -> NDArray[np.float32]:
@@ -47,11 +49,14 @@ class Table:
 
     def chosen(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> "Table":
         """Return the table of the chosen rows."""
-        return Table(rows=self.rows[mask], image=self.image[mask], image_size=self.image_size)
+        return replace(self, rows=self.rows[mask], image=self.image[mask])
 
 
 def load_table(path: Path) -> Table:
-    """Read and check an npz with rows (N, C + 4), image (N,) and image_size (2,) = W, H; raises TableError."""
+    """Read and check an npz with rows (N, C + 4), image (N,) and image_size (2,) = W, H; raises TableError.
+
+    It may have untouched (H, W, 3), the picture of the untouched gel.
+    """
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
@@ -60,7 +65,16 @@ def load_table(path: Path) -> Table:
     missing = sorted({"rows", "image", "image_size"} - set(arrays))
     if missing:
         raise TableError(f"table {path} has no {', '.join(missing)}: it needs rows, image and image_size")
-    return checked(arrays["rows"], arrays["image"], arrays["image_size"], name=str(path))
+    table = checked(arrays["rows"], arrays["image"], arrays["image_size"], name=str(path))
+    if (untouched := arrays.get("untouched")) is None:
+        return table
+    width, height = table.image_size
+    if untouched.shape != (height, width, 3) or table.pixels.shape[1] != 5 or not np.isfinite(untouched).all():
+        raise TableError(
+            f"{path}: untouched has shape {untouched.shape} for an image of {width} x {height} px and rows of "
+            f"{table.rows.shape[1]} columns: it is a picture of that size, finite, and goes with rows of three colours"
+        )
+    return replace(table, untouched=untouched.astype(np.float32))
 
 
 def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *, name: str = "the table") -> Table:

@@ -128,10 +128,8 @@ def _normal(gradient: Floats) -> NDArray[np.float64]:
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
-def record_of(
-    name: str, recipe: Recipe, width: int, seed: int, trained: Training, training: Table, held_out: Table
-) -> dict[str, Any]:
-    """Return the content of training.json: how the network was trained, and its error on what was held out."""
+def record_of(name: str, recipe: Recipe, width: int, seed: int, trained: Training, table: Table) -> dict[str, Any]:
+    """Return how the network was trained, for training.json."""
     return {
         "recipe": name,
         **asdict(recipe),
@@ -139,12 +137,18 @@ def record_of(
         "seed": seed,
         "epochs": trained.epochs,
         "rows": trained.rows,
-        "images": len(np.unique(training.image)),
+        "images": len(np.unique(table.image)),
         "cpu_seconds": round(trained.cpu_seconds, 2),
         "losses": trained.losses,
-        "held_out_images": np.unique(held_out.image).tolist(),
-        "held_out_normal_error_deg": normal_error_deg(trained.network, held_out),
         "trainer": trained.network.version,
+    }
+
+
+def judgement(judged: Training, held_out: Table) -> dict[str, Any]:
+    """Return the error of a network on images that it did not learn from, for training.json."""
+    return {
+        "held_out_images": np.unique(held_out.image).tolist(),
+        "held_out_normal_error_deg": normal_error_deg(judged.network, held_out),
     }
 
 

@@ -127,7 +127,7 @@ def main() -> None:
             even, by_weight = (weighted(gradient, w) for w in (np.ones_like(frame.depth_mm), confidence.value**2))
             depths = (even, by_weight, weighted(surface.gradient_map.astype(float), np.ones_like(frame.depth_mm)))
             found = ", ".join(f"{depth_error_um(depth, surface):6.1f}" for depth in depths)
-            doubted = float((confidence.doubts[surface.contact] > 0).mean())
+            doubted = float((confidence.quality_flags[surface.contact] > 0).mean())
             print(f"{name:18} {doubted:5.1%} of the contact doubted; um: even, by weight, of true slopes {found}")
 
 
@@ -139,7 +139,7 @@ def by_doubt(seen: list[tuple[str, TactileFrame, Surface]]) -> None:
         steep = np.hypot(*np.moveaxis(surface.gradient_map, 2, 0)) > 0.2
         true = normals(surface.gradient_map.astype(np.float32))
         errors.append(angle_deg(frame.normal_map[steep], true[steep]))
-        doubts.append(frame.confidence.doubts[steep])
+        doubts.append(frame.confidence.quality_flags[steep])
     error, doubt = np.concatenate(errors), np.concatenate(doubts)
     for name, chosen in (("none", doubt == 0), ("steep", doubt == STEEP), ("dark", doubt == DARK),
                          ("steep and dark", doubt == STEEP | DARK), ("clipped", doubt & CLIPPED > 0)):  # fmt: skip

@@ -51,7 +51,25 @@ def dots(place: Path) -> RealSet:
     return _found(place, images, read_reference(place / "bg-0.png"), Ball(radius_mm=2.42, pixel_size_mm=0.1), folds=4)
 
 
-SETS: dict[str, Callable[[Path], RealSet]] = {"mini": mini, "digit": digit, "dots": dots}
+def gelslam(place: Path) -> RealSet:
+    """Return 44 presses of another GelSight Mini, whose circles `detect` finds."""
+    folder = REAL_IMAGES / "gelslam_ball"
+    ball = Ball(radius_mm=3.155, pixel_size_mm=0.0634)
+    images = [folder / f"{number:04}.png" for number in range(44)]
+    return _found(place, images, read_reference(folder / "background.png"), ball, folds=5)
+
+
+def gripper(place: Path) -> RealSet:
+    """Return 51 presses of a GelSight Mini on a gripper, circles by hand in whole px; the pixel is as of `gelslam`."""
+    folder = REAL_IMAGES / "gripper_ball"
+    ball, reference = Ball(radius_mm=2.5, pixel_size_mm=0.0634), read_reference(folder / "background.png")
+    presses = read_presses(folder / "presses.csv", ball=ball, image_shape=reference.image_shape)
+    return RealSet(ball=ball, presses=presses, reference=reference, folds=5)
+
+
+SETS: dict[str, Callable[[Path], RealSet]] = {
+    "mini": mini, "gelslam": gelslam, "gripper": gripper, "digit": digit, "dots": dots,
+}  # fmt: skip
 
 
 def _found(place: Path, images: Sequence[Path], reference: Reference, ball: Ball, *, folds: int) -> RealSet:

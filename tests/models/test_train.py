@@ -148,15 +148,25 @@ def test_the_child_reports_each_epoch_and_writes_both_files(trainer: str, tmp_pa
     child = run(command, env={"PYTHONPATH": f"{ROOT / 'models'}", "PATH": ""})
     assert child.returncode == 0, child.stderr
     progress = [json.loads(line) for line in child.stdout.splitlines()]
-    assert [(step["epoch"], step["epochs"]) for step in progress] == [(1, 3), (2, 3), (3, 3)]
+    assert [(step["epoch"], step["epochs"]) for step in progress] == [(epoch, 6) for epoch in range(1, 7)]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["network.onnx", "training.json"]
     record = json.loads((tmp_path / "out/training.json").read_text())
-    assert record["losses"] == [step["loss"] for step in progress]
+    assert record["losses"] == [step["loss"] for step in progress[3:]]
     assert (record["recipe"], record["width"], record["seed"], record["epochs"]) == ("fast", 8, 2, 3)
-    assert record["images"] == 5
+    assert record["images"] == 6, "the network that is kept learns from all"
     assert len(record["held_out_images"]) == 1
     assert record["trainer"].split()[0] == trainer
     assert 0 < record["held_out_normal_error_deg"]["mean"] < 90
+
+
+def test_where_others_judge_one_network_is_trained_and_the_same_is_kept(tmp_path: Path) -> None:
+    for extra in ([], ["--unjudged"]):
+        out = tmp_path / f"out{len(extra)}"
+        given = ["--trainer", "numpy", "--table", str(saved(tmp_path)), "--out", str(out), "--epochs", "2", *extra]
+        assert main(given) == 0
+    judged, unjudged = (json.loads((tmp_path / f"out{count}/training.json").read_text()) for count in (0, 1))
+    assert set(judged) - set(unjudged) == {"held_out_images", "held_out_normal_error_deg"}
+    assert (tmp_path / "out0/network.onnx").read_bytes() == (tmp_path / "out1/network.onnx").read_bytes()
 
 
 @pytest.mark.parametrize(
