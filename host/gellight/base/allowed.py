@@ -28,6 +28,8 @@ _BOUNDS = (
 
 def allowed(schema: dict[str, Any]) -> str:
     """Return in words what a key with this JSON schema may be."""
+    if "allowed" in schema:
+        return str(schema["allowed"])
     kind = next((option for option in schema.get("anyOf", []) if option.get("type") != "null"), schema)
     if kind["type"] == "boolean":
         return "true or false"

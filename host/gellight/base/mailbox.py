@@ -54,7 +54,7 @@ class Mailbox(Generic[Item]):
             copy.close(reason)
 
     @contextmanager
-    def copied(self, keep: int, *, lasting: bool = False) -> Iterator["Mailbox[Item]"]:
+    def subscribe(self, keep: int, *, lasting: bool = False) -> Iterator["Mailbox[Item]"]:
         """Yield a mailbox that gets every item from now on, for a reader who wants them all and not only the newest.
 
         It holds `keep` items: a reader who falls farther behind loses the oldest, and slows nobody. lasting: what has

@@ -21,6 +21,7 @@ from pydantic import Field, ValidationError
 from gellight.base.allowed import StrictModel, allowed, nearest
 from gellight.base.errors import ConfigError
 from gellight.base.logs import LogForm
+from gellight.base.names import ALLOWED, NAME
 
 PREFIX = "GELLIGHT_"
 Values = dict[str, dict[str, object]]
@@ -175,7 +176,12 @@ class StreamSettings(StrictModel):
     """Frames for other programs; see docs/streaming.md."""
 
     enabled: bool = Field(default=True, description="publish frames to other programs of this computer")
-    name: str = Field(default="", description="under which the sensor is found; empty: the sensor's own")
+    name: str = Field(
+        default="",
+        pattern=f"^({NAME})?$",
+        json_schema_extra={"allowed": ALLOWED},
+        description="under which the sensor is found; empty: the sensor's own",
+    )
     lan: bool = Field(
         default=False, description="accept other computers too; whoever reaches the port may read and press"
     )
@@ -184,7 +190,9 @@ class StreamSettings(StrictModel):
     )
     ros2: str = Field(
         default="",
-        description="router of ROS 2's rmw_zenoh, such as tcp/localhost:7447, to publish topics by; empty: none",
+        pattern=r"^((tcp|tls|quic|udp|ws)/\S+:\d{1,5}([?#]\S*)?)?$",
+        json_schema_extra={"allowed": "an address such as `tcp/localhost:7447`"},
+        description="router of ROS 2's rmw_zenoh to publish topics by, made where this computer has none; empty: none",
     )
     ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
     foxglove: bool = Field(default=False, description="serve a live view for Foxglove; needs gellight[foxglove]")

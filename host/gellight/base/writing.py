@@ -10,7 +10,8 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -64,6 +65,20 @@ def make_folder(path: Path) -> None:
         place.mkdir(exist_ok=True)
         _flush_folder(place.parent)
     path.mkdir(exist_ok=True)  # an error of its own where something else has that name
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[None]:
+    """Make a folder as `make_folder` does; where the block fails, those that it made and left empty are removed."""
+    made = [place for place in (path, *path.parents) if not place.exists()]
+    make_folder(path)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for place in made:
+                place.rmdir()
+        raise
 
 
 def _fill(handle: int, content: bytes) -> None:

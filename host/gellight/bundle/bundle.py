@@ -196,6 +196,7 @@ class Description(TypedDict, total=False):
     rest_grey: float
     pixel_size_mm: Required[tuple[float, float]]
     follow_light: bool
+    gel_thickness_mm: float
     bulge: float
     led: tuple[LedSetting, ...]
     camera: Mapping[str, Control]

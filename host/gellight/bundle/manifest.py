@@ -76,6 +76,8 @@ class Manifest(BaseModel):
     unevenly, gel that does not come back quite; root mean square, grey levels; 0 where nobody measured it"""
     follow_light: bool = False
     """take the median over the view off every difference image, because the light of this sensor drifts"""
+    gel_thickness_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    """of the soft gel, no depth can be beyond it; 0 where nobody told"""
     bulge: Length = BULGE
     """of this gel and view, see `BULGE`"""
     network: FileName = "network.onnx"

@@ -18,6 +18,7 @@ def placeholder(image_shape: tuple[int, int]) -> Bundle:
             "image_width_px": image_shape[1],
             "image_height_px": image_shape[0],
             "pixel_size_mm": (1.0, 1.0),
+            "gel_thickness_mm": 0.0,
         }
     )
     empty = Bundle(manifest=manifest, files={METRICS: b"{}", manifest.network: b""}, source="no calibration")

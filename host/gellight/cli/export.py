@@ -26,7 +26,7 @@ from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
 
 VIDEO = "video.mp4"
 FPS_FRAMES = 30
-"""the frame rate of a video is that of so many frames"""
+"""from this number of frames the frame rate of a video is measured"""
 
 
 class Kind(StrEnum):
@@ -43,7 +43,7 @@ def command(
     out: Annotated[Path, typer.Option(help="Folder for the files; created if need be.")],
     kind: Annotated[Kind, typer.Option("--as", help="Arrays, pictures, clouds of points, or one video.")] = Kind.NPZ,
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Take one frame of so many.")] = 1,
+    every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     as_json: AsJson = False,
 ) -> None:
@@ -92,7 +92,7 @@ def _written(frame: TactileFrame, out: Path, kind: Kind, depth_scale_um: float, 
     """Write the file of one frame; return 1."""
     match kind:
         case Kind.NPZ:
-            content = maps_file(frame)
+            content = maps_file(frame, frame.provenance.findings if frame.provenance else ())
         case Kind.PNG:
             content = encode_png(four_panels(frame, scale_um=depth_scale_um))
         case _:

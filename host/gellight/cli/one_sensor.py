@@ -21,6 +21,7 @@ from gellight.base.settings import Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.cli.advice import with_program_path
 from gellight.cli.ending import until_interrupted
+from gellight.cli.options import name_option
 from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationService
@@ -68,7 +69,7 @@ class Running:
     publish: Annotated[bool | None, typer.Option(help="Publish frames to other programs.", show_default="publish")] = (
         None
     )
-    name: Annotated[str | None, typer.Option(help="Name to publish under.", show_default="that of the sensor")] = None
+    name: Annotated[str | None, name_option("Name to publish under.", "that of the sensor")] = None
     lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
@@ -77,7 +78,7 @@ class Running:
         bool | None, typer.Option("--realtime", help="Let camera and reconstruction run before all other programs.")
     ] = None
     log: Annotated[str | None, typer.Option(help="Form of the log: text or json.", show_default="text")] = None
-    frames: Annotated[int, typer.Option(help="Stop after so many frames; 0: run until Ctrl-C.", min=0)] = 0
+    frames: Annotated[int, typer.Option(help="Stop after this number of frames; 0: run until Ctrl-C.", min=0)] = 0
 
     def flags(self) -> dict[str, object]:
         """Return the settings that were given as options.
@@ -166,6 +167,8 @@ def published(daemon: SensorSession, settings: Settings) -> Iterator[None]:
             topics = stack.enter_context(
                 Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain, distance_mm=distance_mm)
             )
+            if topics.is_router:
+                logs.say(f"no router of ROS 2 answered at {chosen.ros2}: this program is it as long as it runs")
             logs.say(f"ROS 2 topics: {topics.prefix}/...")
         if chosen.foxglove:
             view = stack.enter_context(FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan))
@@ -181,7 +184,11 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
         yield ""
         return
     with (
-        CalibrationService(daemon, led_colours=settings.geometry.led_colours) as service,
+        CalibrationService(
+            daemon,
+            led_colours=settings.geometry.led_colours,
+            gel_thickness_mm=settings.geometry.gel_thickness_mm,
+        ) as service,
         DashboardServer(daemon, calibration=service, **settings.dashboard.model_dump()) as server,
     ):
         logs.say(f"dashboard: {server.url}   (Ctrl-C stops)")

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,12 +11,9 @@ import typer
 
 from gellight.cli.options import AsJson, GeometryFile, with_options
 from gellight.cli.showing import show
-from gellight.cli.sweeping import Sweeping, Workers
+from gellight.cli.sweeping import Sweeping
 from gellight.lab.design import designs, output, studies
-from gellight.lab.design import report as reporting
-from gellight.lab.design.all_studies import run_all_studies, time_sweep
 from gellight.lab.design.benchmark_files import write_benchmark
-from gellight.lab.design.gel_comparison import resolution_of
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.design.housing import housing_scad
 from gellight.lab.design.studies import Setup, setup_of
@@ -97,21 +94,6 @@ def coarse(study: Study) -> None:
 
 @app.command()
 @with_options
-def fine(
-    study: Study, step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0
-) -> None:
-    """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
-    setup = study.setup()
-    # 0 to 36 mm as in the paper, or less where the gel is nearer to the camera.
-    highest = min(36.0, 0.9 * setup.geometry.camera_height_mm)
-    heights = tuple(step * at for at in range(int(highest / step) + 1))
-    with study.sweep("heights") as options:
-        result = run_study(studies.fine_study(setup, heights), options)
-    study.answer("fine", output.fine_json(result), output.fine_text(result), output.fine_charts(result))
-
-
-@app.command()
-@with_options
 def design(
     study: Study,
     lights: Annotated[
@@ -132,31 +114,6 @@ def design(
         result = run_study(designs.full_design_study(setup, requirements), options)
     answer, files = designs.design_json(result, sensor), designs.parts_of(designs.designed(result.chosen, sensor))
     study.answer("design", answer, designs.design_text(result, sensor), files)
-
-
-@app.command()
-@with_options
-def report(
-    study: Study,
-    timed: Annotated[bool, typer.Option("--timing/--no-timing", help="Also time the sweep against plain code.")] = True,
-    gels: Annotated[
-        bool,
-        typer.Option("--gel-table/--no-gel-table", help="Also the layer against finite elements: ten minutes, once."),
-    ] = True,
-) -> None:
-    """All studies on one page that holds everything, beside the statements of the paper.
-
-    It is written to --out, by default to the folder gellight-optimize.
-    """
-    folder = study.out or Path("gellight-optimize")
-    output.check_writable(folder)
-    setup = study.setup()
-    if gels and study.scheduler is None:
-        check_memory(resolution_of(setup), setup.geometry, study.workers or available_cores())
-    with study.sweep("studies") as options:
-        results = run_all_studies(setup, options, timed=timed, gels=gels)
-        path = reporting.write_report(results, folder)
-    study.answer("report", reporting.report_json(results, path), reporting.report_text(results, path), {})
 
 
 @app.command()
@@ -187,15 +144,6 @@ def make_parts(
     sensor = read_geometry(geometry)
     for path in output.write_all(out, {**designs.parts_of(sensor), "housing.scad": housing_scad(sensor, lens)}):
         typer.echo(path)
-
-
-@app.command()
-def timing(size: Size = 256, workers: Workers = 0, as_json: AsJson = False) -> None:
-    """Time the coarse sweep against plain code that computes one configuration at a time."""
-    study = Study(size=size, workers=workers)
-    with study.sweep("timing") as options:
-        times = time_sweep(study.setup(), options, LightGroups())
-    show({**asdict(times), "ratio": times.ratio}, as_json, times.in_words())
 
 
 @app.command()

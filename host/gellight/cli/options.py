@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.names import check_name
 from gellight.base.settings import Settings, load_settings
 
 LONGEST_S = 1e6
@@ -24,6 +25,15 @@ GeometryFile = Annotated[
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
+
+
+def _checked_name(name: str | None) -> str | None:
+    return None if name is None else check_name(name)
+
+
+def name_option(help_text: str, default: str) -> Any:
+    """Return the option `--name` of a sensor; default: what the help says of a sensor without one."""
+    return typer.Option("--name", help=help_text, show_default=default, callback=_checked_name)
 
 
 def simulated_settings(flags: Mapping[str, object]) -> Settings:
@@ -69,7 +79,7 @@ def between(low: float, high: float, unit: str) -> Callable[[typer.CallbackParam
 
 
 Seconds = Annotated[
-    float, typer.Option(help="End after so many seconds; 0: at Ctrl-C.", callback=between(0, LONGEST_S, "s"))
+    float, typer.Option(help="End after this number of seconds; 0: at Ctrl-C.", callback=between(0, LONGEST_S, "s"))
 ]
 
 

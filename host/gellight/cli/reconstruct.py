@@ -11,8 +11,11 @@ import typer
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.base.logs import say
+from gellight.base.settings import load_settings
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, with_options
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
@@ -23,6 +26,8 @@ from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
+from gellight.watch.findings import WatchFinding
+from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,8 @@ class Row:
     force_n: float | None
     """None where the bundle has no constant for it"""
     force_error_n: float | None
+    findings: tuple[str, ...]
+    """what is known against it; empty where nothing is"""
 
 
 @dataclass(frozen=True)
@@ -66,12 +73,16 @@ class Method:
         if (self.calibration is None) == (self.lights is None):
             raise InputError("depth comes from colours or from several lights: give either --calibration or --lights")
 
-    def frames(self, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
+    def bundle(self) -> Bundle | None:
+        """Load the bundle, where there is one."""
+        return load_bundle(self.calibration) if self.calibration is not None else None
+
+    def frames(self, paths: Sequence[Path], bundle: Bundle | None) -> Iterator[tuple[TactileFrame, Path]]:
         """Reconstruct the images, each with the path that names its result."""
-        if self.lights is not None:
+        if bundle is None:
+            assert self.lights is not None, "one of both is there"
             self._refuse_useless("--lights", "least_squares", "dense")
             return iter([(frame_of_lights(LightDirections.read(self.lights), paths, self.white), paths[0])])
-        bundle = load_bundle(str(self.calibration))
         if has_single_lights(bundle):
             self._refuse_useless("a bundle of several lights", "dense")
             return iter([(self._of_channels(bundle, paths), paths[0])])
@@ -110,16 +121,41 @@ def command(
     """Reconstruct depth, normals and contact from images of the gel.
 
     NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, contact (H, W) bool,
-    confidence (H, W) float32 and doubts (H, W) uint8; pressure_mpa (H, W), force_n and force_error_n where the bundle
-    knows its force.
-    With --lights, and with a bundle that `calibrate channels` made, the images are one series, one for each light, and
-    NAME is that of the first image. Each file is written whole or not at all. At an image that cannot be
-    used the work ends with its name; what was written before stays.
+    confidence (H, W) float32 and quality_flags (H, W) uint8; pressure_mpa (H, W), force_n and force_error_n where the
+    bundle knows its force; findings, lines of text, what is known against it. Where an image is deeper than the gel is
+    thick, or most of its contact is a guess, as by another sensor's bundle, all is written, and the exit status is 1.
+    With --lights, and with a bundle that `calibrate channels` made, the images are one series,
+    one for each light, and NAME is that of the first image. Each file is written whole or not at
+    all. At an image that cannot be used the work ends with its name; what was written before stays.
     """
     paths = [path for text in images for path in image_files(text)]
     _refuse_clashes(paths, out)
-    rows = [_written(frame, path, out, depth_scale_um) for frame, path in method.frames(paths)]
+    bundle = method.bundle()
+    thickness_mm = _thickness_mm(bundle)
+    rows = [
+        _written(frame, path, out, depth_scale_um, tuple(_against(frame, thickness_mm)))
+        for frame, path in method.frames(paths, bundle)
+    ]
     show(rows, as_json, _table(rows))
+    if thickness_mm is None:
+        say(
+            "gellight: no depth was judged, since nobody told how thick the gel is: give gel_thickness_mm under "
+            "[geometry] in gellight.toml"
+        )
+    if any(row.findings for row in rows):
+        raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _thickness_mm(bundle: Bundle | None) -> float | None:
+    """Return how thick the gel is, by the bundle, else by the settings; None where nobody told."""
+    told_mm = load_settings({}).geometry.gel_thickness_mm
+    return gel_thickness_mm(bundle, told_mm) if bundle is not None else told_mm
+
+
+def _against(frame: TactileFrame, thickness_mm: float | None) -> Iterator[WatchFinding]:
+    """Yield what is known against what was found in one image."""
+    yield from impossible_depth(frame, thickness_mm)
+    yield from guessed_contact(frame)
 
 
 def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:
@@ -135,30 +171,42 @@ def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:
             raise InputError(f"the picture of {path} would replace an image in {out}: give another folder to --out")
 
 
-def _written(frame: TactileFrame, image: Path, out: Path, depth_scale_um: float) -> Row:
+def _written(
+    frame: TactileFrame, image: Path, out: Path, depth_scale_um: float, findings: Sequence[WatchFinding]
+) -> Row:
     """Write what was found in an image, and return what is said about it."""
     npz, png = out / f"{image.stem}.npz", out / f"{image.stem}.png"
-    contact = frame.contact
+    contact, against = frame.contact, tuple(f"{finding.kind}: {finding.text}" for finding in findings)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        write_file(npz, maps_file(frame))
+        write_file(npz, maps_file(frame, against))
         write_file(png, encode_png(four_panels(frame, scale_um=depth_scale_um)))
     except OSError as error:
         raise InputError(
             f"{npz} or .png was not written ({error.strerror}): give --out a folder that can be written and has space"
         ) from error
-    force = (frame.force.normal_n, frame.force.error_n) if frame.force else (None, None)
-    return Row(str(image), str(npz), str(png), contact.indentation_mm, contact.area_mm2, contact.centroid_mm, *force)
+    return Row(
+        image=str(image),
+        npz=str(npz),
+        png=str(png),
+        indentation_mm=contact.indentation_mm,
+        area_mm2=contact.area_mm2,
+        centroid_mm=contact.centroid_mm,
+        force_n=frame.force.normal_n if frame.force else None,
+        force_error_n=frame.force.error_n if frame.force else None,
+        findings=against,
+    )
 
 
-def maps_file(frame: TactileFrame) -> bytes:
-    """Return the content of an .npz file with the maps of a frame."""
+def maps_file(frame: TactileFrame, findings: Sequence[str] = ()) -> bytes:
+    """Return the content of an .npz file with the maps of a frame and what is known against it."""
     content = io.BytesIO()
     maps: dict[str, NDArray[Any]] = {
         "gradient_map": frame.gradient_map,
         "normal_map": frame.normal_map,
         "depth_mm": frame.depth_mm,
         "contact": frame.contact.mask,
+        "findings": np.array(findings, np.str_),
     }
     maps |= frame.maps_on_request()
     if frame.force:
@@ -174,4 +222,5 @@ def _table(rows: Sequence[Row]) -> str:
         place = "{:8.3f}, {:.3f}".format(*row.centroid_mm) if row.centroid_mm else "      no contact"
         force = f"  {row.force_n:7.3f} ± {row.force_error_n:.3f} N" if row.force_n is not None else ""
         lines.append(f"{Path(row.image).name:{width}}  {row.indentation_mm:14.4f}  {row.area_mm2:8.3f}  {place}{force}")
+        lines += [f"{'':{width}}  {finding}" for finding in row.findings]
     return "\n".join(lines)

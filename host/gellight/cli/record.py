@@ -64,7 +64,7 @@ def command(
 
 
 def follow(daemon: SensorSession, recorder: Recorder, frames: int, seconds: float) -> None:
-    """Wait until so many frames or seconds are recorded (0: for ever), or until there is no more to record."""
+    """Wait until this number of frames or seconds is recorded (0: for ever), or until there is no more to record."""
     begun_s = shown_s = time.monotonic()
     sequence = -1
     while not recorder.ended and not (frames and recorder.status.frames >= frames):

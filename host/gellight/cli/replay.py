@@ -18,7 +18,7 @@ def command(
     speed: Annotated[
         float, typer.Option(min=0, max=1000, help="2: twice as fast; 0: as fast as depth is computed.")
     ] = 1,
-    start: Annotated[float, typer.Option(min=0, help="Begin so many seconds after the first frame.")] = 0,
+    start: Annotated[float, typer.Option(min=0, help="Begin this number of seconds after the first frame.")] = 0,
     loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the status as JSON.")] = False,

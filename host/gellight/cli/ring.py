@@ -12,7 +12,7 @@ from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
 from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
 from gellight.cli.showing import show
-from gellight.ring.boards import BOARDS, check_wiring, find_board, wired_as
+from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
@@ -42,7 +42,7 @@ class Board:
     uptime_s: float
     temperature_c: float | None
     dimmed: int
-    """how often every colour is halved because the chip is hot"""
+    """how often every colour is halved because chip or housing is hot"""
     current_ma: int
     limit_ma: int
     dark: str
@@ -82,8 +82,8 @@ def _board(ring: LightRing) -> Board:
 
 def _text(b: Board) -> str:
     wrong = {k: v for k, v in b.counters.items() if v and k not in ("packets", "lights", "triggers")}
-    warm = "" if b.temperature_c is None else f", chip at {b.temperature_c:.0f} °C"
-    dimmed = f", dimmed to 1/{1 << b.dimmed} because the chip is hot" if b.dimmed else ""
+    warm = "" if b.temperature_c is None else f", chip at {b.temperature_c:.0f} °C (±10)"
+    dimmed = f", dimmed to 1/{1 << b.dimmed} because it is hot" if b.dimmed else ""
     return (
         f"board     {b.board}, firmware {b.firmware}, image {b.image_crc}\n"
         f"protocol  {b.protocol}, schema {b.schema_crc}\n"
@@ -184,6 +184,7 @@ def configure(
         int | None,
         typer.Option(help="current limit of LEDs with a supply of their own, mA, 100 to 2000; 0: USB, 450 mA"),
     ] = None,
+    led: Annotated[str | None, typer.Option(help=f"kind of the LEDs, for their current: {', '.join(LEDS)}")] = None,
     hottest: Annotated[
         int | None, typer.Option(help="°C of the chip above which the LEDs are dimmed, 40 to 85")
     ] = None,
@@ -203,10 +204,13 @@ def configure(
         given |= {"output_pin": NO_PIN} if output == "none" else {"output_at": _member(OutputAt, output)}
         if supply_ma is not None:
             given |= {"external_supply": int(supply_ma > 0), "limit_ma": supply_ma or CURRENT_CAP_MA}
+        given["channel_ua"] = None if led is None else channel_ua_of(led)
         for name, value in given.items():
             changed = changed if value is None else replace(changed, **{name: value})  # type: ignore[arg-type]
         check_wiring(changed)
         ring.light(None)
+        if supply_ma is not None or led is not None:
+            ring.set_supply(external=bool(changed.external_supply), channel_ua=changed.channel_ua)
         ring.configure(changed, save=True)
         ring.reset()
     print(_wiring(changed, board))

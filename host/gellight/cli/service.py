@@ -1,6 +1,5 @@
 """`gellight service`: let systemd start the sensor when the user logs in, and again when it fails."""
 
-import re
 import shlex
 import sys
 from pathlib import Path
@@ -10,11 +9,12 @@ import platformdirs
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.names import check_name
 from gellight.base.writing import make_folder, write_file
-from gellight.cli.options import Overwrite
+from gellight.cli.options import Overwrite, name_option
 
 WATCHDOG_S = 30
-"""a service without a frame for so long, whose sensor is plugged in, is started anew"""
+"""without a frame, after which a service whose sensor is plugged in is started anew"""
 UNIT = """[Unit]
 Description=GelLight tactile sensor {name}
 
@@ -38,7 +38,7 @@ app = typer.Typer(help="Let systemd run the sensor of this user.", no_args_is_he
 @app.command()
 def install(
     sensor: Annotated[str, typer.Option(help="As `gellight run` has it.")] = "auto",
-    name: Annotated[str, typer.Option(help="Tells the services of several sensors apart.")] = "",
+    name: Annotated[str | None, name_option("Tells the services of several sensors apart.", "none")] = None,
     port: Annotated[int, typer.Option(help="Port of the dashboard.", min=0, max=65535)] = 8420,
     show: Annotated[bool, typer.Option("--print", help="Only print the unit file.")] = False,
     overwrite: Overwrite = False,
@@ -64,7 +64,7 @@ def install(
 
 
 @app.command()
-def remove(name: Annotated[str, typer.Option(help="As it was installed.")] = "") -> None:
+def remove(name: Annotated[str | None, name_option("As it was installed.", "none")] = None) -> None:
     """Remove the unit file again."""
     path = unit_path(name)
     if not path.exists():
@@ -73,15 +73,16 @@ def remove(name: Annotated[str, typer.Option(help="As it was installed.")] = "")
     print(f"{path} is removed; stop what still runs: systemctl --user disable --now {path.name}")
 
 
-def unit_path(name: str) -> Path:
-    """Return where the unit file of a service is; InputError for a name that systemd does not allow."""
-    if not re.fullmatch(r"[A-Za-z0-9_.-]*", name):
-        raise InputError(f"--name {name!r} is not possible: give letters, digits, '-', '_' and '.'")
-    return platformdirs.user_config_path() / "systemd" / "user" / f"gellight{'-' if name else ''}{name}.service"
+def unit_path(name: str | None) -> Path:
+    """Return where the unit file of a service is."""
+    file = "gellight.service" if name is None else f"gellight-{check_name(name)}.service"
+    return platformdirs.user_config_path() / "systemd" / "user" / file
 
 
-def unit(sensor: str, name: str, port: int) -> str:
-    """Return the unit file."""
+def unit(sensor: str, name: str | None, port: int) -> str:
+    """Return the unit file; InputError for a sensor that would break its line."""
+    if not sensor.strip() or not sensor.isprintable():
+        raise InputError(f"--sensor {sensor!r} is not possible: give it in one line, as `gellight run` has it")
     words = [str(Path(sys.executable).parent / "gellight"), "run", "--sensor", sensor, "--port", str(port)]
     words += ["--name", name] if name else []
     # systemd takes % for the beginning of a specifier and $ for a variable

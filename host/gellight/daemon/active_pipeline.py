@@ -19,6 +19,7 @@ from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.single_light_path import SingleLightPath
 from gellight.series.window import WindowReconstructor
 from gellight.watch.monitor import SensorWatch
+from gellight.watch.possible import gel_thickness_mm, impossible_depth
 
 VERIFIED = ("presses", "depth_mm", "true_depth_mm", "normal_deg")
 """what the status says of the verification of the bundle: see `calibration.records.Verification`"""
@@ -30,10 +31,13 @@ def build_pipeline(config: ModeConfig, camera: Camera) -> "ActivePipeline":
     Raises BundleError for a network that cannot be run, or where the bundle does not go with the mode.
     """
     bundle = config.bundle
+    thickness_mm = gel_thickness_mm(bundle, config.settings.geometry.gel_thickness_mm)
+    rezero = config.settings.watch.rezero
     return ActivePipeline(
         config=config,
         path=path_for(config, bundle),
-        watch=SensorWatch(bundle, rezero=config.settings.watch.rezero) if config.watched else None,
+        watch=SensorWatch(bundle, rezero=rezero, thickness_mm=thickness_mm) if config.watched else None,
+        thickness_mm=thickness_mm,
         selfcheck=camera.selfcheck(bundle.pixel_size_mm) if config.judged else None,
     )
 
@@ -72,6 +76,8 @@ class ActivePipeline:
     path: FramePath
     """its bundle has the zero in use"""
     watch: SensorWatch | None = None
+    thickness_mm: float | None = None
+    """of the gel; None where nobody knows"""
     selfcheck: FrameJudge | None = None
 
     @property
@@ -105,9 +111,15 @@ class ActivePipeline:
             pixel_size_mm=zeroed.pixel_size_mm,
             unix_s=stamp.unix_s,
             ages_s={"taken": taken_s - frame.time_s, "reconstructed": now_s - frame.time_s},
-            findings=tuple(finding.kind for finding in self.watch.findings()) if self.watch else (),
+            findings=self._kinds_against(felt),
         )
         return replace(felt, provenance=provenance)
+
+    def _kinds_against(self, frame: TactileFrame) -> tuple[str, ...]:
+        """Return the kinds of what is known against a frame, and of what the watch has found."""
+        of_frame = impossible_depth(frame, self.thickness_mm)
+        watched = self.watch.findings() if self.watch else []
+        return tuple(dict.fromkeys(finding.kind for finding in (*of_frame, *watched)))
 
 
 def contact_summary(frame: TactileFrame) -> TouchStatus | None:

@@ -115,18 +115,20 @@ class CalibrationService:
         store: BundleStore | None = None,
         folder: Path | None = None,
         led_colours: str | None = None,
+        gel_thickness_mm: float | None = None,
         make_routine: MakeRoutine | None = None,
     ) -> None:
         """Calibrate the sensor of `daemon`; an interrupted calibration is kept in `folder`, by default the user's.
 
-        led_colours: of the ring, anticlockwise from the right; by default those of the paper's. `make_routine` makes
-        another routine than the usual one, for tests.
+        led_colours: of the ring, anticlockwise from the right; by default those of the paper's. gel_thickness_mm: of
+        the soft gel, None: nobody told. `make_routine` makes another routine than the usual one, for tests.
         """
         self._daemon = daemon
         self._store = store or BundleStore()
         self.sensor = sensor_name(daemon.camera)
         self._folder = folder or platformdirs.user_state_path("gellight") / "calibration" / _plain(self.sensor)
         self._led_colours = led_colours or RING_COLOURS
+        self._gel_thickness_mm = gel_thickness_mm or 0.0
         self._make_routine = make_routine or self._usual_routine
         self._routine: Routine | None = None
         self._hand = False
@@ -297,6 +299,7 @@ class CalibrationService:
             presses=request.presses,
             overwrite=True,
             led_colours=self._led_colours,
+            gel_thickness_mm=self._gel_thickness_mm,
         )
         hand = hand_of(camera) if request.hand else None
         return Routine(camera, options, self._folder, hand=hand, install=install)

@@ -216,8 +216,8 @@ class FrameThreads:
                 self._deliver(frame)
 
     def _end(self, error: Exception, *mailboxes: Mailbox[CameraFrame] | Mailbox[TactileFrame]) -> None:
-        """Raise `error` where frames of `mailboxes` are waited for, and note it unless it is the proper end."""
-        if not (isinstance(error, EndOfStream) or self.ended):
+        """Raise `error` where frames of `mailboxes` are waited for, and note it once unless it is the proper end."""
+        if not (isinstance(error, EndOfStream) or self.ended or str(error) in self._problems.values()):
             self.note(threading.current_thread().name, str(error))
         for mailbox in mailboxes:
             mailbox.close(error)

@@ -25,7 +25,7 @@ TRAINER = Need(name="training", state="ready", text="by NumPy, nothing to instal
 
 
 def needs(daemon: SensorSession, folder: Path, presses: int) -> tuple[Need, ...]:
-    """Return the check list of a calibration that keeps so many presses in `folder`."""
+    """Return the check list of a calibration that keeps this number of presses in `folder`."""
     return (*_tools(daemon), _light(daemon), _camera(daemon), _room(daemon, folder, presses), TRAINER)
 
 

@@ -20,7 +20,7 @@ from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.placeholder import placeholder
 from gellight.daemon.active_pipeline import ActivePipeline, build_pipeline, contact_summary, path_for
-from gellight.daemon.configuration import ModeConfig, in_mode, mode_config
+from gellight.daemon.configuration import ModeConfig, PathKind, in_mode, mode_config
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.sensor_state import SensorState
 from gellight.daemon.switched_camera import SwitchedCamera
@@ -56,6 +56,8 @@ class SensorSession:
         raises that cannot take its frames so.
         """
         self._camera = SwitchedCamera(camera)
+        self._settings = settings
+        """as it was opened: a mode that uses no light sequence does not forget how the next one moves it on"""
         self._calibration: SensorState | None = None
         """how the sensor was set before a calibration; None while none goes on"""
         self._changing = threading.RLock()
@@ -146,7 +148,7 @@ class SensorSession:
         """
         with self._changing:
             self._check_not_calibrating()
-            bundle, settings = self._active.bundle, in_mode(self._active.config.settings, mode)
+            bundle, settings = self._active.bundle, in_mode(self._settings, mode)
             self._configure(mode_config(bundle, settings), SensorState.said_by(bundle))
 
     def prepare(self, steps: PictureSteps) -> Callable[[], object]:
@@ -174,7 +176,9 @@ class SensorSession:
         with self._changing:
             bundle, watch = self._active.bundle, self._active.watch
             if watch is None:
-                raise InputError("this sensor is not watched, so its zero cannot be set: switch watch.enabled on")
+                raise InputError(
+                    f"the gel is not watched, so its zero cannot be set: {_to_be_watched(self._active.config)}"
+                )
             zero = watch.propose_zero(asked=asked)
             zeroed = bundle.with_reference(zero.reference, frames=bundle.manifest.reference_frames)
             self._switch(replace(self._active, path=path_for(self._active.config, zeroed)), None)
@@ -262,12 +266,12 @@ class SensorSession:
 
     @property
     def captured(self) -> Mailbox[CameraFrame]:
-        """The newest camera frame; `Mailbox.copied` gives them all."""
+        """The newest camera frame; `Mailbox.subscribe` gives them all."""
         return self._threads.captured
 
     @property
     def delivered(self) -> Mailbox[TactileFrame]:
-        """The newest tactile frame; `Mailbox.copied` gives them all."""
+        """The newest tactile frame; `Mailbox.subscribe` gives them all."""
         return self._threads.delivered
 
     def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
@@ -339,3 +343,10 @@ class SensorSession:
         with self._changing:  # nobody replaces the bundle or sets a zero between the question and the zero
             if self.watch is watch and not watch.refusal(asked=False):
                 self.rezero(asked=False)
+
+
+def _to_be_watched(config: ModeConfig) -> str:
+    """What lets the watch look at the frames."""
+    if config.path is PathKind.NETWORK:
+        return "switch watch.enabled on"
+    return "change to network mode" if config.light.model is not None else "calibrate this sensor anew"

@@ -18,7 +18,7 @@ SAMPLE_PX = 8
 """every eighth pixel of every eighth row tells whether the reference image is still the same"""
 SAME_GREY = 0.25
 KEPT = 4
-"""so many reference images are kept for pages that ask late"""
+"""reference images that are kept for pages that ask late"""
 
 
 class ReferenceViews:

@@ -34,6 +34,10 @@ class PressStage(Protocol):
     def max_depth_mm(self) -> float:
         """Deepest press allowed."""
 
+    @property
+    def gel_thickness_mm(self) -> float:
+        """Thickness of the gel."""
+
     def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Compute a press ahead, which takes up to some seconds, while frames go on."""
 

@@ -276,12 +276,12 @@ class TactileFrame:
         return self.measures.confidence(self.camera_frame.image, self.gradient_map) if self.measures else None
 
     def maps_on_request(self, asked: Collection[MapOnRequest] = tuple(MapOnRequest)) -> dict[str, NDArray[Any]]:
-        """Return those of the maps that are asked for and that this frame can have; `doubts` come with `confidence`."""
+        """Return the maps that are asked for and that this frame can have; `quality_flags` come with `confidence`."""
         maps: dict[str, NDArray[Any]] = {}
         if MapOnRequest.PRESSURE in asked and self.force:
             maps["pressure_mpa"] = self.force.pressure_mpa
         if MapOnRequest.CONFIDENCE in asked and self.confidence:
-            maps |= {"confidence": self.confidence.value, "doubts": self.confidence.doubts}
+            maps |= {"confidence": self.confidence.value, "quality_flags": self.confidence.quality_flags}
         return maps
 
     def with_dropped(self, dropped: int) -> Self:

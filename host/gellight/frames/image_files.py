@@ -19,7 +19,7 @@ from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.video_files import VIDEO_SUFFIXES, frame_of_video, frames_of_video, is_frame_of_video
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 KINDS = (
     "give an image or video file, a folder of images, a quoted pattern such as 'presses/*.png', sim://, auto, "
     "sensor://NAME or v4l2:///dev/video0"

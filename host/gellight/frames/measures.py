@@ -44,7 +44,7 @@ class Force:
 
 
 STEEP, DARK, CLIPPED = 1, 2, 4
-"""bits of the doubts of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow"""
+"""quality flags of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +53,7 @@ class Confidence:
 
     value: NDArray[np.float32]
     """(H, W) from 1, as good as the calibration, down to 0.05, a guess; for weights, no probability"""
-    doubts: NDArray[np.uint8]
+    quality_flags: NDArray[np.uint8]
     """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
 
 

@@ -6,7 +6,7 @@
     /NAME/depth_tenth_um               sensor_msgs/Image 16UC1, tenths of a micrometre, 0 to 6.5535 mm, on request
     /NAME/pressure_mpa                 sensor_msgs/Image 32FC1, N / mm2, on request, where the bundle knows its force
     /NAME/confidence                   sensor_msgs/Image 32FC1, 0.05 to 1, on request
-    /NAME/doubts                       sensor_msgs/Image mono8, with the confidence: bits, see `frames.measures`
+    /NAME/quality_flags                sensor_msgs/Image mono8, with the confidence: bits, see `frames.measures`
     /NAME/contact                      std_msgs/String, JSON, with depth or one of these maps: ContactInfo
     calibration-IDENTITY.gelcal        attachments: the bundle with the zero in use; another one after each re-zero
 
@@ -221,7 +221,7 @@ class Recording:
         """Look at the beginning; InputError for what is no recording of GelLight, with the reason."""
         self.path = path
         self.bundles: dict[str, Bundle] = {}
-        """by identity, those that were met so far"""
+        """by identity, those that were met up to now"""
         self.whole = True
         """whether the end was found, where it was reached; else the writing was cut short"""
         first = next(self.frames(), None)

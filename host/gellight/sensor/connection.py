@@ -48,7 +48,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True, eq=False)
-class Setup:
+class ConnectOptions:
     """How a sensor is to be set and lit."""
 
     options: CaptureOptions
@@ -65,28 +65,29 @@ class Connection:
     ring: LightRing | None
 
     def __init__(
-        self, sensor: Sensor, setup_for: Callable[[LightRing | None], Setup], *, named_ring: str | None, url: str,
-        around: Surroundings,
+        self, sensor: Sensor, options_for: Callable[[LightRing | None], ConnectOptions], *,
+        named_ring: str | None, url: str, around: Surroundings,
     ) -> None:  # fmt: skip
         """Open, set and light `sensor`; raises CameraError, BoardError or InputError, and then the LEDs are dark.
 
-        setup_for: says, of the open ring, how camera and ring are to be set. named_ring: URL of the ring to open, None
-        for the one beside the camera.
+        options_for: says, of the open ring, how camera and ring are to be set. named_ring: URL of the ring to open;
+        None: the one beside the camera.
         """
         self.sensor = sensor
         self._named_ring = named_ring
         self._clock = around.kernel.clock
         self.ring = self._open_ring(around)
         try:
-            setup = setup_for(self.ring)
+            wanted = options_for(self.ring)
             self.camera = V4l2Camera(
-                sensor.camera.path, setup.options, shape=setup.shape, url=url, kernel=around.kernel, sysfs=around.sysfs
-            )
+                sensor.camera.path, wanted.options, shape=wanted.shape, url=url, kernel=around.kernel,
+                sysfs=around.sysfs,
+            )  # fmt: skip
         except BaseException:
             _darken(self.ring)
             raise
         try:
-            self._light(setup.colours)
+            self._light(wanted.colours)
         except BaseException:
             self.close()
             raise
@@ -113,10 +114,10 @@ class Connection:
         if self.ring is not None:
             self.ring.light(colours)
 
-    def apply(self, setup: Setup, controls: Mapping[str, float]) -> None:
+    def apply(self, wanted: ConnectOptions, controls: Mapping[str, float]) -> None:
         """Set these controls, and light the ring, in the same mode; frames are of the new light after that."""
-        self.camera.controls.lock(controls, power_line_hz=int(setup.options.power_line_hz))
-        self._light(setup.colours)
+        self.camera.controls.lock(controls, power_line_hz=int(wanted.options.power_line_hz))
+        self._light(wanted.colours)
         self._set_s = self._clock()
 
     def newest(self) -> CameraFrame:

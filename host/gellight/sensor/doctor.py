@@ -16,6 +16,7 @@ from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, Sensor, attribute
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
+from gellight.sensor.power import check_power
 from gellight.sensor.sensor_checks import check_sensor
 from gellight.sensor.v4l2.options import parse_url
 
@@ -38,6 +39,7 @@ def examine(
     yield from check_clock(surroundings.sysfs)
     found = surroundings.look()
     yield from check_found(found, name)
+    yield from check_power(surroundings.sysfs, {node.usb.port for node in _cameras(found, name) if node.usb})
     for sensor in _chosen(found, name):
         if ring is not None:
             try:
@@ -65,6 +67,11 @@ def _named(text: str | None) -> tuple[str | None, str | None]:
 def _chosen(found: Discovery, name: str | None) -> list[Sensor]:
     """Return the sensors to examine: all, or those with a name, a USB port, or a camera at a path."""
     return list(found.sensors) if name is None else [each for each in found.with_cameras() if each.is_called(name)]
+
+
+def _cameras(found: Discovery, name: str | None) -> list[Node]:
+    """Return the cameras of the chosen sensors, and of a computer's own only one that was asked for by name."""
+    return [sensor.camera for sensor in (_chosen(found, name) if name else found.sensors)]
 
 
 def _lit_by(found: Discovery, sensor: Sensor, url: str) -> Sensor:

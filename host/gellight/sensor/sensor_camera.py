@@ -22,7 +22,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
-from gellight.sensor.connection import Connection, Setup, Surroundings
+from gellight.sensor.connection import Connection, ConnectOptions, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
 from gellight.sensor.v4l2.controls import KNOBS
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
@@ -60,7 +60,7 @@ class SensorCamera(Camera):
         self.url = url
         self._sensor, self._by_serial = sensor, by_serial
         self._given = options
-        self._setup = Setup(self._given, None)
+        self._options = ConnectOptions(self._given, None)
         self._choose = bundle
         self._surroundings, self._clock = surroundings, surroundings.kernel.clock
         self._closing = threading.Event()
@@ -72,7 +72,7 @@ class SensorCamera(Camera):
 
     def _connect(self, sensor: Sensor) -> None:
         connection = Connection(
-            sensor, self._setup_for, named_ring=self._given.ring, url=self.url, around=self._surroundings
+            sensor, self._options_for, named_ring=self._given.ring, url=self.url, around=self._surroundings
         )
         self._sensor, self._connection = sensor, connection
         self.ring = connection.ring
@@ -81,14 +81,14 @@ class SensorCamera(Camera):
         self._offset = self._last + 1
         self._first: int | None = None
 
-    def _setup_for(self, ring: LightRing | None) -> Setup:
+    def _options_for(self, ring: LightRing | None) -> ConnectOptions:
         """Return how the sensor is to be set, whose ring is open: as its bundle says at first, then as adopted last."""
         self.ring, choose, self._choose = ring, self._choose, None
         bundle = choose(self) if callable(choose) else choose
         if bundle is not None:
             self._warn_of_dark(bundle.colours)
-            self._setup = Setup(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
-        return self._setup
+            self._options = ConnectOptions(self._given.over(bundle.manifest.camera), bundle.colours, bundle.image_shape)
+        return self._options
 
     def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
         """Set and light the sensor like this from now on; controls that the URL names stay as it says.
@@ -96,20 +96,20 @@ class SensorCamera(Camera):
         Frames are of the new light after that; a sensor that is away gets it when it is back. Raises CameraError,
         BoardError or InputError; then the sensor is set as before, or looked for.
         """
-        before = self._setup
+        before = self._options
         connection = self._connection  # the thread that reads may let go of it at any time
         self._warn_of_dark(colours)
         if unknown := sorted(set(controls) - set(KNOBS)):
             raise CameraError(f"{self.url} has no control {unknown[0]!r} (known are: {', '.join(KNOBS)}): leave it out")
         recorded = {**before.options.model_dump(include=before.options.model_fields_set), **controls}
-        self._setup = replace(before, options=self._given.over(recorded), colours=colours)
+        self._options = replace(before, options=self._given.over(recorded), colours=colours)
         if connection is None:
             return
         try:
             named = {name: value for name, value in controls.items() if name not in self._given.model_fields_set}
-            connection.apply(self._setup, named)
+            connection.apply(self._options, named)
         except GellightError:
-            self._setup = before
+            self._options = before
             try:
                 connection.apply(before, before.options.controls())
             except GellightError as error:

@@ -147,7 +147,7 @@ def check_board(ring: LightRing) -> Finding:
     """Look at firmware and counters of the board; its protocol was checked when it was opened."""
     hello, counters, status = ring.hello, ring.counters(), ring.status()
     if status.dimmed:
-        return problem("board", "the LEDs are dimmed", hot_text(status.temperature, status.dimmed))
+        return problem("board", "the LEDs are dimmed", hot_text(status))
     version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
     return ok("board", f"{hello.unique_id.hex().upper()} with firmware {version}, {counters.packets} packets")
 

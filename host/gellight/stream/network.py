@@ -19,10 +19,11 @@ import zenoh
 from gellight.base.errors import StreamError
 
 LAN_PORT, LAN_PORTS = 7447, 16
-"""where daemons listen for other computers: the first of so many ports that is free"""
+"""where daemons listen for other computers: the first free one of this number of ports"""
 SCOUT_S = 1.5
-"""so long daemons of other computers have to answer; zenoh asks at once and again after a second"""
+"""time that daemons of other computers have to answer; zenoh asks at once and again after a second"""
 CONNECT_MS = 3000
+ROUTER_COMMAND = "`ros2 run rmw_zenoh_cpp rmw_zenohd`"
 
 
 def key(name: str, part: str) -> str:
@@ -86,13 +87,31 @@ def found_by_multicast(wait_s: float = SCOUT_S) -> list[str]:
 
 def _is_loopback(endpoint: str) -> bool:
     host = urlsplit(f"//{endpoint.partition('/')[2]}").hostname or ""
-    return host == "::1" or host.startswith("127.")
+    return host in ("::1", "localhost") or host.startswith("127.")
 
 
 def subscribing_session(endpoint: str, *, config: Path | None) -> zenoh.Session:
     """Open a session to the daemon at `endpoint`, such as tcp/127.0.0.1:7447; StreamError where none answers."""
     connect = {"connect/endpoints": [endpoint], "connect/timeout_ms": CONNECT_MS, "connect/exit_on_failure": True}
     return _opened(_settings(config), {"mode": "client", **connect})
+
+
+def routed_session(endpoint: str) -> tuple[zenoh.Session, bool]:
+    """Open a session to ROS 2's router at `endpoint`; where this computer has none there, open one that is the router.
+
+    Return it, and whether it is the router. Raises StreamError with the remedy.
+    """
+    try:
+        return subscribing_session(endpoint, config=None), False
+    except StreamError as error:
+        missing = f"no router of ROS 2 answers at {endpoint}"
+        if not _is_loopback(endpoint):
+            raise StreamError(f"{missing}: start it there by {ROUTER_COMMAND}") from error
+    listen = {"listen/endpoints": [endpoint], "listen/exit_on_failure": True}
+    try:
+        return _opened(zenoh.Config(), {"mode": "router", **listen}), True
+    except StreamError as error:
+        raise StreamError(f"{missing}, and it cannot be made there ({error}): start one by {ROUTER_COMMAND}") from error
 
 
 def close(session: zenoh.Session) -> None:
@@ -112,9 +131,9 @@ def _settings(config: Path | None) -> zenoh.Config:
 def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Session:
     """Open a session with these settings, without zenoh's shared memory: see shared_memory.py."""
     own = {"scouting/multicast/enabled": False, **given, "transport/shared_memory/enabled": False}
-    for name, value in own.items():
-        settings.insert_json5(name, json.dumps(value))
     try:
+        for name, value in own.items():
+            settings.insert_json5(name, json.dumps(value))
         return zenoh.open(settings)
     except zenoh.ZError as error:
         endpoints = given.get("connect/endpoints") or given["listen/endpoints"]

@@ -85,8 +85,8 @@ class Recorder:
     def __enter__(self) -> Self:
         """Start."""
         with ExitStack() as copies:
-            captured = copies.enter_context(self._daemon.captured.copied(BACKLOG, lasting=True))
-            delivered = copies.enter_context(self._daemon.delivered.copied(BACKLOG, lasting=True))
+            captured = copies.enter_context(self._daemon.captured.subscribe(BACKLOG, lasting=True))
+            delivered = copies.enter_context(self._daemon.delivered.subscribe(BACKLOG, lasting=True))
             work = copies.pop_all(), captured, delivered
         self._thread = threading.Thread(target=self._record, args=work, name="record", daemon=True)
         self._thread.start()

@@ -22,7 +22,7 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
 from gellight.recording.ros_messages import CAMERA_INFO, DIAGNOSTICS, IMAGE, POINT, POINTS, WRENCH
 from gellight.stream.frame_thread import sending
-from gellight.stream.network import close, subscribing_session
+from gellight.stream.network import close, routed_session
 from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics
 
 logger = logging.getLogger(__name__)
@@ -75,13 +75,15 @@ class Ros2Publisher:
         self._name = topic_name(name)
         self.prefix = f"/{self._name}"
         self._messages = RosTopics(daemon, self._name, distance_mm)
+        self.is_router = False
+        """there was none on this computer: this program is it"""
         self._count, self._diagnosed_s = 0, 0.0
         self._until = ExitStack()
 
     def __enter__(self) -> Self:
-        """Connect, declare node and topics and start; StreamError where no router answers."""
+        """Connect, declare node and topics and start; StreamError where no router answers and none can be made."""
         with ExitStack() as stack:
-            session = subscribing_session(self._router, config=None)
+            session, self.is_router = routed_session(self._router)
             stack.callback(close, session)
             node = self._node_token(session)
             stack.callback(node.undeclare)

@@ -7,9 +7,10 @@ gone.
 """
 
 import json
+import multiprocessing
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -39,6 +40,10 @@ class RunningDaemon(StrictModel):
     """of its frames, see shared_memory.py; empty where there is none"""
     process: int
     since_unix_s: float
+    session: int = 0
+    """what all programs that were started from one terminal have in common; 0: not known"""
+    command: int = 0
+    """the process that was started there, which may run several sensors"""
 
 
 @contextmanager
@@ -50,8 +55,16 @@ def announced(name: str, endpoint: str, sensor: str, *, memory: str = "", number
     """
     handle, free = _locked(name, numbered)
     with handle:
+        starter = multiprocessing.parent_process()
         daemon = RunningDaemon(
-            name=free, endpoint=endpoint, sensor=sensor, memory=memory, process=os.getpid(), since_unix_s=time.time()
+            name=free,
+            endpoint=endpoint,
+            sensor=sensor,
+            memory=memory,
+            process=os.getpid(),
+            since_unix_s=time.time(),
+            session=_session(),
+            command=(starter.pid if starter else None) or os.getpid(),
         )
         handle.truncate(0)
         handle.write(daemon.model_dump_json())
@@ -65,6 +78,20 @@ def announced(name: str, endpoint: str, sensor: str, *, memory: str = "", number
 def running() -> list[RunningDaemon]:
     """Return the daemons that publish now, by name."""
     return [daemon for path in sorted(folder().glob("*.json")) if (daemon := _read(path)) is not None]
+
+
+def meant(daemons: Sequence[RunningDaemon]) -> RunningDaemon | None:
+    """Return the daemon that was started last from this terminal, else the only one; None where that is not told."""
+    here = [daemon for daemon in daemons if daemon.session and daemon.session == _session()]
+    newest = max(here, key=lambda daemon: daemon.since_unix_s, default=None)
+    if newest is None:
+        return daemons[0] if len(daemons) == 1 else None
+    together = [daemon for daemon in here if daemon.command == newest.command]
+    return newest if len(together) == 1 else None
+
+
+def _session() -> int:
+    return os.getsid(0) if hasattr(os, "getsid") else 0
 
 
 def folder() -> Path:

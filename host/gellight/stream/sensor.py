@@ -42,7 +42,7 @@ class Sensor(FrameSource):
         super().__init__(patience_s=patience_s)
         self.daemon = daemon
         self._until = ExitStack()
-        self._frames = self._until.enter_context(daemon.delivered.copied(BACKLOG)) if every else daemon.delivered
+        self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
         self._until.enter_context(daemon)
 

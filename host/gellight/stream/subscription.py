@@ -3,6 +3,7 @@
 import json
 import logging
 import threading
+import time
 import weakref
 from collections.abc import Collection
 from contextlib import suppress
@@ -22,7 +23,7 @@ from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
 from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
-from gellight.stream.running import RunningDaemon, running
+from gellight.stream.running import meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
@@ -32,6 +33,7 @@ TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
 """of zenoh, by the scheme of a URL"""
 LISTENER_S = 2.0
 """that the function of a listener may take at the end"""
+LOOK_AGAIN_S = 0.2
 LOOK_S = 2.0
 """a daemon on the local network says at once what it publishes"""
 ANSWER_S = 10.0
@@ -46,29 +48,25 @@ def subscribe(
     every: bool = False,
     maps: Collection[str] = (),
     patience_s: float = PATIENCE_S,
+    wait_s: float = 0.0,
     config: str | Path | None = None,
 ) -> "Subscription":
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
-    `target` is `auto` (the only daemon of this user on this computer, else the only one on the local network that runs
-    with --lan), the name of a sensor, looked for in the same way, or `zenoh://HOST[:PORT][/NAME]` on another computer,
-    whose daemon runs with --lan; zenoh+tls:// where it is encrypted.
+    `target` is `auto` (the daemon that was started last from this terminal, else the only one of this user on this
+    computer, else the only one on the local network that runs with --lan), the name of a sensor, looked for in the same
+    way, or `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with --lan; zenoh+tls:// where it is
+    encrypted.
     every: give every frame and not only the newest. maps: of `MapOnRequest`, `pressure_mpa` and `confidence`: the
     daemon computes them for all who ask and sends them along; what does not come is computed here when it is asked for.
-    config: a file of zenoh's own settings, for TLS and access
-    control. Raises StreamError with the remedy.
+    wait_s: how long a daemon is waited for that is not there, as one that starts now.
+    config: a file of zenoh's own settings, for TLS and access control. Raises StreamError with the remedy.
     """
+    if not target:
+        raise InputError("subscribe(''): give auto, the name of a sensor or zenoh://HOST[:PORT][/NAME]")
     path = Path(config) if config is not None else None
     asked = _asked(maps)
-    if "://" in target:
-        endpoint, name, memory = *_parsed(target), ""
-    elif target == "auto" and not running():
-        endpoint, name, memory = *_on_the_lan("", path), ""
-    elif target != "auto" and target not in [daemon.name for daemon in running()]:
-        endpoint, name, memory = *_on_the_lan(target, path), ""
-    else:
-        found = _running(target)
-        endpoint, name, memory = found.endpoint, found.name, found.memory
+    endpoint, name, memory = _awaited(target, path, wait_s)
     session = subscribing_session(endpoint, config=path)
     try:
         name = _present(session, name, endpoint)
@@ -85,12 +83,33 @@ def _asked(maps: Collection[str]) -> tuple[MapOnRequest, ...]:
     return tuple(map(MapOnRequest, maps))
 
 
-def _running(target: str) -> RunningDaemon:
-    found = [daemon for daemon in running() if target in ("auto", daemon.name)]
-    names = ", ".join(daemon.name for daemon in running())
-    if len(found) != 1:
-        raise StreamError(f"several daemons publish ({names}): name one of them")
-    return found[0]
+class _NobodyThereError(StreamError):
+    """No daemon of that name, or none at all, was found."""
+
+
+def _awaited(target: str, config: Path | None, wait_s: float) -> tuple[str, str, str]:
+    """Return endpoint, name and memory of a daemon; look again where there is none, for `wait_s`."""
+    until_s = time.monotonic() + wait_s
+    while True:
+        try:
+            return _found(target, config)
+        except _NobodyThereError:
+            if time.monotonic() >= until_s:
+                raise
+            time.sleep(LOOK_AGAIN_S)
+
+
+def _found(target: str, config: Path | None) -> tuple[str, str, str]:
+    """Return endpoint, name, which may be empty, and memory, which may be empty too, of what `subscribe` is given."""
+    if "://" in target:
+        return *_parsed(target), ""
+    daemons = running()
+    there = [daemon for daemon in daemons if target in ("auto", daemon.name)]
+    if not there:
+        return *_on_the_lan("" if target == "auto" else target, config), ""
+    if (found := meant(there)) is None:
+        raise StreamError(f"several daemons publish: name one of {', '.join(daemon.name for daemon in there)}")
+    return found.endpoint, found.name, found.memory
 
 
 def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
@@ -110,7 +129,7 @@ def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
         urls = ", ".join(f"zenoh://{place.partition('/')[2]}/{quote(name)}" for place, name in places)
         raise StreamError(f"several daemons publish on the local network: give one of {urls}")
     there = f"there are {here}" if here else "start one with `gellight run`, on another computer with --lan"
-    raise StreamError(
+    raise _NobodyThereError(
         f"no daemon publishes {wanted or 'a sensor'} on this computer or, with --lan, on the local network: {there}"
     )
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationError
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import StreamError
@@ -43,9 +43,11 @@ CHANNELS = {
     "moving": (1, 1),
     "pressure_mpa": (2, 1),
     "confidence": (2, 1),
-    "doubts": (1, 1),
+    "quality_flags": (1, 1),
 }
 """type and channels of each plane by its name; a reader passes over names it does not know"""
+NOW_CALLED = {"doubts": "quality_flags"}
+"""planes of older senders"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
 
@@ -81,7 +83,7 @@ class Details(StrictModel):
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
-    learnt: bool | None = None
+    from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
 
@@ -187,7 +189,7 @@ def _details(frame: TactileFrame) -> bytes:
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
-            learnt=frame.measures.from_network if frame.measures else None,
+            from_network=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
         )
     )
@@ -235,13 +237,13 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
-        "_from_network": details.learnt,
+        "_from_network": details.from_network,
         "provenance": replace(provenance, unix_s=unix_s, pixel_size_mm=(pixel_x, pixel_y), ages_s=ages_s),
     }
     frame = ReceivedFrame(bundle_of, fields)
     vars(frame)["force"] = _force(details.force, frame, maps)
-    if "confidence" in maps and "doubts" in maps:
-        vars(frame)["confidence"] = Confidence(value=maps["confidence"], doubts=maps["doubts"])
+    if "confidence" in maps and "quality_flags" in maps:
+        vars(frame)["confidence"] = Confidence(value=maps["confidence"], quality_flags=maps["quality_flags"])
     return frame
 
 
@@ -279,6 +281,7 @@ def _read_planes(message: bytes, count: int, shape: tuple[int, int]) -> dict[str
     for number in range(count):
         raw, kind, channels, place = PLANE.unpack_from(message, PREFIX.size + number * PLANE.size)
         name = raw.rstrip(b"\0").decode("ascii", "replace")
+        name = NOW_CALLED.get(name, name)
         if name in CHANNELS:
             found[name] = _plane(message, name, (kind, channels), place, shape)
     if missing := [name for name in NEEDED if name not in found]:

@@ -9,6 +9,7 @@ light.py            where the light of each LED falls, fitted to the reference i
 untouched_model.py  light and place fitted to a change; the cells that do not fit
 explanation.py      drift, single LEDs or a moved camera: which of them explains the change
 other_unit.py       whether it is the unit of the bundle at all
+possible.py         whether a depth and a contact can be at all
 spots.py            cells that never come to rest while touches come and go: dirt, a tear
 expected.py         what the change costs in degrees and millimetres
 rezero.py           when the zero of the depth may follow the light

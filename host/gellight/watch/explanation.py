@@ -45,7 +45,7 @@ class Explanation:
     """by which the gel came nearer to the ring, at most over the view; only where that is the cause"""
 
     def leaves(self, most_grey: float, rest_grey: float) -> bool:
-        """Tell whether more is left than so much, and than the gel at rest differs by in any case."""
+        """Tell whether more is left than this limit, and than the gel at rest differs by in any case."""
         return self.left_grey > math.hypot(most_grey, REST_LEFT * rest_grey)
 
 

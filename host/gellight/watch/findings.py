@@ -4,6 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.frames.measures import CLIPPED, DARK, STEEP
 from gellight.frames.status import FindingStatus
 from gellight.watch.cells import CELL_PX
 from gellight.watch.expected import ExpectedError
@@ -34,8 +38,8 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest, zero_off or
-    recalibrate"""
+    """too_deep, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest,
+    zero_off, recalibrate or, in `gellight reconstruct` alone, not_learnt"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -148,6 +152,34 @@ def other_unit(figures: UnitFigures, felt_deg: float) -> WatchFinding:
         "degrees tilted; calibrate this sensor, or give its own bundle",
         figures={**figures.as_json(), "felt_deg": round(felt_deg, 1)},
     )
+
+
+def too_deep(depth_mm: float, thickness_mm: float) -> WatchFinding:
+    """Return the finding that a frame is deeper than the gel is thick."""
+    return WatchFinding(
+        kind="too_deep",
+        severity=Severity.FAULT,
+        text=f"{depth_mm:.1f} mm deep in a gel that is {thickness_mm:g} mm thick: the bundle is of another sensor, the "
+        "light is another one, or the picture shows no gel; give the bundle of this sensor, or calibrate it",
+        figures={"depth_mm": round(depth_mm, 3), "thickness_mm": thickness_mm},
+    )
+
+
+def not_learnt(flags: NDArray[np.uint8]) -> WatchFinding:
+    """Return the finding that most of a contact is a guess; flags: the quality flags of its pixels."""
+    shares = {words: float(np.mean(flags & bit > 0)) for words, bit in _FLAGS.items()}
+    reasons = ", ".join(f"{share:.0%} {words}" for words, share in shares.items() if share > 0)
+    return WatchFinding(
+        kind="not_learnt",
+        severity=Severity.WARNING,
+        text=f"{np.mean(flags > 0):.0%} of the contact is a guess ({reasons}): the bundle is of another sensor, the "
+        "light is another one, or the press is steeper than any of the calibration",
+        figures={"guessed": round(float(np.mean(flags > 0)), 3)},
+    )
+
+
+_FLAGS = {"steeper than was learnt": STEEP, "in shadow": DARK, "too bright": CLIPPED}
+"""quality flags in words"""
 
 
 def never_at_rest(seconds: float) -> WatchFinding:

@@ -18,6 +18,7 @@ from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
 from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, other_unit, spot_finding
 from gellight.watch.other_unit import UnitCheck
+from gellight.watch.possible import impossible_depth
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
 from gellight.watch.untouched_model import Mask, UntouchedModel
@@ -69,8 +70,11 @@ class Zero:
 class SensorWatch:
     """Compares frames with the bundle they are reconstructed by; one thread feeds it, any may read `status`."""
 
-    def __init__(self, bundle: Bundle, *, rezero: bool = True) -> None:
-        """Learn what the untouched sensor looks like; rezero: whether the zero follows slow drift by itself."""
+    def __init__(self, bundle: Bundle, *, rezero: bool = True, thickness_mm: float | None = None) -> None:
+        """Learn what the untouched sensor looks like.
+
+        rezero: whether the zero follows slow drift by itself. thickness_mm: of the gel; None where nobody knows.
+        """
         self.bundle = bundle
         self.rezero = rezero
         self.paused = False
@@ -88,6 +92,9 @@ class SensorWatch:
         self._touched = False
         self._state = "starting"
         self._findings: list[WatchFinding] = []
+        self._thickness_mm = thickness_mm
+        self._too_deep: list[WatchFinding] = []
+        """of the latest frame"""
         self._unit_check: UnitCheck | None = None
         self._other_units: list[WatchFinding] = []
         """what the comparisons of the unit have found"""
@@ -107,7 +114,9 @@ class SensorWatch:
         if self.paused or self._under_other_light(camera_frame):
             self._state = "paused" if self.paused else "other light"
             self._rest.clear()
+            self._too_deep = []
             return
+        self._too_deep = list(impossible_depth(frame, self._thickness_mm))
         with self._lock:
             self._look(cell_means(camera_frame.image) - self._model.reference, camera_frame.time_s)
         self._looks += 1
@@ -244,8 +253,11 @@ class SensorWatch:
             self._sudden_grey = 0.0
 
     def findings(self) -> list[WatchFinding]:
-        """Return what two judgements in a row have found; empty while the sensor is as it was calibrated."""
-        return [*self._of_another_unit, *self._findings]
+        """Return what two judgements in a row have found, and a depth that cannot be at once.
+
+        Empty while the sensor is as it was calibrated.
+        """
+        return [*self._too_deep, *self._of_another_unit, *self._findings]
 
     @property
     def _of_another_unit(self) -> list[WatchFinding]:

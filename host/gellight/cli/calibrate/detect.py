@@ -28,7 +28,8 @@ from gellight.lab.training.training import Reference, read_reference
 _HEADS = {
     "center_x_px": "x", "center_y_px": "y", "contact_radius_px": "radius", "edge_x1_px": "x1", "edge_y1_px": "y1",
     "edge_x2_px": "x2", "edge_y2_px": "y2", "face_px": "face", "rounding_px": "rounding", "angle_deg": "angle",
-    "lean_deg": "lean", "rise_deg": "rise",
+    "lean_deg": "lean", "lean_error_deg": "+-", "rise_deg": "rise", "center_error_px": "+- xy",
+    "radius_error_px": "+- r",
 }  # fmt: skip
 """of the table: px, and degrees"""
 

@@ -212,7 +212,14 @@ def _calibrate(
         if target.restart:
             discard(target.state)
         colours = settings.geometry.led_colours or options.led_colours
-        options = replace(options, sensor=sensor_name(camera), name=target.name, led_colours=colours)
+        thickness_mm = settings.geometry.gel_thickness_mm or options.gel_thickness_mm
+        options = replace(
+            options,
+            sensor=sensor_name(camera),
+            name=target.name,
+            led_colours=colours,
+            gel_thickness_mm=thickness_mm,
+        )
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
         routine = Routine(camera, options, target.state, hand=hand, install=target.installing(camera, options))
         routine.act("start")

@@ -225,8 +225,9 @@ def _prisms(path: Path | None, image_shape: tuple[int, int], dots: Dots | None) 
 
 def _prism_line(found: PrismError) -> str:
     return (
-        f"{found.image}: prism of {found.angle_deg:g} deg feels like {found.felt_deg:.2f} deg; normals of its faces "
-        f"{found.normal_deg:.2f} deg off, shape of the depth {1000 * found.depth_mm:.0f} µm"
+        f"{found.image}: prism of {found.angle_deg:g} deg feels like {found.felt_deg:.2f} deg, leaning by "
+        f"{found.lean_deg:.2f} (each +- {found.error_deg:.2f}); normals of its faces {found.normal_deg:.2f} deg off, "
+        f"shape of the depth {1000 * found.depth_mm:.0f} µm"
     )
 
 
@@ -256,9 +257,8 @@ def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
     trained = metrics["training"]
     return [
         f"trained on {trained['images']} images by {trained['trainer']} in {trained['cpu_seconds']:.1f} CPU seconds; "
-        f"normal error on "
-        f"{len(trained['held_out_images'])} held-out images, each pixel alone: "
-        f"{trained['held_out_normal_error_deg']['mean']:.2f} deg",
+        f"normal error of a network that did not see {len(trained['held_out_images'])} of them, on these, each pixel "
+        f"alone: {trained['held_out_normal_error_deg']['mean']:.2f} deg",
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
         *radius_line(metrics.get("refinement")),
     ]

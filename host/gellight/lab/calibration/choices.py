@@ -37,6 +37,8 @@ class RoutineOptions:
     """presses of the prism, where there is one"""
     limits: Limits = field(default_factory=Limits)
     training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
+    gel_thickness_mm: float = 0.0
+    """of the soft gel; 0: nobody told. A simulated sensor knows its own"""
     led_colours: str = RING_COLOURS
     """of the ring, anticlockwise from the right"""
     overwrite: bool = False

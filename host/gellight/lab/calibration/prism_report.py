@@ -46,13 +46,14 @@ def prism_section(
 
 def _table(presses: list[PrismRecord]) -> str:
     known = presses[0].figures.true_depth_mm is not None
-    head = ["press", "edge px", "face px", "feels like °", "normals °", "depth, mean taken off, µm",
+    head = ["press", "edge px", "face px", "leans °", "feels like °", "normals °", "depth, mean taken off, µm",
             "picture, grey levels", *(["depth in contact µm"] if known else [])]  # fmt: skip
     rows = [
         [
             f"{press.number}",
             f"{press.edge_x1_px:.1f}, {press.edge_y1_px:.1f} to {press.edge_x2_px:.1f}, {press.edge_y2_px:.1f}",
             f"{press.face_px:.1f}",
+            f"{abs(press.lean_deg):.1f} ± {press.lean_error_deg:.1f}",
             f"{one.felt_deg:.2f}",
             f"{one.normal_deg:.2f}",
             f"{1000 * one.depth_mm:.1f}",

@@ -284,6 +284,10 @@ class Edge(Record):
     """from the edge to where the gel leaves the face"""
     rounding_px: float
     """of the edge: standard deviation of a Gaussian"""
+    lean_deg: float = 0.0
+    """to one side, by the widths of both faces, and"""
+    lean_error_deg: float = 0.0
+    """its standard error"""
 
 
 class ShownCircle(Circle):
@@ -313,5 +317,6 @@ class ShownEdge(Edge):
         """Where it is, in words."""
         return (
             f"edge from {self.edge_x1_px:.1f}, {self.edge_y1_px:.1f} to {self.edge_x2_px:.1f}, {self.edge_y2_px:.1f}, "
-            f"faces {self.face_px:.1f} px wide ({self.state})"
+            f"faces {self.face_px:.1f} px wide, leaning by {abs(self.lean_deg):.1f} +- {self.lean_error_deg:.1f} "
+            f"degrees ({self.state})"
         )

@@ -45,6 +45,11 @@ class CalibrationRun:
         self._actions: queue.Queue[tuple[str, dict[str, float]]] = queue.Queue()
         self._stopped = threading.Event()
 
+    @property
+    def gel_thickness_mm(self) -> float:
+        """Thickness of the soft gel; 0 where nobody told."""
+        return self.camera.stage.gel_thickness_mm if self.camera.stage else self.options.gel_thickness_mm
+
     def submit(self, action: str, arguments: dict[str, float]) -> None:
         """Hand an action of the user to the thread of the routine."""
         if action == "abort":

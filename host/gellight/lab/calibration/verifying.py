@@ -216,5 +216,11 @@ def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: st
         metrics={**draft.metrics, **measured},
         extra_files={**draft.files, REPORT: report.encode()},
         overwrite=run.options.overwrite,
-        **{**kept, "name": run.folder.state.name, "led": led_settings(prepared.led), "camera": prepared.camera},
+        **{
+            **kept,
+            "name": run.folder.state.name,
+            "gel_thickness_mm": run.gel_thickness_mm,
+            "led": led_settings(prepared.led),
+            "camera": prepared.camera,
+        },
     )

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.lab.design.studies import METHODS, FineResult
 from gellight.lab.report.charts import Axes, Series, heat_map, line_chart
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import ball
@@ -95,63 +94,6 @@ def top1_curves(result: CoarseResult, name: str | None) -> str:
     return line_chart([Series(str(number), angles, row) for number, row in rows], axes)
 
 
-def fine_json(result: FineResult) -> dict[str, Any]:
-    """Return the fine study by height; errors are null where the LEDs would be inside the window."""
-    light = result.light
-    return {
-        "height_mm": list(result.heights_mm),
-        "sat": [round(one.saturation, 6) for one in light],
-        "nsd": [round(one.nsd, 6) for one in light],
-        "normal_error_deg": _numbers(result.errors_deg("air", "each LED by itself, shadows dropped")[:, 0]),
-        "height_of_half_saturation_mm": _numbers(result.half_saturation_mm),
-        "variation": [round(one.variation, 6) for one in light],
-        "within_sigmas": [[round(share, 5) for share in one.within_sigmas] for one in light],
-        "mean_light": [round(one.mean / light[0].mean, 5) for one in light],
-        "errors_deg": {
-            medium: {
-                method: dict(zip(("mae", "top1"), map(_numbers, result.errors_deg(medium, method).T), strict=True))
-                for method in METHODS
-            }
-            for medium in result.errors_rad
-        },
-    }
-
-
-def fine_text(result: FineResult) -> str:
-    """Return a line for each height."""
-    lines = ["height mm    SAT    NSD   MAE one exposure   each LED alone   shadows dropped   (degrees)"]
-    for at, light in enumerate(result.light):
-        errors = [result.errors_deg("air", method)[at, 0] for method in METHODS]
-        lines.append(
-            f"{light.mounting_height_mm:9.1f} {light.saturation:6.1%} {light.nsd:6.2f} {errors[0]:18.2f} "
-            f"{errors[1]:16.3f} {errors[2]:17.3f}"
-        )
-    half = result.half_saturation_mm
-    where = f"at {half:.1f} mm" if isfinite(half) else "at none of these heights"
-    return "\n".join([*lines, f"SAT reaches 50 % {where} (disc of 35 mm, ideal colours)"])
-
-
-def fine_charts(result: FineResult) -> Files:
-    """Return SAT and NSD against height (figure 4e), and the error of the normals."""
-    heights = list(result.heights_mm)
-    saturation = Series("", heights, [100 * one.saturation for one in result.light])
-    deviation = Series("", heights, [one.nsd for one in result.light])
-    errors = [
-        Series(
-            f"{method} ({medium})", heights, result.errors_deg(medium, method)[:, 0].tolist(), medium == "window", at
-        )
-        for medium in result.errors_rad
-        for at, method in enumerate(METHODS)
-    ]
-    x = "mounting height, mm"
-    half = Axes(title="Figure 4e: SAT of a plane", x=x, y="SAT, %", levels=((50.0, "50 %"),))
-    return {
-        "saturation.svg": line_chart([saturation], half),
-        "deviation.svg": line_chart([deviation], Axes(title="Figure 4e: NSD of a plane", x=x, y="NSD")),
-        "error.svg": line_chart(errors, Axes(title="Error of the normals, benchmark", x=x, y="MAE, degrees", log=True)),
-    }
-
-
 @dataclass(frozen=True, eq=False)
 class BallResult:
     """The recommended calibration ball, and equation 8."""
@@ -192,7 +134,7 @@ def ball_json(result: BallResult) -> dict[str, Any]:
         "shadow_free_deg": _degrees(result.choice.shadow_free_rad),
         "radii_mm": BALL_RADII_MM.tolist(),
         "elevation_by_press_deg": {
-            f"{depth:g}": _numbers(np.degrees(curve)) for depth, curve in result.elevation_rad.items()
+            f"{depth:g}": numbers(np.degrees(curve)) for depth, curve in result.elevation_rad.items()
         },
     }
 
@@ -225,7 +167,7 @@ def _degrees(angles_rad: ArrayLike) -> Any:
     return np.round(np.degrees(angles_rad), 4).tolist()
 
 
-def _numbers(values: ArrayLike) -> Any:
+def numbers(values: ArrayLike) -> Any:
     """Return a number or (N,) numbers for JSON, None where they are not finite."""
     rounded = [round(value, 5) if isfinite(value) else None for value in np.atleast_1d(values).tolist()]
     return rounded if np.ndim(values) else rounded[0]

@@ -17,25 +17,14 @@ from gellight.lab.simulator.sweep import Study, Task
 from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
-from sim_reference.optimizer import coarse, design, exposures, fine, near_field, sensitivity
+from sim_reference.optimizer import coarse, design, exposures, near_field
 from sim_reference.optimizer.benchmark import PressedObject, Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
-from sim_reference.optimizer.refraction import VACUUM, Medium, window_of
+from sim_reference.optimizer.refraction import window_of
 
 Array = NDArray[np.float64]
-FINE_DIAMETER_MM = 30.0
-"""of the disc that the fine study evaluates at most"""
 DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
-CAMERA = LightGroups(full_scale_grey=230.0)
-METHODS = {
-    "one exposure": (True, False),
-    "each LED by itself": (False, False),
-    "each LED by itself, shadows dropped": (False, True),
-}
-"""whether all LEDs shine at once, whether shadowed observations are dropped"""
-EQUAL_LIGHT = "one exposure, least possible error"
-"""of an unbiased estimate, lamps and exposure those of the given sensor at every height"""
-FINE_THINNING, BEYOND_THINNING, DESIGN_THINNING = 6, 3, 2
+BEYOND_THINNING, DESIGN_THINNING = 3, 2
 """one in so many pixels is evaluated, because a study repeats itself a hundred times"""
 BEYOND_ANGLES = tuple(radians(angle) for angle in range(5, 86, 8))
 PAPER_ANGLE_RAD = radians(29)
@@ -125,99 +114,6 @@ def coarse_study(setup: Setup, groups: LightGroups) -> Study[coarse.CoarseResult
     )
 
 
-def coarse_readings(setup: Setup, groups: LightGroups) -> Study[dict[str, coarse.CoarseResult]]:
-    """Return the coarse study under the readings of the paper's text; the first is `setup` as it is."""
-    lights = {
-        f"noise of {groups.noise_grey:g} grey level{'' if groups.noise_grey == 1 else 's'}": groups,
-        "no noise": replace(groups, noise_grey=0.0),
-    }
-    forms = {"": setup.parameters, "; CCONVEX as prisms": replace(setup.parameters, curves_as_prisms=True)}
-    readings = {
-        light + form: coarse_study(replace(setup, parameters=parameters), lights[light])
-        for light in lights
-        for form, parameters in forms.items()
-    }
-
-    def combine(errors: list[Any]) -> dict[str, coarse.CoarseResult]:
-        by_reading = zip(readings.items(), _chunks(errors, len(setup.names)), strict=True)
-        return {name: study.combine(own) for (name, study), own in by_reading}
-
-    return Study([task for study in readings.values() for task in study.tasks], combine)
-
-
-def _chunks(values: list[Any], size: int) -> list[list[Any]]:
-    return [values[at : at + size] for at in range(0, len(values), size)]
-
-
-def fine_errors(name: str, setup: Setup, heights_mm: tuple[float, ...], medium: Medium) -> Any:
-    """Return MAE and Top1 in rad by method, `EQUAL_LIGHT` last, and height: (methods + 1, heights, 2) as lists.
-
-    They are NaN at a height where the LEDs would be inside the window.
-    """
-    diameter = min(FINE_DIAMETER_MM, setup.sampling.region_diameter_mm)
-    place = setup.press(name, replace(setup.sampling, region_diameter_mm=diameter), FINE_THINNING)
-    camera, given = setup.with_noise(CAMERA), near_field.ring_light_vectors(setup.geometry, place.x, place.y, medium)
-    h_mm = setup.geometry.camera_height_mm - setup.geometry.mounting_height_mm
-    # The unit of light is that of an LED straight above, which falls with the square of its height.
-    gain = near_field.restoring_gain(given, near_field.mixing(setup.geometry, one_shot=True)) * h_mm**2
-    by_height = [
-        _errors_at(fine.at_height(setup.geometry, height), place, medium, camera, gain) for height in heights_mm
-    ]
-    return np.swapaxes(by_height, 0, 1).tolist()
-
-
-def _errors_at(
-    geometry: SensorGeometry, place: design.Place, medium: Medium, camera: LightGroups, gain_mm2: float
-) -> Array:
-    """Return MAE and Top1 in rad of each method, and of `EQUAL_LIGHT`: (methods + 1, 2)."""
-    above_mm = geometry.camera_height_mm - geometry.mounting_height_mm
-    if above_mm <= medium.thickness_mm:
-        return np.full((len(METHODS) + 1, 2), np.nan)
-    ring = near_field.ring_light_vectors(geometry, place.x, place.y, medium)
-    mixed = [(near_field.mixing(geometry, one_shot=at_once), drop) for at_once, drop in METHODS.values()]
-    errors = [near_field.normal_error(place.scenes[0], ring, mix, camera, drop_shadows=drop) for mix, drop in mixed]
-    at_once = near_field.mixing(geometry, one_shot=True)
-    errors.append(near_field.least_error(place.scenes[0], ring, at_once, camera, gain=gain_mm2 / above_mm**2))
-    return np.array([[mae, top1] for mae, _, top1 in errors])
-
-
-@dataclass(frozen=True, eq=False)
-class FineResult:
-    """The fine stage: how a plane is lit, and how well the normals are reconstructed, at each height."""
-
-    heights_mm: tuple[float, ...]
-    light: list[fine.Illumination]
-    errors_rad: dict[str, Array]
-    """by medium, (methods + 1, heights, 2): MAE and Top1 averaged over the objects, NaN inside the window"""
-
-    @property
-    def half_saturation_mm(self) -> float:
-        """Height at which SAT reaches 50 %, NaN if it does at none of the heights."""
-        return fine.height_of_saturation(np.array(self.heights_mm), np.array([one.saturation for one in self.light]))
-
-    def errors_deg(self, medium: str, method: str) -> Array:
-        """Return MAE and Top1 in degrees by height, (heights, 2), of one of `METHODS` or `EQUAL_LIGHT`."""
-        return np.asarray(np.degrees(self.errors_rad[medium][[*METHODS, EQUAL_LIGHT].index(method)]))
-
-
-def fine_study(setup: Setup, heights_mm: tuple[float, ...]) -> Study[FineResult]:
-    """Return the fine study: one task an object and medium."""
-    media = {"air": VACUUM, "window": window_of(setup.geometry)}
-
-    def combine(errors: list[Any]) -> FineResult:
-        shape = (len(media), len(setup.names), len(METHODS) + 1, len(heights_mm), 2)
-        averaged = np.array(errors).reshape(shape).mean(axis=1)
-        light = [fine.illumination(fine.at_height(setup.geometry, height), fine.View()) for height in heights_mm]
-        return FineResult(heights_mm, light, dict(zip(media, averaged, strict=True)))
-
-    tasks = [
-        Task(f"{name} ({label})", fine_errors, (name, setup, heights_mm, medium))
-        for label, medium in media.items()
-        for name in setup.names
-    ]
-    return Study(tasks, combine)
-
-
 @dataclass(frozen=True, eq=False)
 class BeyondResult:
     """MAE, Top5 and Top1 in rad of the methods beyond the paper, averaged over the objects."""
@@ -298,39 +194,3 @@ def design_study(setup: Setup, requirements: design.Requirements) -> Study[list[
         [Task(f"{n} LEDs", best_candidate, (setup, replace(requirements, numbers=(n,)))) for n in requirements.numbers],
         lambda found: [design.Candidate(**one) for one in found],
     )
-
-
-@dataclass(frozen=True)
-class VariantResult:
-    """The coarse study with one thing changed."""
-
-    variant: sensitivity.Variant
-    best_angle_rad: float
-    """of the curve averaged over the objects"""
-    mean_best_angle_rad: float
-    """mean of the objects' best angles"""
-
-
-def variant_errors(name: str, variant: sensitivity.Variant, setup: Setup) -> Any:
-    """Return Top1 in rad by angle, 12 lights, of an object under a variant of the study of `setup`."""
-    changed = replace(setup, geometry=variant.geometry, parameters=variant.parameters)
-    return coarse.evaluate(changed.pressed(name, variant.sampling), variant.groups)[0, :, 2].tolist()
-
-
-def sensitivity_study(setup: Setup) -> Study[list[VariantResult]]:
-    """Return the study of what the best angle depends on: one task a variant and object."""
-    variants = sensitivity.variants(setup.geometry, setup.with_noise(sensitivity.STUDIED))
-
-    def combine(errors: list[Any]) -> list[VariantResult]:
-        curves = np.array(errors).reshape(len(variants), len(setup.names), -1)
-        angles = np.array(variants[0].groups.angles_rad)
-        best = angles[curves.mean(axis=1).argmin(axis=1)]
-        means = angles[curves.argmin(axis=2)].mean(axis=1)
-        return [VariantResult(*one) for one in zip(variants, best.tolist(), means.tolist(), strict=True)]
-
-    tasks = [
-        Task(f"{variant.quantity} {variant.setting}: {name}", variant_errors, (name, variant, setup))
-        for variant in variants
-        for name in setup.names
-    ]
-    return Study(tasks, combine)

@@ -38,6 +38,8 @@ class Report(BaseModel):
     """how far virtual time had come"""
     at_s: float = 0.0
     """at this time of `time.monotonic`"""
+    edge: bool = False
+    """the trigger pin rose at `now_us`"""
     zero_s: float | None = None
     """virtual time would have begun then, had emulation never lagged; it moves where the lag grows too large"""
     ready_at: str | None = None
@@ -76,6 +78,8 @@ class SimulatedBoard:
         """how far virtual time had come (us) at times of `time.monotonic` (s)"""
         self._zero_s = self.on_time_since_s = time.monotonic()
         """when virtual time would have begun, had emulation never lagged; since when that holds (`time.monotonic`)"""
+        self._edges: list[float] = []
+        """when the trigger pin rose, `time.monotonic`; the last one only"""
         self._started = False
         self._silent = False
         """whether the process says nothing more; its status does not show that while another thread waits for it"""
@@ -87,7 +91,8 @@ class SimulatedBoard:
         how += ["--unique-id", unique_id.hex()] if unique_id else []
         self._process = subprocess.Popen(
             [sys.executable, "-m", "gellight.lab.emulator.process", *how],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=(theirs.fileno(),),
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            pass_fds=(theirs.fileno(),),
             env=os.environ | {"PYTHONPATH": os.pathsep.join([str(PACKAGES), os.environ.get("PYTHONPATH", "")])},
         )  # fmt: skip
         theirs.close()
@@ -136,7 +141,7 @@ class SimulatedBoard:
             self._process.wait()
         if threading.current_thread() is not self._listener:
             self._listener.join(STOP_S)
-        for pipe in (self._process.stdout, self._process.stderr):
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
             if pipe:
                 pipe.close()
         if self.faults:
@@ -150,6 +155,24 @@ class SimulatedBoard:
         and `close` would wait for it for ever.
         """
         return not self._silent
+
+    # ---- strobe ----
+
+    def strobe(self) -> float:
+        """Pulse the trigger pin, as a camera's strobe does, and return when (`time.monotonic`) it rose."""
+        with self._lock:
+            self._edges.clear()
+        try:
+            assert self._process.stdin is not None
+            self._process.stdin.write("x")
+            self._process.stdin.flush()
+        except OSError as error:
+            raise BoardError(f"the simulated board is gone ({error}): open sim:// again") from error
+        with self._lock:
+            self._wait_for(lambda: bool(self._edges))
+            if not self._edges:
+                raise BoardError("the simulated board has ended: open sim:// again")
+            return self._edges[0]
 
     # ---- light ----
 
@@ -204,6 +227,8 @@ class SimulatedBoard:
     def _note(self, report: Report) -> None:
         if report.now_us is not None:
             self._passed.append((report.at_s, report.now_us))
+        if report.edge:
+            self._edges.append(report.at_s)
         if report.zero_s is not None and report.zero_s != self._zero_s:
             self._zero_s, self.on_time_since_s = report.zero_s, report.at_s
         if report.ready_at is not None:

@@ -19,6 +19,7 @@ from gellight.lab.emulator.busy_bus import B2, CHIP_ID, BusyBus
 from gellight.lab.emulator.usb_host import UsbHost
 from gellight.lab.emulator.waveform import LightTimeline, Strip, WaveformDecoder
 from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
+from gellight.ring.protocol import Configuration
 
 FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
@@ -207,6 +208,11 @@ class EmulatedBoard:
     def run(self, duration_us: float) -> None:
         """Let virtual time pass."""
         self.run_until(lambda: False, duration_us)
+
+    def set_trigger(self, high: bool) -> None:
+        """Drive the trigger pin, to which a camera's strobe is wired."""
+        self._wake_pio()
+        self.chip.gpio[Configuration.trigger_pin].set_input_value(high)
 
     def run_until(self, reached: Callable[[], object], timeout_us: float) -> bool:
         """Run until the condition holds, looked at after every few instructions; False if time is up first."""

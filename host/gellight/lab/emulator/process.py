@@ -26,6 +26,8 @@ MOST_LAG_US = 50_000.0
 IDLE_S = 0.001
 PROGRESS_US = 4_000.0
 """of virtual time, after which the parent is told of it"""
+STROBE_US = 500.0
+"""as long a strobe is high"""
 
 
 class Bytes:
@@ -57,6 +59,27 @@ class Bytes:
             os.write(self.descriptor, data)
 
 
+class StrobeWire:
+    """A descriptor of which every byte is a strobe on the trigger pin."""
+
+    def __init__(self, descriptor: int, board: EmulatedBoard) -> None:
+        """Wire it to the board."""
+        self.open, self._board = [descriptor], board
+        """the descriptor, until its other end is closed"""
+
+    def pass_on(self) -> None:
+        """Pulse the pin if a byte has come, and tell the parent when the edge was."""
+        if not select.select(self.open, [], [], 0)[0]:
+            return
+        if not os.read(self.open[0], 1):
+            self.open.clear()
+            return
+        self._board.set_trigger(True)
+        tell(Report(now_us=self._board.now_us, at_s=time.monotonic(), edge=True))
+        self._board.run_until(lambda: False, STROBE_US)
+        self._board.set_trigger(False)
+
+
 class PseudoTerminal(Bytes):
     """A terminal that real pyserial opens; DTR is up while a program holds it open."""
 
@@ -84,7 +107,7 @@ def tell(report: Report) -> None:
     print(report.model_dump_json(exclude_none=True) + "\n", end="", flush=True)
 
 
-def serve(board: EmulatedBoard, stream: Bytes, zero_s: float) -> None:
+def serve(board: EmulatedBoard, stream: Bytes, strobe: StrobeWire, zero_s: float) -> None:
     """Run until the stream ends; `zero_s` on `time.monotonic` is when virtual time began."""
     told, opened, progress_us = 0, False, 0.0
     while not stream.finished:
@@ -94,6 +117,7 @@ def serve(board: EmulatedBoard, stream: Bytes, zero_s: float) -> None:
             (board.host.open if opened else board.host.close)()
         if data:
             board.host.send(data)
+        strobe.pass_on()
         due_us = (time.monotonic() - zero_s) * 1e6 - board.now_us
         if due_us > MOST_LAG_US:
             zero_s, due_us = zero_s + (due_us - MOST_LAG_US) / 1e6, MOST_LAG_US
@@ -111,7 +135,7 @@ def serve(board: EmulatedBoard, stream: Bytes, zero_s: float) -> None:
             stream.write(bytes(board.host.received))
             board.host.received.clear()
         elif due_us < SLICE_US:
-            select.select([stream.descriptor] if opened else [], [], [], IDLE_S)
+            select.select([*strobe.open, *([stream.descriptor] if opened else [])], [], [], IDLE_S)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -135,7 +159,7 @@ def main(arguments: list[str] | None = None) -> None:
     zero_s = now_s - board.now_us / 1e6
     tell(Report(now_us=board.now_us, at_s=now_s, zero_s=zero_s, ready_at=path))
     try:
-        serve(board, stream, zero_s)
+        serve(board, stream, StrobeWire(sys.stdin.fileno(), board), zero_s)
     finally:
         tell(Report(faults=board.faults))
 

@@ -61,6 +61,8 @@ class UsbHost:
         self._fetches = [controller.rp2040.clock.create_alarm(partial(self._fetch, k)) for k in range(ENDPOINTS)]
         self._status_armed = False
         self._out_room = 0
+        self.stalled: set[int] = set()
+        """addresses of the endpoints besides 0 that answer with a stall"""
         self.in_endpoint = self.out_endpoint = -1
         self.configured = False
         self.opened = False
@@ -180,6 +182,8 @@ class UsbHost:
             self._take(offset, value)
             return
         endpoint, device_sends = (offset - 0x80) >> 3, not offset & 4
+        if endpoint:
+            self._note_stall(endpoint | (0x80 if device_sends else 0), value)
         if value & AVAILABLE and device_sends and endpoint == self.in_endpoint:
             self._check_frame()
         if self.hangs:
@@ -194,6 +198,14 @@ class UsbHost:
             self._take(offset, value)
         if value & STALL and offset == 0x80 and self._current:
             self._finish(None)
+
+    def _note_stall(self, address: int, value: int) -> None:
+        if not value & STALL:
+            self.stalled.discard(address)
+            return
+        self.stalled.add(address)
+        if address == self.out_endpoint:
+            self._out_room = 0
 
     def _check_frame(self) -> None:
         place_ns = self._usb.rp2040.clock.nanos % FRAME_NS
@@ -233,9 +245,10 @@ class UsbHost:
             self._next()
 
     def _follow_toggles(self, setup: bytes) -> None:
-        """CLEAR_FEATURE(ENDPOINT_HALT) and SET_INTERFACE begin anew with DATA0."""
+        """CLEAR_FEATURE(ENDPOINT_HALT), SET_CONFIGURATION and SET_INTERFACE begin anew with DATA0."""
         index = int.from_bytes(setup[4:6], "little")
         chosen = setup[:4] == bytes((1, SET_INTERFACE, 0, 0)) and index == 1
+        chosen = chosen or setup[:2] == bytes((0, numbers.SET_CONFIGURATION))
         halt = setup[:2] == bytes((2, numbers.CLEAR_FEATURE))
         if chosen or (halt and index == 0x80 | self.in_endpoint):
             self._toggles[self.in_endpoint] = 0

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.base.writing import make_folder, write_file
+from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.gel_models import DAMAGED, GelKind, source_digest
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import Array
@@ -94,11 +94,12 @@ def press_once(request: PressRequest, folder: Path, geometry: SensorGeometry, sh
     height = object_heights(request.object_name)
     begun = time.monotonic()
     try:
-        make_folder(folder)
-        if request.gel == "fem":
-            result = _by_finite_elements(request, height, geometry, _Progress(folder, request, geometry, height, show))
-        else:
-            result = _by_layer(request, height, geometry)
+        with new_folder(folder):
+            if request.gel == "fem":
+                progress = _Progress(folder, request, geometry, height, show)
+                result = _by_finite_elements(request, height, geometry, progress)
+            else:
+                result = _by_layer(request, height, geometry)
     except (ValueError, NotConverged) as error:
         raise InputError(f"this press cannot be simulated: {error}") from error
     except OSError as error:

@@ -7,8 +7,9 @@ camera's rate while the scene rests; a scene that changes takes as long as it ta
 time at which it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
-from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board); and what makes one
-sensor differ from another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `strobe=1` (each frame
+begins with a strobe on the trigger pin of the board, for `--light-mode ext`); and what makes one sensor differ from
+another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
 the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
 with `resolution` mm between vertices: a minute a press, kept on the disk.
 """
@@ -56,11 +57,11 @@ class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
     def __init__(self, scene: Scene, stage: Stage, *, ring: LightRing | None = None, url: str = "sim://",
-                 fps: float = 30.0, seed: int = 0) -> None:  # fmt: skip
+                 fps: float = 30.0, seed: int = 0, strobe: bool = False) -> None:  # fmt: skip
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
 
         `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
-        steady.
+        steady. With `strobe` each frame begins with an edge on the trigger pin of that board.
         """
         self.url, self.ring = url, ring
         self.stage: Stage = stage
@@ -75,7 +76,7 @@ class SimulatedCamera(Camera):
         self._shutter = Shutter()
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)
-        self._period_s = 1 / fps
+        self._period_s, self._strobe = 1 / fps, strobe
         self._noise = ReadNoise(np.random.default_rng(seed))
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
         self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
@@ -117,9 +118,14 @@ class SimulatedCamera(Camera):
         return CameraTiming(
             exposure_s=shutter.exposure_us * 1e-6,
             readout_s=shutter.readout_us * 1e-6,
-            period_s=max(self._period_s, shutter.exposure_us * 1e-6),
+            period_s=max(self._period_s, self._least_period_s()),
             pulse_period_s=shutter.pulse_period_us * 1e-6,
         )
+
+    def _least_period_s(self) -> float:
+        """Rows are exposed while others are read; a frame that a strobe begins starts when the last one has come."""
+        shutter = self._shutter
+        return (shutter.duration_us + shutter.transfer_us if self._strobe else shutter.exposure_us) * 1e-6
 
     def read(self) -> CameraFrame:
         """Wait until the next frame is due, expose it and return it with its truth.
@@ -165,21 +171,35 @@ class SimulatedCamera(Camera):
         while time.monotonic() < given_up_s:
             self._due_s = max(self._due_s + self._period_s, time.monotonic())
             time.sleep(max(self._due_s - time.monotonic(), 0.0))
-            begun_s = time.monotonic() - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+            begun_s = self._begin()
             seen = self._light_since(begun_s)
             lit_s = self.ring.lit_since_s() + self._shutter.pulse_period_us * 1e-6 if self.ring else 0.0
             if begun_s >= max(self._set_s, lit_s):
                 return begun_s, *seen
         raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
 
+    def _begin(self) -> float:
+        """Return when the frame that now is in the host began (`time.monotonic`); with a strobe, begin it and wait."""
+        taken_s = (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+        if not self._strobe:
+            return time.monotonic() - taken_s
+        begun_s = self._board().strobe()
+        time.sleep(max(begun_s + taken_s - time.monotonic(), 0.0))
+        return begun_s
+
+    def _board(self) -> SimulatedBoard:
+        """Return the board of the ring; CameraError where it is gone."""
+        board = self.ring.transport if self.ring else None
+        assert isinstance(board, SimulatedBoard)
+        if not board.running:
+            raise CameraError(f"{self.url}: the board of the light ring is gone, and the gel is dark: start again")
+        return board
+
     def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8]]:
         """(12, 3) or (H, 12, 3) light of the exposure that began then, and the colours that were latched then."""
         if self.ring is None:
             return self._scene.light, np.round(self._scene.light * 255).astype(np.uint8)
-        source = self.ring.transport
-        assert isinstance(source, SimulatedBoard)
-        if not source.running:
-            raise CameraError(f"{self.url}: the board of the light ring is gone, and the gel is dark: start again")
+        source = self._board()
         start_us = source.virtual_us(begun_s)
         lights = source.light_during(start_us - self._shutter.pulse_period_us, start_us + self._shutter.duration_us)
         weights = row_weights(lights, start_us, self.image_shape[0], self._phases_us, self._shutter)
@@ -216,6 +236,7 @@ class SimulatedUrl(BaseModel):
     y: float = 0.0
     programme: bool = True
     board: bool = True
+    strobe: bool = False
     crosstalk: float = Field(0.1, ge=0, le=0.5)
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
@@ -253,8 +274,11 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
     if wanted.board:
         check_drivable(len(scene.light))
+    elif wanted.strobe:
+        raise InputError(f"{url}: a strobe needs the board whose light it moves on: leave out board=0, or strobe=1")
     ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
-    return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed)
+    return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed,
+                           strobe=wanted.strobe)  # fmt: skip
 
 
 def check_drivable(leds: int) -> None:

@@ -74,6 +74,11 @@ class Stage:
         """Deepest press offered: the elastic layer is a small-strain model."""
         return 0.4 * self._geometry.gel_thickness_mm
 
+    @property
+    def gel_thickness_mm(self) -> float:
+        """Thickness of the simulated gel."""
+        return self._geometry.gel_thickness_mm
+
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Press `object_name` `depth_mm` into the gel at (x, y) from the image centre, until told otherwise.
 

@@ -3,7 +3,7 @@
 import tempfile
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -94,13 +94,14 @@ def cross_validate(
     order = np.random.default_rng(_FOLD_SEED).permutation(images)
     errors: Errors = defaultdict(list)
     seconds: list[float] = []
+    unjudged = replace(options or TrainingOptions(), judged=False)  # by those held out here
     first = FirstFits(reference.image, ball) if refine else None
     with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
         for fold in range(folds):
             part = set(np.flatnonzero(np.isin(numbers, order[fold::folds])).tolist())
             training, held_out = _divided(presses, part, reference.image, ball, first)
             place = Path(folder) / f"fold-{fold}"
-            bundle = fit(training, reference, ball, place, sensor=f"fold {fold}", options=options, prisms=prisms)
+            bundle = fit(training, reference, ball, place, sensor=f"fold {fold}", options=unjudged, prisms=prisms)
             found = _errors_of_fold(bundle, held_out, reference.image, ball)
             for key, of_fold in found.items():
                 errors[key] += of_fold

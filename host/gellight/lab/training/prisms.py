@@ -1,7 +1,8 @@
 """Labelled presses of a prism: the gel that lies on its faces has a known slope.
 
-A prism of known angle, or a cube on its edge (45 degrees), is pressed upright. It shows two normals only, so it goes
-beside balls: into the table that GelNet learns from, and as a judge.
+A prism of known angle, or a cube on its edge (45 degrees), is pressed more or less upright. It shows two normals only,
+so it goes beside balls: into the table that GelNet learns from, and as a judge. The angle between its faces is known;
+how far it leans to one side is not. For a label the widths of its faces tell it, for a judge the normals that are felt.
 """
 
 import math
@@ -26,11 +27,17 @@ Floats = NDArray[np.float32]
 PRISM_COLUMNS = ("image", "edge_x1_px", "edge_y1_px", "edge_x2_px", "edge_y2_px", "face_px", "angle_deg")
 ROUNDING = "rounding_px"
 """optional column: how the edge is rounded, standard deviation of a Gaussian"""
+LEAN, LEAN_ERROR = "lean_deg", "lean_error_deg"
+"""optional columns: how far the prism leans to one side, and its standard error"""
+_SURE = 3.0
+"""in standard errors: a smaller lean is not taken for one"""
 _ROUNDING_PX = 2.0
 """where the column is missing"""
 _ROUNDED = 2.0
 """times the rounding: nearer to the edge the gel is less steep than the faces"""
-STEEPEST_DEG = 75.0
+FLATTEST_DEG, STEEPEST_DEG, MOST_LEAN_DEG = 1.0, 75.0, 15.0
+_PARTS = 8
+"""of the edge, whose angles are compared"""
 _RIM_SHARE = 0.25
 """of the pixels beyond `RIM` of a face, how many are trained on"""
 
@@ -45,7 +52,9 @@ class PrismPress:
     face_px: float
     """from the edge to where the gel leaves the face"""
     angle_rad: float
-    """between each face and the gel at rest"""
+    """between each face and the gel at rest, where the prism stands upright"""
+    lean_rad: float = 0.0
+    """by which the face behind the edge, as `across` points, is less steep and the other one steeper"""
     rounding_px: float = _ROUNDING_PX
     dots: Dots | None = None
     """the marker dots of the gel, where it has some"""
@@ -82,7 +91,8 @@ class PrismPress:
     def gradient(self, side: int) -> tuple[float, float]:
         """Return d(depth)/dx, d(depth)/dy on one face: the gel is deepest at the edge."""
         x, y = self.across
-        return -side * math.tan(self.angle_rad) * x, -side * math.tan(self.angle_rad) * y
+        fall = -side * math.tan(self.angle_rad - side * self.lean_rad)
+        return fall * x, fall * y
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +104,12 @@ class PrismError:
     """known, of each face"""
     felt_deg: float
     """mean of both faces: half of 180 degrees less the angle between them"""
+    lean_deg: float
+    """half the difference of both faces"""
+    error_deg: float
+    """standard error of both, by how parts of the edge differ; what a calibration has wrong everywhere comes on top"""
     normal_deg: float
-    """mean angle between the normals felt and those of the faces"""
+    """mean angle between the normals felt and those of the faces, of a prism that leans as it is felt to"""
     depth_mm: float
     """mean absolute depth error on the faces, its mean taken off: nothing says how deep the edge lies"""
     pixels: int
@@ -112,13 +126,17 @@ def read_prisms(path: Path, *, image_shape: tuple[int, int], dots: Dots | None =
             continue
         where = f"{path}, line {line}"
         x1, y1, x2, y2, face, angle = (number_in(row, column, where) for column in PRISM_COLUMNS[1:])
-        rounding = number_in(row, ROUNDING, where) if (row.get(ROUNDING) or "").strip() else _ROUNDING_PX
+        rounding, lean, error = (
+            number_in(row, column, where) if (row.get(column) or "").strip() else default
+            for column, default in ((ROUNDING, _ROUNDING_PX), (LEAN, 0.0), (LEAN_ERROR, 0.0))
+        )
         image = path.parent / (row["image"] or "").strip()
         press = PrismPress(
             image=image,
             edge_px=(x1, y1, x2, y2),
             face_px=face,
             angle_rad=prism_angle_rad(angle, where),
+            lean_rad=sure_lean_rad(lean, error),
             rounding_px=rounding,
             dots=dots,
         )
@@ -131,12 +149,22 @@ def read_prisms(path: Path, *, image_shape: tuple[int, int], dots: Dots | None =
 
 def prism_angle_rad(angle_deg: float, where: str) -> float:
     """Return the angle in rad; InputError for one that no gel can follow."""
-    if not 1 <= angle_deg <= STEEPEST_DEG:
+    if not FLATTEST_DEG <= angle_deg <= STEEPEST_DEG:
         raise InputError(
             f"{where}: the angle of the prism is {angle_deg:g} degrees: give that between a face and the gel at rest, "
-            f"1 to {STEEPEST_DEG:g}; a cube on its edge has 45"
+            f"{FLATTEST_DEG:g} to {STEEPEST_DEG:g}; a cube on its edge has 45"
         )
     return math.radians(angle_deg)
+
+
+def sure_lean_rad(lean_deg: float, error_deg: float) -> float:
+    """Return the lean that a label takes, rad: none where it may be an error, since most prisms are held upright."""
+    return math.radians(lean_deg) if abs(lean_deg) > _SURE * error_deg else 0.0
+
+
+def most_lean_deg(angle_deg: float) -> float:
+    """Return how far a prism of this angle may lean: both faces stay such as a gel can follow."""
+    return min(MOST_LEAN_DEG, angle_deg - FLATTEST_DEG, STEEPEST_DEG - angle_deg)
 
 
 def _check(press: PrismPress, image_shape: tuple[int, int], where: str) -> None:
@@ -149,6 +177,11 @@ def _check(press: PrismPress, image_shape: tuple[int, int], where: str) -> None:
         )
     if math.hypot(x2 - x1, y2 - y1) < 1 or press.face_px <= 0 or press.rounding_px < 0:
         raise InputError(f"{where}: edge, face_px or {ROUNDING} is no length: correct it or remove the line")
+    lean, most = math.degrees(press.lean_rad), most_lean_deg(math.degrees(press.angle_rad))
+    if abs(lean) > most:
+        raise InputError(
+            f"{where}: {LEAN} is {lean:g}, at most {most:g} degrees may be: press the prism upright, or remove the line"
+        )
     check_image(press.image, image_shape, where)
     if len(np.unique(press.faces(image_shape))) < 3:
         raise InputError(f"{where}: no pixel is left of a face {press.face_px:g} px wide: press deeper")
@@ -198,24 +231,42 @@ def prism_errors(bundle: Bundle, prisms: Sequence[PrismPress]) -> list[PrismErro
 
 
 def prism_error(press: PrismPress, felt: TactileFrame, pixel_size_mm: tuple[float, float]) -> PrismError:
-    """Compare the faces as they are felt with the known ones."""
+    """Compare the faces as they are felt with the known ones; how the prism leans is taken from the faces felt."""
     shape = (felt.depth_mm.shape[0], felt.depth_mm.shape[1])
     faces = seen_faces(press, shape)
-    means, off = [], []
+    half, lean, error = _felt_angles(press, felt.normal_map, faces)
+    press = replace(press, lean_rad=lean)
+    off, fall_mm = [], np.zeros(shape)
     for side in (-1, 1):
-        normals = felt.normal_map[faces == side]
         x, y = press.gradient(side)
         true = np.array([-x, -y, 1]) / math.sqrt(1 + x * x + y * y)
-        means.append(normals.mean(axis=0))
-        off.append(np.degrees(np.arccos(np.clip(normals @ true, -1, 1))))
-    fall_mm = math.tan(press.angle_rad) * math.sqrt(math.prod(pixel_size_mm)) * np.abs(press.distances(shape)[1])
-    depth_error = (felt.depth_mm + fall_mm)[faces != 0]
-    before, behind = (mean / np.linalg.norm(mean) for mean in means)
+        off.append(np.degrees(np.arccos(np.clip(felt.normal_map[faces == side] @ true, -1, 1))))
+        fall_mm[faces == side] = math.hypot(x, y) * math.sqrt(math.prod(pixel_size_mm))
+    depth_error = (felt.depth_mm + fall_mm * np.abs(press.distances(shape)[1]))[faces != 0]
     return PrismError(
         image=press.image.name,
         angle_deg=math.degrees(press.angle_rad),
-        felt_deg=math.degrees(math.acos(float(np.clip(before @ behind, -1, 1)))) / 2,
+        felt_deg=math.degrees(half),
+        lean_deg=math.degrees(lean),
+        error_deg=math.degrees(error),
         normal_deg=float(np.concatenate(off).mean()),
         depth_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
         pixels=int((faces != 0).sum()),
     )
+
+
+def _felt_angles(press: PrismPress, normal_map: Floats, faces: NDArray[np.int8]) -> tuple[float, float, float]:
+    """Return half the sum and half the difference of the angles of both faces, and the standard error of each, rad."""
+    along, _ = press.distances((faces.shape[0], faces.shape[1]))
+    part = np.minimum((_PARTS * along / along[faces != 0].max()).astype(np.intp), _PARTS - 1)
+    angles = np.full((_PARTS, 2), np.nan)
+    for number in range(_PARTS):
+        for column, side in enumerate((-1, 1)):
+            seen = normal_map[(faces == side) & (part == number)].astype(np.float64)
+            if len(seen):
+                x, y, z = seen.mean(axis=0)
+                angles[number, column] = math.atan2(side * (x * press.across[0] + y * press.across[1]), z)
+    angles = angles[np.isfinite(angles).all(axis=1)]
+    both = angles @ np.array([[1, 1], [1, -1]]) / 2
+    half, lean = both.mean(axis=0).tolist()
+    return half, lean, float(both.std(axis=0).max()) / math.sqrt(max(len(both) - 1, 1))

@@ -156,6 +156,7 @@ def _written(place: Path, out: Path, metrics: dict[str, object], overwrite: bool
         reference_frames=provenance["reference_frames"],
         noise_grey=provenance["camera"]["noise_grey"],
         pixel_size_mm=(provenance["geometry"]["pixel_size_mm"],) * 2,
+        gel_thickness_mm=provenance["geometry"]["gel_thickness_mm"],
         network=(place / "network.onnx").read_bytes(),
         network_name="synthetic.onnx",
         led=_leds(provenance["geometry"]["led_colours"], provenance["light"]),

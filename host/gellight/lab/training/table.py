@@ -24,10 +24,10 @@ class TableOptions:
     """the outermost ring of the contact circle is left out: there a label that is a pixel off is wrong most"""
     rim_share: float = 1.0
     """of the pixels beyond `RIM` of a contact radius that a hand may have drawn, how many are trained on"""
-    flat_share: float = 0.3
+    flat_share: float = 0.0
     """untouched pixels, as a share of the contact pixels, with gradient 0"""
-    flat_distance: float = 1.9
-    """in contact radii from the centre: where the gel counts as untouched"""
+    flat_distance: float = 3.0
+    """in contact radii from the centre: where the gel counts as untouched; nearer it still slopes"""
     seed: int = 0
     """chooses the untouched pixels"""
 

@@ -46,6 +46,8 @@ class TrainingOptions:
     epochs: int | None = None
     threads: int = 1
     trainer: TrainerName = "numpy"
+    judged: bool = True
+    """whether a second network, which does not see a tenth of the presses, tells the error on these: twice the time"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,18 +89,27 @@ def read_reference(source: str | Path) -> Reference:
 
 
 def train(
-    table: PressTable, options: TrainingOptions, *, progress: Progress = silent, check: Check = go_on
+    table: PressTable,
+    options: TrainingOptions,
+    *,
+    untouched: Floats | None = None,
+    progress: Progress = silent,
+    check: Check = go_on,
 ) -> tuple[bytes, Mapping[str, object]]:
     """Train GelNet in a child process; TrainingError and interrupts as `run_module`.
 
+    untouched: (H, W, 3) picture of the untouched gel, grey levels, where the channels are its colours: GelNet then also
+    learns what `gelnet.teacher` makes of the presses for places where nothing was pressed.
     Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, what
     trained, losses, errors on the presses held out.
     """
     how = {name: getattr(options, name) for name in ("recipe", "width", "seed", "epochs")}
     chosen = [f"--{name}={value}" for name, value in how.items() if value is not None]
+    chosen += [] if options.judged else ["--unjudged"]
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
-        np.savez(place / "table.npz", **table.arrays())  # type: ignore[arg-type]
+        picture = {} if untouched is None else {"untouched": untouched}
+        np.savez(place / "table.npz", **table.arrays(), **picture)  # type: ignore[arg-type]
         run_module(
             "gelnet.train",
             ["--table", str(place / "table.npz"), "--out", folder, *chosen],
@@ -149,7 +160,9 @@ def fit(
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, wanted, follow_light=follow)
     table = with_prisms(balls, prisms, reference.image, wanted, follow_light=follow)
-    network, record = train(table, options or TrainingOptions(), progress=progress, check=check)
+    network, record = train(
+        table, options or TrainingOptions(), untouched=reference.image, progress=progress, check=check
+    )
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,

@@ -87,7 +87,7 @@ class LightWatch:
                 time.sleep(0.001)
             status = self._ring.status()
             if status.dimmed:
-                raise BoardError(hot_text(status.temperature, status.dimmed))
+                raise BoardError(hot_text(status))
             with self._lock:
                 self.light.note_status(status)
                 sure = self.clock.covers(begin_s, end_s)

@@ -121,16 +121,25 @@ class SequencedCamera(CameraWrapper):
         if free:
             ring.set_sync(SyncMode.FREE)
         else:
-            to_end_s = self._strobe_to_end_s
-            if to_end_s is None:
-                to_end_s = self._timing.duration_s + self._timing.stamp_delay_s
-            margin_s = self._timing.stamp_error_s + CLOCK_ERROR_S + REPEAT_US * 1e-6
             missed_us = round(EDGES_MISSED * self.frames * self._timing.period_s * 1e6)
             ring.set_sync(SyncMode.EXT, edge=self._strobe_edge, divider=self.frames, timeout_us=missed_us,
-                          delay_us=round((to_end_s + margin_s) * 1e6))  # fmt: skip
+                          delay_us=round(self._strobe_to_change_s() * 1e6))  # fmt: skip
         self._unwatch()
         self.watch = LightWatch(ring, self._timing, plan=self._planned_us if free else None)
         ring.start()
+
+    def _strobe_to_change_s(self) -> float:
+        """From the edge of the strobe to the next light, which may show from `REPEAT_US` before to a pulse after it.
+
+        That lies in the middle between two frames, and where there is little room, as soon as the first surely is over.
+        """
+        timing = self._timing
+        to_end_s = self._strobe_to_end_s
+        if to_end_s is None:
+            to_end_s = timing.duration_s + timing.stamp_delay_s
+        least_s = timing.stamp_error_s + CLOCK_ERROR_S + REPEAT_US * 1e-6
+        dark_s = timing.period_s - timing.duration_s
+        return to_end_s + max(least_s, (dark_s + REPEAT_US * 1e-6 - timing.pulse_period_s) / 2)
 
     def _unwatch(self) -> None:
         watch, self.watch = self.watch, None

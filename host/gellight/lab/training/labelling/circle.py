@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.training.labelling.fitting import cost, without
+from gellight.lab.training.labelling.fitting import FreeResponse, cost, standard_errors, without
 from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
+    SIMPLE,
     STEEPEST,
     PixelSample,
     PressShape,
@@ -28,9 +29,16 @@ from gellight.lab.training.presses import Ball
 Array = NDArray[np.float64]
 _LEAST_SHARE = 0.2
 _LEAST_RADIUS_PX = 6.0
-_LEAST_VIEW = 0.95
+WHOLE, ARC = 0.95, 0.25
+"""of the circle that has to be seen: all but a sliver; an arc of 90 degrees"""
+_BEYOND = 0.7
+"""in ball radii: how far off the picture the centre of an arc may lie"""
+_LARGEST = 3.0
+"""radius of the ball in longer sides of the picture"""
 _RIVAL = 0.3
 _PATIENCE = 16
+_MOST_ERROR = 0.07
+"""of the ball's radius, of the centre of an arc: 4 degrees of slope"""
 _FAINTEST = 0.05
 """of the strongest place: what is left is dirt"""
 
@@ -46,10 +54,14 @@ class PressCircle:
     """share of the difference image around the circle that the pattern of a ball explains, 0 to 1"""
     contrast_grey: float
     """root mean square of that pattern inside the circle, grey levels"""
+    center_error_px: float = 0.0
+    """standard error of the centre, and"""
+    radius_error_px: float = 0.0
+    """of the contact radius, as far as the picture tells them"""
 
     def record(self) -> dict[str, float]:
         """Return what the csv and JSON hold, rounded."""
-        names = ("center_x_px", "center_y_px", "contact_radius_px")
+        names = ("center_x_px", "center_y_px", "contact_radius_px", "center_error_px", "radius_error_px")
         return {**{name: round(getattr(self, name), 2) for name in names}, "quality": round(self.quality, 3)}
 
     def from_line(self, image_shape: tuple[int, int]) -> Array:
@@ -66,22 +78,25 @@ def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
     return np.asarray(np.minimum(across, down))
 
 
-def find_circle(image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball) -> PressCircle:
+def find_circle(
+    image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball, least_view: float = WHOLE
+) -> PressCircle:
     """Find the contact circle of the ball in one image, without any calibration of the light.
 
     image: (H, W, 3) uint8 RGB of the press; reference: (H, W, 3) of the untouched gel, grey levels. The pattern of a
     ball of known radius (`pattern`) is fitted to the difference image together with the unknown response of the light.
+    least_view: share of the circle that has to be seen, `WHOLE` or `ARC`.
 
     Raises InputError with the reason when there is no press, it is too shallow, off the image, clipped or dark, is
     no ball of this size, or there are several.
     """
     difference = difference_image(image, reference)
     _check_size(ball, image)
-    candidate = best_candidate(difference, ball.radius_px)
+    candidate = best_candidate(difference, ball.radius_px, _BEYOND if least_view < WHOLE else 0.0)
     shape, circle = fit_circle(
         difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
     )
-    _check(circle, ball, image, reference)
+    _check(circle, ball, image, reference, least_view)
     _check_rivals(difference, candidate, shape, ball.radius_px)
     return circle
 
@@ -110,7 +125,7 @@ def find_circles(
         try:
             if np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) > 0.7 * ball.radius_px:
                 raise InputError("what is there is no ball by itself")
-            _check(circle, ball, image, reference)
+            _check(circle, ball, image, reference, WHOLE)
         except InputError as error:
             in_vain += 1
             yield InputError(f"near ({place[0]:.0f}, {place[1]:.0f}) px: {error}")
@@ -119,14 +134,16 @@ def find_circles(
             yield circle
 
 
-def _check(circle: PressCircle, ball: Ball, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
+def _check(
+    circle: PressCircle, ball: Ball, image: NDArray[np.uint8], reference: NDArray[np.number], least_view: float
+) -> None:
     _check_press(circle, ball)
-    _check_view(circle, image.shape[:2])
+    _check_view(circle, ball, image.shape[:2], least_view)
     _check_clipped(circle, image, reference)
 
 
 def _check_size(ball: Ball, image: NDArray[np.uint8]) -> None:
-    if ball.radius_px < 2 * _LEAST_RADIUS_PX or ball.radius_px > max(image.shape[:2]):
+    if ball.radius_px < 2 * _LEAST_RADIUS_PX or ball.radius_px > _LARGEST * max(image.shape[:2]):
         raise InputError(
             f"the ball is {ball.radius_px:.1f} px in radius in an image of {image.shape[1]} x {image.shape[0]} px: "
             "check the ball radius and the pixel size"
@@ -141,11 +158,14 @@ def fit_circle(
     residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
     guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
     shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
-    return shape, judged(shape, pixels, residual.left(shape), ball_radius)
+    return shape, _judged(shape, pixels, residual, ball_radius)
 
 
-def judged(shape: PressShape, pixels: PixelSample, left: Array, ball_radius: float) -> PressCircle:
-    """Say how well the pattern explains the colours; left: (N, 3) what it does not, grey levels."""
+def _judged(
+    shape: PressShape, pixels: PixelSample, residual: FreeResponse[PressShape], ball_radius: float
+) -> PressCircle:
+    """Say how well the pattern explains the colours, and how well the circle is known."""
+    left, errors = residual.left(shape), _errors(shape, pixels, residual, ball_radius)
     changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
     pattern = changed - left
     inside = np.hypot(pixels.x - shape.center_x, pixels.y - shape.center_y) < shape.contact_radius
@@ -155,7 +175,20 @@ def judged(shape: PressShape, pixels: PixelSample, left: Array, ball_radius: flo
         contact_radius_px=shape.contact_radius,
         quality=float(1 - (left**2).sum() / max((changed**2).sum(), 1e-12)),
         contrast_grey=float(np.sqrt((pattern[inside] ** 2).mean())) if inside.any() else 0.0,
+        center_error_px=float(np.hypot(*errors[:2])),
+        radius_error_px=float(errors[2]),
     )
+
+
+def _errors(shape: PressShape, pixels: PixelSample, residual: FreeResponse[PressShape], ball_radius: float) -> Array:
+    """(3,) standard errors of centre and contact radius, px.
+
+    Where the border cuts the circle, what the light is taken to do decides more than noise: so how far the circle moves
+    under a simpler response is an error too.
+    """
+    scatter = standard_errors(residual, shape, pixels.parts())
+    other = fitted(free_response(pixels, ball_radius, SIMPLE), shape, ball_radius)
+    return np.hypot(scatter, other.vector() - shape.vector())[:3]
 
 
 def _check_press(circle: PressCircle, ball: Ball) -> None:
@@ -168,7 +201,8 @@ def _check_press(circle: PressCircle, ball: Ball) -> None:
     if circle.quality < LEAST_QUALITY:
         raise InputError(
             f"no single ball of {ball.radius_mm:g} mm: its pattern explains {100 * circle.quality:.0f} % of what "
-            f"changed, at least {100 * LEAST_QUALITY:.0f} % are needed: press one clean ball, check its radius"
+            f"changed, at least {100 * LEAST_QUALITY:.0f} % are needed: press one clean and smooth ball, check its "
+            "radius"
         )
     least = max(_LEAST_SHARE * ball.radius_px, _LEAST_RADIUS_PX)
     if radius < least:
@@ -183,17 +217,24 @@ def _check_press(circle: PressCircle, ball: Ball) -> None:
         )
 
 
-def _check_view(circle: PressCircle, image_shape: tuple[int, ...]) -> None:
-    """Refuse a circle that is cut by the border of the image."""
+def _check_view(circle: PressCircle, ball: Ball, image_shape: tuple[int, ...], least_view: float) -> None:
+    """Refuse a circle of which the border of the image leaves too little."""
     height, width = image_shape[:2]
     angle = np.linspace(0, 2 * np.pi, 360, endpoint=False)
     x = circle.center_x_px + circle.contact_radius_px * np.cos(angle)
     y = circle.center_y_px + circle.contact_radius_px * np.sin(angle)
     seen = float(((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)).mean())
-    if seen < _LEAST_VIEW:
+    if seen < least_view:
         raise InputError(
             f"the press is off the image: {100 * seen:.0f} % of the circle around ({circle.center_x_px:.0f}, "
-            f"{circle.center_y_px:.0f}) px is seen: press nearer to the middle"
+            f"{circle.center_y_px:.0f}) px is seen, at least {100 * least_view:.0f} % are needed: press nearer to the "
+            "middle"
+        )
+    if seen < WHOLE and circle.center_error_px > _MOST_ERROR * ball.radius_px:
+        raise InputError(
+            f"the circle is uncertain: {100 * seen:.0f} % of it is seen, and its centre is known to "
+            f"{circle.center_error_px:.1f} px, at most {_MOST_ERROR * ball.radius_px:.1f} px may be: press nearer to "
+            "the middle"
         )
 
 

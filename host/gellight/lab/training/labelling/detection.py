@@ -18,7 +18,7 @@ from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import COLUMNS, QUALITY, REFUSED
-from gellight.lab.training.labelling.circle import PressCircle, find_circle, find_circles
+from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle, find_circles
 from gellight.lab.training.labelling.plate import PlateGrid, plate_grid
 from gellight.lab.training.labelling.prism import find_prism
 from gellight.lab.training.presses import Ball
@@ -70,7 +70,7 @@ def detect(
 
     progress is called with (images done, images, quality of the last, 0 where it was refused).
     """
-    return _detected(images, lambda image: find_circle(image, reference, ball=ball), dots, progress)
+    return _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots, progress)
 
 
 def detect_prisms(

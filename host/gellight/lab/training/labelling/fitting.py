@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 Array = NDArray[np.float64]
 _ROBUST_GREY = 4.0
 """residuals beyond it count by their size, not its square: scratches, shadows, dust"""
+_ALIKE = 3.0
 _BLOCK = 64
 """columns that LAPACK works on at a time"""
 
@@ -76,6 +77,28 @@ def least(residual: Residual[Shape], begin: Shape, bounds: Bounds) -> Shape:
         max_nfev=bounds.evaluations,
     )
     return take(found.x)
+
+
+def standard_errors(residual: Residual[Shape], shape: Shape, part: NDArray[np.intp]) -> Array:
+    """Return the (P,) errors of a shape that `least` has found; part: (N,) number of the part of each pixel.
+
+    What a pattern leaves unexplained is alike in neighbours, so the parts, not the pixels, count as independent (Liang
+    and Zeger 1986): with the weights w of the robust loss, and sums over the pixels of a part in the middle, the
+    covariance is
+
+        (J' w J)^-1  sum_parts (J' w r)(J' w r)'  (J' w J)^-1
+
+    and, as parts that touch are alike too, three times its standard deviations are returned.
+    """
+    left, jacobian = residual.left(shape), residual.jacobian(shape)
+    weighted = jacobian / np.sqrt(1 + (left.T / _ROBUST_GREY) ** 2)
+    pulls = np.einsum("pcn,nc->np", weighted, left)
+    square = np.einsum("pcn,qcn->pq", weighted, jacobian)
+    size = np.sqrt(np.maximum(np.diag(square), 1e-12))
+    inverse = np.linalg.pinv(square / np.outer(size, size), rcond=1e-6) / np.outer(size, size)
+    sums = np.zeros((int(part.max()) + 1, len(square)))
+    np.add.at(sums, part, pulls)
+    return np.asarray(_ALIKE * np.sqrt(((sums @ inverse) ** 2).sum(axis=0)))
 
 
 def cost(left: Array) -> float:

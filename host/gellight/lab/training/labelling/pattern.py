@@ -8,6 +8,7 @@ depth (a gel that is lit white darkens with it), with unknown coefficients for e
 robust least squares, with these coefficients eliminated.
 """
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -28,6 +29,10 @@ _WINDOW = 1.6
 """in contact radii"""
 _STARTS = (0.35, 0.65, 1.0)
 """of the radius first guessed: a wide flat skirt looks like contact, so smaller circles are tried too"""
+_FIELDS = 6
+"""to each side, whose pixels count as one when errors are told: more or less what one leaves alike"""
+SIMPLE = (0, 1, 2, 8)
+"""columns of the response: what is linear in the normal, and the depth"""
 DARK_GREY = 8.0
 LEAST_GREY = 3.0
 LEAST_QUALITY = 0.8
@@ -143,6 +148,13 @@ class PixelSample:
         few = len(self.x) // 4
         return PixelSample(x=self.x[:few], y=self.y[:few], colour=self.colour[:few])
 
+    def parts(self) -> NDArray[np.intp]:
+        """(N,) number of the field that each pixel lies in, of 6 x 6 over all of them."""
+        places = np.stack([self.x, self.y])
+        low, high = places.min(axis=1, keepdims=True), places.max(axis=1, keepdims=True) + 1
+        column, row = (_FIELDS * (places - low) / (high - low)).astype(np.intp)
+        return np.asarray(_FIELDS * row + column)
+
 
 def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
     """Return the (H, W, 3) difference image, slightly blurred, without the drift of the light; raises InputError."""
@@ -182,15 +194,15 @@ def sampled_around(
     return PixelSample(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
 
 
-def free_response(pixels: PixelSample, ball_radius: float) -> FreeResponse[PressShape]:
-    """Return what a press leaves of the colours around it when the response of the light is free."""
+def free_response(pixels: PixelSample, ball_radius: float, terms: Sequence[int] = range(9)) -> FreeResponse[PressShape]:
+    """Return what a press leaves of the colours around it when the response of the light is free in these columns."""
 
     def columns(shape: PressShape) -> Array:
         at = pixels.x, pixels.y, shape, ball_radius
-        return np.concatenate([background(*at), response(*at)], axis=1)
+        return np.concatenate([background(*at), response(*at)[:, terms]], axis=1)
 
     return FreeResponse(
-        pixels.colour, columns, lambda shape: response_derivatives(pixels.x, pixels.y, shape, ball_radius)
+        pixels.colour, columns, lambda shape: response_derivatives(pixels.x, pixels.y, shape, ball_radius)[:, terms]
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.pixel_grid import block_means
-from gellight.lab.training.labelling.fitting import Bounds, Residual, cost, least, without
+from gellight.lab.training.labelling.fitting import Bounds, Residual, cost, least, standard_errors, without
 from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
@@ -21,15 +21,25 @@ from gellight.lab.training.labelling.pattern import (
     check_clipped,
     difference_image,
 )
-from gellight.lab.training.labelling.prism_pattern import EdgeShape, columns, face, free_response, response
+from gellight.lab.training.labelling.prism_pattern import (
+    SIMPLE,
+    EdgeShape,
+    Slopes,
+    columns,
+    face,
+    free_response,
+    lean_of,
+    response,
+    slopes_of,
+)
 from gellight.lab.training.labelling.search import explained
-from gellight.lab.training.prisms import PrismPress
+from gellight.lab.training.prisms import PrismPress, most_lean_deg, sure_lean_rad
 
 Array = NDArray[np.float64]
 LEAST_FACE_PX = 5.0
 """narrower faces are nothing but rounded edge and rim"""
-MOST_LEAN_DEG, MOST_RISE_DEG = 4.0, 2.0
-"""how far the prism may lean to one side, and its edge rise, before the angle of its faces says little"""
+MOST_RISE_DEG = 2.0
+"""how far its edge may rise before the angle of its faces says little"""
 _FITTED_PIXELS = 1500
 _COARSE_PX = 64.0
 """the longer side of the shrunken image that is searched"""
@@ -68,7 +78,9 @@ class PrismContact:
     contrast_grey: float
     """root mean square of that pattern on the faces, grey levels"""
     lean_deg: float
-    """how far the prism leans to one side, by how much wider one face touches"""
+    """how far the prism leans to one side, by how much wider one face touches; of that face the slope is less"""
+    lean_error_deg: float
+    """standard error"""
     rise_deg: float
     """how far its edge rises along itself, by how the contact widens"""
     rounding_px: float
@@ -85,6 +97,7 @@ class PrismContact:
             "angle_deg": round(degrees(self.angle_rad), 3),
             "quality": round(self.quality, 3),
             "lean_deg": round(self.lean_deg, 2),
+            "lean_error_deg": round(self.lean_error_deg, 2),
             "rise_deg": round(self.rise_deg, 2),
         }
 
@@ -95,6 +108,7 @@ class PrismContact:
             edge_px=(self.edge_x1_px, self.edge_y1_px, self.edge_x2_px, self.edge_y2_px),
             face_px=self.face_px,
             angle_rad=self.angle_rad,
+            lean_rad=sure_lean_rad(self.lean_deg, self.lean_error_deg),
             rounding_px=self.rounding_px,
         )
 
@@ -116,22 +130,24 @@ def find_prism(image: NDArray[np.uint8], reference: NDArray[np.number], *, angle
     reference: (H, W, 3) of the untouched gel, grey levels; angle_rad: between each face and the gel at rest.
     Raises InputError with the reason where there is no prism, or its faces say little.
     """
-    slope = tan(angle_rad)
+    slopes = slopes_of(angle_rad, 0.0)
     difference = difference_image(image, reference)
-    middle, shape = _first_guess(difference, slope)
+    middle, shape = _first_guess(difference, slopes)
     reach = _LONG * face(shape)
-    shape = _fitted(_strip(difference, middle, shape).sampled((-reach, reach)), shape, slope)
+    shape = _fitted(_strip(difference, middle, shape).sampled((-reach, reach)), shape, slopes)
     strip = _strip(difference, middle, shape)
-    ends = _ends(strip, shape, slope)
+    ends = _ends(strip, shape, slopes)
     pixels = strip.sampled(ends)
-    shape = _fitted(pixels, shape, slope)
-    contact = _contact(middle, shape, ends, pixels, slope, image.shape)
+    shape = _fitted(pixels, shape, slopes)
+    slopes = slopes_of(angle_rad, lean_of(shape, angle_rad))
+    shape = _solved(free_response(pixels, slopes), shape)
+    contact = _contact(middle, shape, ends, pixels, slopes, angle_rad, image.shape)
     _check(contact)
     check_clipped(image, reference, contact.press(Path()).faces(image.shape[:2]) != 0, "on the faces")
     return contact
 
 
-def _first_guess(difference: Array, slope: float) -> tuple[tuple[float, float], EdgeShape]:
+def _first_guess(difference: Array, slopes: Slopes) -> tuple[tuple[float, float], EdgeShape]:
     """Middle of the window, px, and the shape, by a matched filter over places, turns and widths."""
     side = max(1, round(max(difference.shape[:2]) / _COARSE_PX))
     small: Array = block_means(difference, side)
@@ -146,9 +162,9 @@ def _first_guess(difference: Array, slope: float) -> tuple[tuple[float, float], 
                 step_length=width / 4, skirt_length=2 * width,
             )  # fmt: skip
             along, across = shape.along_across(x, y)
-            pattern = response(along, across, shape, slope)[:, [0, 1, 4]]
+            pattern = response(along, across, shape, slopes)[:, [0, 1, 4]]
             pattern *= (np.hypot(along, across) <= reach)[:, None]
-            gain = explained(small, pattern)
+            gain = explained(small, np.ones(small.shape[:2]), pattern)
             place = np.unravel_index(int(gain.argmax()), gain.shape)
             if best is None or gain[place] > best[0]:
                 best = float(gain[place]), (int(place[0]), int(place[1])), shape
@@ -185,10 +201,10 @@ def _strip(difference: Array, middle: tuple[float, float], shape: EdgeShape) -> 
     return _Strip(difference=difference, middle=middle, near=near, along=along.ravel()[near])
 
 
-def _fitted(pixels: PixelSample, shape: EdgeShape, slope: float) -> EdgeShape:
+def _fitted(pixels: PixelSample, shape: EdgeShape, slopes: Slopes) -> EdgeShape:
     """Return the shape that leaves least of the colours; the best few of a grid of places and widths begin."""
 
-    residual, few = free_response(pixels, slope), free_response(pixels.few(), slope)
+    residual, few = free_response(pixels, slopes), free_response(pixels.few(), slopes)
     grid = [
         replace(shape, offset=shape.offset + place * face(shape), before=share * shape.before,
                 behind=share * shape.behind, step_length=share * shape.step_length)
@@ -208,29 +224,29 @@ def _solved(residual: Residual[EdgeShape], begin: EdgeShape) -> EdgeShape:
     return least(residual, inside, Bounds(low=low, high=high, scale=scale, evaluations=40))
 
 
-def _ends(strip: _Strip, shape: EdgeShape, slope: float) -> tuple[float, float]:
+def _ends(strip: _Strip, shape: EdgeShape, slopes: Slopes) -> tuple[float, float]:
     """Return how far the pattern goes along the edge to both sides, px: slab by slab, as long as it explains them."""
     wide = face(shape)
     ends = [-_LONG * wide, _LONG * wide]
     for side, sign in ((0, -1), (1, 1)):
         while True:
             inside = strip.sampled((ends[0], ends[1]))
-            amounts, *_ = np.linalg.lstsq(columns(inside, shape, slope), inside.colour, rcond=None)
+            amounts, *_ = np.linalg.lstsq(columns(inside, shape, slopes), inside.colour, rcond=None)
             further = ends[side] + sign * _SLAB * wide
             slab = strip.sampled((min(ends[side], further), max(ends[side], further)))
             if len(slab.x) < _SLAB * wide * _SKIRT * wide or _unlike(
-                slab, shape, slope, np.asarray(amounts, np.float64)
+                slab, shape, slopes, np.asarray(amounts, np.float64)
             ):
                 break
             ends[side] = further
     return ends[0], ends[1]
 
 
-def _unlike(slab: PixelSample, shape: EdgeShape, slope: float, amounts: Array) -> bool:
+def _unlike(slab: PixelSample, shape: EdgeShape, slopes: Slopes, amounts: Array) -> bool:
     """Whether a response that fits elsewhere along the edge leaves much of a slab unexplained."""
     even = np.ones((len(slab.x), 1))
     seen = without(even, slab.colour)
-    left = seen - without(even, columns(slab, shape, slope) @ amounts)
+    left = seen - without(even, columns(slab, shape, slopes) @ amounts)
     return bool((left**2).sum() > (1 - _LIKE) * (seen**2).sum())
 
 
@@ -239,17 +255,17 @@ def _contact(
     shape: EdgeShape,
     ends: tuple[float, float],
     pixels: PixelSample,
-    slope: float,
+    slopes: Slopes,
+    angle_rad: float,
     image_shape: tuple[int, ...],
 ) -> PrismContact:
-    quality, contrast = _judged(shape, pixels, slope)
+    quality, contrast = _judged(shape, pixels, slopes)
     across = (-sin(shape.turn), cos(shape.turn))
     foot = middle[0] + shape.offset * across[0], middle[1] + shape.offset * across[1]
     inset = _SLAB * face(shape)  # the gel leaves the faces before their ends
     inner = _clipped(foot, shape.turn, (ends[0] + inset, ends[1] - inset), image_shape)
     x1, x2 = (foot[0] + end * cos(shape.turn) for end in inner)
     y1, y2 = (foot[1] + end * sin(shape.turn) for end in inner)
-    uneven = (shape.behind - shape.before) / (shape.behind + shape.before)
     return PrismContact(
         edge_x1_px=x1,
         edge_y1_px=y1,
@@ -258,11 +274,22 @@ def _contact(
         face_px=min(shape.before, shape.behind) - abs(shape.widening) * (ends[1] - ends[0]) / 2,
         quality=quality,
         contrast_grey=contrast,
-        lean_deg=degrees(atan(2 * slope / pi * np.arcsin(uneven))),
-        rise_deg=degrees(atan(slope * shape.widening)),
+        lean_deg=degrees(lean_of(shape, angle_rad)),
+        lean_error_deg=degrees(_lean_error(shape, pixels, slopes, angle_rad)),
+        rise_deg=degrees(atan(tan(angle_rad) * shape.widening)),
         rounding_px=shape.rounding,
-        angle_rad=atan(slope),
+        angle_rad=angle_rad,
     )
+
+
+def _lean_error(shape: EdgeShape, pixels: PixelSample, slopes: Slopes, angle: float) -> float:
+    """Return the standard error of the lean, rad: by scatter, a simpler response, and the thickness nobody knows."""
+    residual, lean = free_response(pixels, slopes), lean_of(shape, angle)
+    errors = standard_errors(residual, shape, pixels.parts())
+    by_before = lean_of(replace(shape, before=shape.before + errors[2]), angle) - lean
+    by_behind = lean_of(replace(shape, behind=shape.behind + errors[3]), angle) - lean
+    by_light = lean_of(_solved(free_response(pixels, slopes, SIMPLE), shape), angle) - lean
+    return hypot(by_before, by_behind, by_light, (lean_of(shape, angle, 1.0) - lean_of(shape, angle, 0.0)) / 12**0.5)
 
 
 def _clipped(
@@ -277,9 +304,9 @@ def _clipped(
     return low, max(low, high)
 
 
-def _judged(shape: EdgeShape, pixels: PixelSample, slope: float) -> tuple[float, float]:
+def _judged(shape: EdgeShape, pixels: PixelSample, slopes: Slopes) -> tuple[float, float]:
     """Share of what changed that the pattern explains, and its root mean square on the faces, grey levels."""
-    pattern = columns(pixels, shape, slope)
+    pattern = columns(pixels, shape, slopes)
     changed = without(pattern[:, :3], pixels.colour)
     left = without(pattern, pixels.colour)
     _, across = shape.along_across(pixels.x, pixels.y)
@@ -300,11 +327,12 @@ def _check(contact: PrismContact) -> None:
             f"no prism: its pattern explains {100 * contact.quality:.0f} % of what changed, at least "
             f"{100 * LEAST_QUALITY:.0f} % are needed, along {contact.length_px:.0f} px of edge: press one straight edge"
         )
-    if abs(contact.lean_deg) > MOST_LEAN_DEG or abs(contact.rise_deg) > MOST_RISE_DEG:
+    most = most_lean_deg(degrees(contact.angle_rad))
+    if abs(contact.lean_deg) > most or abs(contact.rise_deg) > MOST_RISE_DEG:
         raise InputError(
-            f"no upright prism: it leans by {abs(contact.lean_deg):.1f} degrees to one side (at most "
-            f"{MOST_LEAN_DEG:g}) and its edge rises by {abs(contact.rise_deg):.1f} (at most {MOST_RISE_DEG:g}): "
-            "press one prism, upright"
+            f"no upright prism: it leans by {abs(contact.lean_deg):.1f} +- {contact.lean_error_deg:.1f} degrees to one "
+            f"side (at most {most:g}) and its edge rises by {abs(contact.rise_deg):.1f} (at most "
+            f"{MOST_RISE_DEG:g}): press one prism, upright"
         )
     if contact.face_px < max(LEAST_FACE_PX, contact.rounding_px / _SHARPEST):
         raise InputError(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,10 @@ _COARSE_BALL_PX = 10.0
 _SHARES = np.linspace(0.25, 0.95, 8)
 _SUPPORT = 1.8
 """in contact radii: how far the pattern is looked for"""
+_LONGEST_PX = 40.0
+"""longer side of the shrunken image at least, where balls are large"""
+_RARE = 0.05
+"""of a pattern: a place that shows less of it explains little"""
 _APART = 1.5
 """in ball radii: two balls are at least 2 apart"""
 
@@ -31,17 +36,14 @@ class Candidate:
     """what the pattern explains: sum of squares over the image and its channels, grey levels squared"""
 
 
-def best_candidate(difference: Array, ball_radius: float) -> Candidate:
+def best_candidate(difference: Array, ball_radius: float, beyond: float = 0.0) -> Candidate:
     """Return where the pattern lowers the sum of squares of the (H, W, 3) difference image most.
 
     At each place and for each radius the best response of the light is solved for by least squares, so no light
-    direction need be known (generalised likelihood ratio). ball_radius in px.
+    direction need be known (generalised likelihood ratio). ball_radius in px; beyond: of it, how far off the picture
+    the centre may lie.
     """
-    side = max(1, round(ball_radius / _COARSE_BALL_PX))
-    image: Array = block_means(difference, side)
-    gains = np.stack([_gain(image, share * ball_radius / side, ball_radius / side) for share in _SHARES])
-    number, row, column = (int(n) for n in np.unravel_index(int(gains.argmax()), gains.shape))
-    return _candidate(gains, number, row, column, side, ball_radius)
+    return _Shrunken.of(difference, ball_radius, beyond).best()
 
 
 def candidates(difference: Array, ball_radius: float) -> Iterator[Candidate]:
@@ -50,16 +52,51 @@ def candidates(difference: Array, ball_radius: float) -> Iterator[Candidate]:
     Between two balls a pattern explains some of both. So what counts here is what it explains times the square of the
     share that this is of all that changed there.
     """
-    side = max(1, round(ball_radius / _COARSE_BALL_PX))
-    image: Array = block_means(difference, side)
-    gains = np.stack([_gain(image, share * ball_radius / side, ball_radius / side) for share in _SHARES])
-    changed = np.stack([_changed(image, share * ball_radius / side) for share in _SHARES])
-    score = gains * (gains / np.maximum(changed, 1e-9 + 1e-3 * changed.max())) ** 2
+    small = _Shrunken.of(difference, ball_radius, 0.0)
+    changed = np.stack([_changed(small.image, share * small.ball_radius) for share in _SHARES])
+    score = small.gains * (small.gains / np.maximum(changed, 1e-9 + 1e-3 * changed.max())) ** 2
     rows, columns = np.indices(score.shape[1:])
     while (score > 0).any():
         number, row, column = (int(n) for n in np.unravel_index(int(score.argmax()), score.shape))
-        yield _candidate(gains, number, row, column, side, ball_radius)
-        score[:, np.hypot(rows - row, columns - column) < _APART * ball_radius / side] = 0
+        yield small.candidate(number, row, column)
+        score[:, np.hypot(rows - row, columns - column) < _APART * small.ball_radius] = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shrunken:
+    """The difference image as it is searched, and how much the pattern explains at each place."""
+
+    image: Array
+    """(h, w, 3), 0 beyond the border"""
+    side: int
+    """px of the picture in one of it"""
+    beyond: int
+    """pixels beyond each border"""
+    ball_radius: float
+    """its pixels"""
+    gains: Array
+    """(8, h, w)"""
+
+    @classmethod
+    def of(cls, difference: Array, ball_radius: float, beyond: float) -> Self:
+        side = max(1, round(min(ball_radius / _COARSE_BALL_PX, max(difference.shape[:2]) / _LONGEST_PX)))
+        radius, margin = ball_radius / side, round(beyond * ball_radius / side)
+        image: Array = block_means(difference, side)
+        seen = np.pad(np.ones(image.shape[:2]), margin)
+        image = np.pad(image, ((margin, margin), (margin, margin), (0, 0)))
+        gains = np.stack([_gain(image, seen, share * radius, radius) for share in _SHARES])
+        return cls(image=image, side=side, beyond=margin, ball_radius=radius, gains=gains)
+
+    def best(self) -> Candidate:
+        return self.candidate(*(int(n) for n in np.unravel_index(int(self.gains.argmax()), self.gains.shape)))
+
+    def candidate(self, number: int, row: int, column: int) -> Candidate:
+        return Candidate(
+            center_x=(column - self.beyond + 0.5) * self.side - 0.5,
+            center_y=(row - self.beyond + 0.5) * self.side - 0.5,
+            contact_radius=float(_SHARES[number]) * self.ball_radius * self.side,
+            gain=float(self.gains[number, row, column]) * self.side**2,
+        )
 
 
 def _changed(image: Array, contact_radius: float) -> Array:
@@ -70,18 +107,9 @@ def _changed(image: Array, contact_radius: float) -> Array:
     return np.asarray(_correlated((image**2).sum(axis=2, keepdims=True), disc[None])[0])
 
 
-def _candidate(gains: Array, number: int, row: int, column: int, side: int, ball_radius: float) -> Candidate:
-    return Candidate(
-        center_x=(column + 0.5) * side - 0.5,
-        center_y=(row + 0.5) * side - 0.5,
-        contact_radius=float(_SHARES[number]) * ball_radius,
-        gain=float(gains[number, row, column]) * side**2,
-    )
-
-
-def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
+def _gain(image: Array, seen: Array, contact_radius: float, ball_radius: float) -> Array:
     """(H, W) sum of squares that the pattern explains when its centre is at each pixel."""
-    reach = min(int(np.ceil(_SUPPORT * contact_radius)), min(image.shape[:2]) // 2)
+    reach = min(int(np.ceil(_SUPPORT * contact_radius)), max(image.shape[:2]) // 2)
     y, x = (axis.ravel() for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64))
     shape = PressShape(
         center_x=0, center_y=0, contact_radius=contact_radius, step_share=0.0, skirt_length=0.6 * contact_radius
@@ -89,15 +117,23 @@ def _gain(image: Array, contact_radius: float, ball_radius: float) -> Array:
     # The linear part of the response and the depth are enough to find the place.
     pattern = response(x, y, shape, ball_radius)[:, [0, 1, 2, -1]]
     pattern *= (np.hypot(x, y) < _SUPPORT * contact_radius)[:, None]
-    return explained(image, pattern)
+    return explained(image, seen, pattern)
 
 
-def explained(image: Array, pattern: Array) -> Array:
-    """(H, W) sum of squares of (H, W, C) that the columns of (n * n, K) explain when they are centred at each pixel."""
+def explained(image: Array, seen: Array, pattern: Array) -> Array:
+    """(H, W) sum of squares of (H, W, C) that the columns of (n * n, K) explain when they are centred at each pixel.
+
+    seen: (H, W) 1 inside the picture, 0 beyond its border, where the image is 0 too and counts for nothing.
+    """
     side = round(len(pattern) ** 0.5)
     orthogonal, _ = np.linalg.qr(pattern)
+    number = orthogonal.shape[1]
     kernels = orthogonal.T.reshape(-1, side, side)
-    return np.asarray((_correlated(image, kernels) ** 2).sum(axis=0))
+    products = (kernels[:, None] * kernels).reshape(-1, side, side)
+    along = _correlated(image, kernels).reshape(number, -1, *seen.shape).transpose(2, 3, 0, 1)
+    square = _correlated(seen[..., None], products).reshape(number, number, *seen.shape).transpose(2, 3, 0, 1)
+    amounts = np.linalg.solve(square + _RARE * np.eye(number), along)
+    return np.asarray((along * amounts).sum(axis=(2, 3)))
 
 
 def _correlated(image: Array, kernels: Array) -> Array:
