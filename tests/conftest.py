@@ -25,11 +25,12 @@ TESTS = Path(__file__).parent
 LONGEST = (
     "vm", "test_first_hour.py", "firmware/test_mutants.py", "host/cli/test_signals.py", "soak/test_soak.py",
     "host/cli/test_calibrate.py", "host/cli/test_several_sensors.py", "firmware/test_fuzz.py",
-    "host/lab/calibration/test_routine.py", "host/dashboard/test_page_layout.py", "host/dashboard/test_page.py",
+    "host/daemon/test_matrix.py", "host/lab/calibration/test_routine.py",
+    "host/dashboard/test_page_layout.py", "host/dashboard/test_page.py",
     "host/sensor/lighting/test_sequenced.py", "host/lab/optics/lights/test_channel_fit.py",
     "host/dashboard/test_wizard_layout.py", "host/cli/test_demo.py", "host/watch/test_monitor.py",
     "host/cli/test_without_torch.py", "host/dashboard/test_page_decodes.py", "host/reconstruction/test_native_path.py",
-    "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/lab/design/test_report.py",
+    "host/watch/test_rezero.py", "host/stream/test_recorder.py", "paper/test_report.py",
     "host/stream/test_lerobot.py", "sim_reference/test_fem_gel.py", "host/stream/test_subscription.py",
     "host/dashboard/test_page_measure.py", "host/daemon/test_modes.py", "host/cli/test_service.py",
     "host/dashboard/test_page_in_use.py",
@@ -41,6 +42,8 @@ class ByFile(LoadFileScheduling):
     """Keep the tests of a file in one process, and all that share the virtual machine; in the order they come."""
 
     def _split_scope(self, nodeid: str) -> str:
+        if "test_matrix.py" in nodeid:  # its rows know nothing of each other, and take minutes
+            return nodeid
         return "vm" if nodeid.startswith("tests/vm/") else super()._split_scope(nodeid)
 
 

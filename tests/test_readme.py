@@ -84,6 +84,15 @@ def test_every_command_in_the_documents_can_be_typed(document: str, words: str, 
     parse(words, complete)
 
 
+def test_no_command_stands_outside_a_block_or_behind_another_one() -> None:
+    for path in {*DOCUMENTS, ROOT / "firmware/README.md"}:
+        text = path.read_text()
+        outside = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+        assert re.findall(r"^    gellight .*", outside, re.MULTILINE) == [], f"{path.name}: give it a block of its own"
+        for words, _ in commands(text):
+            assert " gellight " not in words.partition("#")[0], f"{path.name}: {words}"
+
+
 def test_every_kind_of_command_is_found() -> None:
     text = "`gellight a`\n| `gellight b --c` |\n```\nsudo gellight d \\\n  e # f\n.venv/bin/gellight g\n```\n"
     assert [(words.split(), complete) for words, complete in commands(text)] == [

@@ -15,16 +15,19 @@ from dataclasses import asdict
 from functools import partial
 
 from gellight.base.errors import InputError
+from tests.soak.judging import Invariant
+from tests.soak.resources import one_arena
 from tests.soak.run import Report, soak
 
 
 def main() -> int:
-    """Run a simulated sensor through the faults of a seed; return 1 where something did not hold."""
+    """Run a simulated sensor through the faults of a seed; return 1 where something did not hold or was not judged."""
     parser = argparse.ArgumentParser("python -m tests.soak", description="Quiet time between faults is cut short.")
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
     parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
+    one_arena()
     logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
     try:
         report = soak(options.faults, options.hours, partial(print, file=sys.stderr, flush=True))
@@ -44,7 +47,14 @@ def table(report: Report) -> str:
     ]
     lines += [f"{kind:20}{one.count:6d}{one.worst_recovery_s:15.2f} s" for kind, one in sorted(report.faults.items())]
     lines += [f"broken after {one.at_s:.1f} s: {one.invariant}: {one.text}" for one in report.violations]
-    return "\n".join([*lines, "everything held" if report.passed else f"{len(report.violations)} violations"])
+    lines += [f"not judged: {invariant}" for invariant in report.not_judged]
+    return "\n".join([*lines, "everything held" if report.passed else _failed(report)])
+
+
+def _failed(report: Report) -> str:
+    """Return why a soak did not pass."""
+    told = f"{len(report.violations)} violations, {len(report.not_judged)} of {len(Invariant)} not judged"
+    return f"{told}: a longer run on an idle machine judges more" if report.not_judged else told
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -79,6 +80,8 @@ class Judge:
     def __init__(self, sensor: SoakSensor) -> None:
         """Judge frames of `sensor`."""
         self.violations: list[Violation] = []
+        self.judged: Counter[Invariant] = Counter()
+        """how often each was looked at: what was never judged did not hold"""
         self.frames = self.labels = self.unjudged = 0
         """frames that were judged; clean labels among them; clean labels while the emulator lagged, not judged"""
         self.newest_start_s = -np.inf
@@ -94,6 +97,15 @@ class Judge:
             self.violations.append(Violation(time.monotonic() - self._begun_s, invariant, text))
         logger.error("%s: %s", invariant, text)
 
+    def looked_at(self, *invariants: Invariant) -> None:
+        """Note that these were judged once more."""
+        with self._lock:
+            self.judged.update(invariants)
+
+    def not_judged(self) -> list[Invariant]:
+        """Return what was never judged."""
+        return [invariant for invariant in Invariant if not self.judged[invariant]]
+
     def begin_stream(self) -> None:
         """Begin with the frames of another daemon, which counts anew."""
         self._sequence = -1
@@ -101,6 +113,7 @@ class Judge:
     def frame(self, frame: CameraFrame, *, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None) -> None:
         """Judge a frame that was delivered: under the still light (12, 3), or a sequence of groups (n, 12, 3)."""
         self.frames += 1
+        self.looked_at(Invariant.WHOLE)
         try:
             number = read_number(frame.image)
         except InputError as error:
@@ -115,6 +128,7 @@ class Judge:
 
     def _is_new(self, frame: CameraFrame, exposure: Exposure) -> bool:
         """Judge whether the frame is newer than the one before, and as new as it says."""
+        self.looked_at(Invariant.FRESH)
         before, self._sequence = self._sequence, frame.sequence
         old, self._number = self._number, max(exposure.number, self._number)
         if frame.sequence <= before:
@@ -132,7 +146,10 @@ class Judge:
         self, frame: CameraFrame, exposure: Exposure, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None
     ) -> bool:
         if groups is None:
-            if light is not None and (exposure.lights != light).any():
+            if light is None:
+                return True
+            self.looked_at(Invariant.LIGHT)
+            if (exposure.lights != light).any():
                 self.broken(Invariant.LIGHT, f"frame {frame.sequence} was exposed under another light than was set")
                 return False
             return True
@@ -142,6 +159,7 @@ class Judge:
             self.unjudged += 1
             return True
         self.labels += 1
+        self.looked_at(Invariant.LABEL)
         if (exposure.lights != groups[frame.label.group]).any():
             self.broken(Invariant.LABEL, f"frame {frame.sequence} is labelled clean, group {frame.label.group}")
             return False

@@ -27,7 +27,7 @@ from gellight.recording.recording_file import CHUNK_BYTES
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
 from tests.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
-from tests.soak.resources import Holdings, handle_growth, memory_growth_mb
+from tests.soak.resources import FEWEST, FIRST_RESTS, Holdings, handle_growth, memory_growth_mb
 from tests.soak.shift import Shift
 
 logger = logging.getLogger(__name__)
@@ -70,15 +70,15 @@ class Report:
     """frames that were called clean, and judged"""
     unjudged_labels: int = 0
     """called clean while the emulator lagged behind the wall clock"""
-    recordings: int = 0
     memory_growth_mb: float = 0.0
     faults: dict[str, Outcome] = field(default_factory=dict)
     violations: list[Violation] = field(default_factory=list)
+    not_judged: list[Invariant] = field(default_factory=list)
 
     @property
     def passed(self) -> bool:
-        """Whether everything held."""
-        return not self.violations
+        """Whether everything was judged, and held."""
+        return not self.violations and not self.not_judged
 
 
 @dataclass(frozen=True)
@@ -168,6 +168,7 @@ class Soak:
             self.judge.broken(Invariant.RUNNING, f"a daemon did not start or end: {error}")
         self._expect_dark("the daemon ended")
         self.sensor.settle()
+        self.judge.looked_at(Invariant.FIRMWARE)
         self._rests.append(Holdings.now(time.monotonic() - self._begun_s))
 
     def _one(self, fault: PlannedFault, shift: Shift) -> float:
@@ -177,6 +178,7 @@ class Soak:
         except GellightError as error:
             self.judge.broken(Invariant.RUNNING, f"{fault.kind}: {error}")
         recovery_s = self._recover(fault.kind, shift)
+        self.judge.looked_at(Invariant.RUNNING, Invariant.RECOVERY)
         outcome = self.report.faults.setdefault(fault.kind, Outcome())
         outcome.count += 1
         outcome.worst_recovery_s = max(outcome.worst_recovery_s, recovery_s)
@@ -214,6 +216,7 @@ class Soak:
 
     def _expect_dark(self, why: str) -> None:
         """Wait as long, by the board's own clock, as it may shine on without its host; then it is dark."""
+        self.judge.looked_at(Invariant.DARK)
         begun_us = self.sensor.board_us()
         while self.sensor.lit():
             if self.sensor.board_us() - begun_us > DARK_WITHIN_S * 1e6:
@@ -317,8 +320,12 @@ class Soak:
     def _conclude(self, planned: list[PlannedFault]) -> Report:
         report, judge = self.report, self.judge
         growth, allowed = memory_growth_mb(self._samples)
+        if len(self._samples) >= FEWEST:
+            judge.looked_at(Invariant.MEMORY)
         if growth > allowed:
             judge.broken(Invariant.MEMORY, f"{growth:.1f} MB more in the last quarter than in the third")
+        if len(self._rests) > FIRST_RESTS:
+            judge.looked_at(Invariant.HANDLES)
         if self._rests and (more := handle_growth(self._rests)):
             judge.broken(Invariant.HANDLES, f"more than after the first two daemons: {more}")
         if self.sensor.board_faults:
@@ -326,7 +333,7 @@ class Soak:
         report.wall_s, report.starved_s = time.monotonic() - self._begun_s, self.patience.starved_s
         report.memory_growth_mb = growth
         report.frames, report.labels, report.unjudged_labels = judge.frames, judge.labels, judge.unjudged
-        report.violations = list(judge.violations)
+        report.violations, report.not_judged = list(judge.violations), judge.not_judged()
         return report
 
 

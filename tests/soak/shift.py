@@ -50,6 +50,7 @@ class Reader:
             word, _, rest = line.strip().partition(" ")
             if word == "frames":
                 self.frames = int(rest)
+                self._judge.looked_at(Invariant.READER)
             elif word == "bad":
                 self._judge.broken(Invariant.READER, rest)
 
@@ -124,7 +125,7 @@ class Shift:
     def _judge_frames(self) -> None:
         number, groups = 0, self._groups if self.sequenced else None
         light = None if self.sequenced else self._bundle.colours
-        with self.daemon.delivered.copied(KEPT_FRAMES) as frames:
+        with self.daemon.delivered.subscribe(KEPT_FRAMES) as frames:
             while not self._ended.is_set():
                 try:
                     number, felt = frames.take(number, POLL_S)
@@ -146,6 +147,7 @@ class Shift:
     def end_recording(self) -> None:
         """Finish the recording, and judge what can be read of it."""
         self.recorder.__exit__()
+        self.judge.looked_at(Invariant.RECORDING)
         path = self.recorder.path
         sequence, numbers = [], []
         try:

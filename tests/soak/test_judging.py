@@ -78,6 +78,14 @@ def test_a_wrong_label_is_noticed_unless_the_clocks_cannot_be_compared() -> None
         judge.frame(shown(number, label=clean), light=None, groups=GROUPS)
     assert broken(judge) == [Invariant.LABEL, Invariant.LABEL]
     assert (judge.labels, judge.unjudged) == (3, 1)
+    assert judge.judged[Invariant.LABEL] == 3
+
+
+def test_what_was_never_looked_at_is_named() -> None:
+    judge = judge_of(exposure(1))
+    assert judge.not_judged() == list(Invariant)
+    see(judge, shown(1))
+    assert set(Invariant) - set(judge.not_judged()) == {Invariant.WHOLE, Invariant.FRESH, Invariant.LIGHT}
 
 
 @pytest.mark.parametrize("number", [0, 1, 77_777, 2**32 - 1])

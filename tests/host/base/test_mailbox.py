@@ -75,7 +75,7 @@ def test_what_was_thrown_away_is_not_taken_and_numbers_go_on() -> None:
 
 def test_a_copy_may_keep_what_is_thrown_away_elsewhere() -> None:
     mailbox: Mailbox[str] = Mailbox()
-    with mailbox.copied(4) as passing, mailbox.copied(4, lasting=True) as lasting:
+    with mailbox.subscribe(4) as passing, mailbox.subscribe(4, lasting=True) as lasting:
         mailbox.put("old")
         mailbox.clear()
         mailbox.put("new")

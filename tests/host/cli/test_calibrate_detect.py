@@ -56,6 +56,20 @@ def test_the_csv_is_what_fit_reads_and_the_circles_are_right(folder: Path) -> No
         assert press.center_y_px == pytest.approx(y / PIXEL_MM + 119.5, abs=0.6)
 
 
+def test_a_press_whose_centre_is_off_the_picture_has_its_row_and_its_errors(folder: Path, tmp_path: Path) -> None:
+    scene = Scene(SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=PIXEL_MM), CameraResponse())
+    image = digitise(scene.show(Press("BALL", 1.5, -19.2, 2.0))[0], 1.0, np.random.default_rng(0))
+    cv2.imwrite(str(tmp_path / "cut.png"), image[..., ::-1])
+    result = run(folder, tmp_path / "cut.png", "--json", out=tmp_path / "presses.csv")
+    assert result.exit_code == 0, result.output
+    (found,) = json.loads(result.stdout)
+    ball = Ball(radius_mm=4, pixel_size_mm=PIXEL_MM)
+    (press,) = read_presses(tmp_path / "presses.csv", ball=ball, image_shape=(240, 320))
+    assert press.center_x_px == pytest.approx(159.5 - 19.2 / PIXEL_MM, abs=3 * found["center_error_px"])
+    assert 0 < found["center_error_px"] < 0.07 * ball.radius_px
+    assert found["radius_error_px"] > 0
+
+
 def test_a_refused_image_has_its_reason_and_is_passed_over(folder: Path, tmp_path: Path) -> None:
     images = [folder / f"{name}.png" for name in ("a", "nothing", "broken")]
     result = run(folder, *images, "--json", out=tmp_path / "presses.csv")

@@ -220,10 +220,14 @@ def test_the_screen_shows_where_the_edge_of_a_prism_was_found() -> None:
     from rich.console import Console
 
     edge = ShownEdge(
-        number=1, edge_x1_px=10.0, edge_y1_px=20.0, edge_x2_px=90.0, edge_y2_px=25.0, face_px=12.5, rounding_px=2.0
-    )
+        number=1, edge_x1_px=10.0, edge_y1_px=20.0, edge_x2_px=90.0, edge_y2_px=25.0, face_px=12.5, rounding_px=2.0,
+        lean_deg=-3.2, lean_error_deg=0.8,
+    )  # fmt: skip
     shown = Display(steps=("verify",))
     shown.update(press=edge)
-    console = Console(record=True, width=100)
+    console = Console(record=True, width=140)
     console.print(screen(shown, "", keys=False))
-    assert "edge from 10.0, 20.0 to 90.0, 25.0, faces 12.5 px wide (checked)" in console.export_text()
+    assert (
+        "edge from 10.0, 20.0 to 90.0, 25.0, faces 12.5 px wide, leaning by 3.2 +- 0.8 degrees (checked)"
+        in console.export_text()
+    )

@@ -3,6 +3,8 @@
 import errno
 import json
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,13 +14,22 @@ import typer
 from typer.testing import CliRunner, Result
 
 from gellight.base.errors import GellightError
-from gellight.bundle.bundle import extend_bundle, load_bundle
+from gellight.bundle.bundle import extend_bundle, load_bundle, save_bundle
+from gellight.cli.ending import Ending
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_image
-from gellight.lab.report.pictures import depth_bar, depth_picture, difference_picture, four_panels, normal_picture
+from gellight.lab.report.pictures import (
+    depth_bar,
+    depth_picture,
+    difference_picture,
+    four_panels,
+    normal_picture,
+    write_png,
+)
 from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.places import REAL_IMAGES
 from tests.helpers.weighed import force_files
 
 SHAPE = (120, 160)
@@ -61,10 +72,11 @@ def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path
             "depth_mm": (SHAPE, np.float32),
             "contact": (SHAPE, np.bool_),
             "confidence": (SHAPE, np.float32),
-            "doubts": (SHAPE, np.uint8),
+            "quality_flags": (SHAPE, np.uint8),
+            "findings": ((0,), np.dtype("<U1")),
         }
         assert maps["depth_mm"].max() == pytest.approx(0.4, abs=0.01)
-        assert maps["contact"].sum() == pytest.approx(np.pi * 2 * np.log(2) * 144, rel=0.05)
+        assert maps["contact"].sum() == pytest.approx(np.pi * 1.24**2 * 144, rel=0.05)
     assert read_image(tmp_path / "out" / "deep" / "press1.png").shape[0] > 2 * SHAPE[0]
     assert "press1.png" in result.stdout
     assert "indentation mm" in result.stdout
@@ -102,6 +114,71 @@ def test_json_has_the_contact_of_each_image(tmp_path: Path, bundle: Path) -> Non
     assert Path(contacts[2]["png"]).is_file()
     table = run(tmp_path / "in", "--calibration", bundle, "--out", tmp_path / "out").stdout
     assert "no contact" in table
+
+
+def of_gel(tmp_path: Path, thickness_mm: float) -> Path:
+    """A bundle of the linear sensor whose gel is so thick."""
+    bundle = linear_bundle(tmp_path / "told", SHAPE)
+    manifest = bundle.manifest.model_copy(update={"gel_thickness_mm": thickness_mm})
+    save_bundle(replace(bundle, manifest=manifest), tmp_path / "told", overwrite=True)
+    return tmp_path / "told"
+
+
+def findings(npz: Path) -> list[str]:
+    with np.load(npz) as maps:
+        return maps["findings"].tolist()
+
+
+def test_a_depth_that_the_gel_cannot_have_is_said_and_all_is_written(tmp_path: Path) -> None:
+    paths = [press(tmp_path / "in" / f"{name}.png", height) for name, height in (("deep", 8.0), ("fine", 4.0))]
+    result = run(*paths, "--calibration", of_gel(tmp_path, 0.3), "--out", tmp_path / "out")
+    assert result.exit_code == Ending.JUDGED_BAD
+    assert result.stdout.count("too_deep: 0.4 mm deep in a gel that is 0.3 mm thick: the bundle is of another") == 1
+    (finding,) = findings(tmp_path / "out" / "deep.npz")
+    assert finding in result.stdout
+    assert findings(tmp_path / "out" / "fine.npz") == []
+    assert result.stderr == ""
+    rows = json.loads(run(*paths, "--calibration", tmp_path / "told", "--out", tmp_path / "out", "--json").stdout)
+    assert [row["findings"] for row in rows] == [[finding], []]
+
+
+def test_a_bundle_that_does_not_know_its_gel_says_so_and_the_settings_may_tell(
+    tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = press(tmp_path / "1.png")
+    result = run(path, "--calibration", bundle, "--out", tmp_path / "out")
+    assert result.exit_code == Ending.DONE
+    assert "no depth was judged, since nobody told how thick the gel is" in result.stderr
+    monkeypatch.setenv("GELLIGHT_GEOMETRY_GEL_THICKNESS_MM", "0.3")
+    result = run(path, "--calibration", bundle, "--out", tmp_path / "out")
+    assert result.exit_code == Ending.JUDGED_BAD
+    assert result.stderr == ""
+
+
+def test_a_contact_of_colours_that_nothing_learnt_is_said(tmp_path: Path) -> None:
+    write_png(tmp_path / "bright.png", np.full((*SHAPE, 3), 255, np.uint8))
+    result = run(tmp_path / "bright.png", "--calibration", of_gel(tmp_path, 50.0), "--out", tmp_path / "out")
+    assert result.exit_code == Ending.JUDGED_BAD
+    assert re.search(r"not_learnt: \d+% of the contact is a guess \(\d+% too bright\)", result.stdout)
+    assert len(findings(tmp_path / "out" / "bright.npz")) == 1
+
+
+@pytest.mark.real_images
+@pytest.mark.parametrize("name", ["gelsight_mini_ball/0001.png", "digit_ball/0002.png", "gripper_ball/0003.png"])
+def test_the_bundle_of_another_sensor_is_found_out(tmp_path: Path, name: str) -> None:
+    picture = cv2.resize(cv2.imread(str(REAL_IMAGES / name)), (640, 480))
+    cv2.imwrite(str(tmp_path / "real.png"), picture)
+    result = run(tmp_path / "real.png", "--calibration", "synthetic", "--out", tmp_path / "out")
+    assert result.exit_code == Ending.JUDGED_BAD
+    assert "mm deep in a gel that is 5 mm thick" in result.stdout
+
+
+def test_noise_is_no_contact_of_the_simulated_gel(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    write_png(tmp_path / "noise.png", noise)
+    result = run(tmp_path / "noise.png", "--calibration", "synthetic", "--out", tmp_path / "out")
+    assert result.exit_code == Ending.JUDGED_BAD
+    assert "mm deep in a gel that is 5 mm thick" in result.stdout
 
 
 def test_dense_and_masked_agree_in_the_contact(tmp_path: Path, bundle: Path) -> None:

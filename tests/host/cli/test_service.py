@@ -2,16 +2,20 @@
 
 import json
 import os
+import re
 import signal
 import socket
 import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from gellight.base.errors import InputError
+from gellight.base.errors import ConfigError, InputError
 from gellight.base.service_manager import ServiceManager
-from gellight.cli.service import unit, unit_path
+from gellight.base.settings import load_settings
+from gellight.cli.main import app
+from gellight.cli.service import unit
 from tests.helpers import children
 
 SENSOR = "sim://?object=BALL&depth=0.5&board=0"
@@ -90,7 +94,27 @@ def test_the_unit_starts_this_installation_and_is_watched() -> None:
     assert lines["ExecStart"] == f"{folder}/gellight run --sensor 'sensor://A 1%%' --port 8420"
 
 
-@pytest.mark.parametrize("name", ["a/b", "../x", "a b", "a\n"])
-def test_a_name_that_is_none_for_a_unit_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match="not possible"):
-        unit_path(name)
+NO_NAMES = ["", "**", "../../x", "a/b", "a b", "a\n", ".a", "-a", "ä", 65 * "a"]
+SERVICE = ["service install --print", "service remove"]
+
+
+@pytest.mark.parametrize("name", NO_NAMES)
+@pytest.mark.parametrize("verb", ["run --sensor sim:// --frames 1", "record --out x.mcap", *SERVICE])
+def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(verb: str, name: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, [*verb.replace("x.mcap", str(tmp_path / "x.mcap")).split(), f"--name={name}"])
+    assert (result.exit_code, result.stdout, list(tmp_path.iterdir())) == (1, "", [])
+    assert isinstance(result.exception, InputError)
+    assert "is not possible: give at most 64 letters" in str(result.exception)
+
+
+@pytest.mark.parametrize("name", NO_NAMES[1:])
+def test_settings_take_the_same_names(name: str) -> None:
+    with pytest.raises(ConfigError, match="is not allowed: give at most 64 letters"):
+        load_settings({"stream.name": name})
+
+
+@pytest.mark.parametrize("sensor", ["a\nExecStart=/bin/evil", "a\r", "\x1b[1m", "", " "])
+def test_a_sensor_that_would_break_the_unit_file_is_refused(sensor: str) -> None:
+    done = children.gellight("service", "install", "--sensor", sensor, "--print")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(r"gellight: --sensor .* is not possible: .*\n", done.stderr)

@@ -69,7 +69,6 @@ CASES = [
     (("virtual-sensor", "--listen", "127.0.0.1:0"), UNTIL_THEN, printed("offered")),
     (("selfcheck", "--sensor", "sim://?board=0"), BEFORE_DONE, printed("ok")),
     (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),
-    (("optimize", "timing", "--workers", "2"), BEFORE_DONE, children(4)),
     (("calibrate", "--auto", "--sensor", "sim://?board=0"), BEFORE_DONE, written("calibration.state/presses")),
     (("calibrate", "synthetic", "--out", "made"), BEFORE_DONE, children(1)),
 ]  # fmt: skip

@@ -156,10 +156,11 @@ def test_contacts_are_numbered_and_keep_their_numbers(opened: Open, source: Form
     expect(rows).to_have_count(2)
     found = [[float(cell) for cell in row.locator("td").all_text_contents()] for row in rows.all()]
     for number, depth_mm, (shown, depth, area, volume, slope) in ((1, 1.0, found[0]), (2, 0.5, found[1])):
-        # The patch of a Gaussian bump is what is deeper than half of it: r^2 < 2 ln 2 sigma^2.
+        # The patch of a Gaussian bump ends where it is 0.95 times as steep as at its steepest: r < 1.24 sigma.
         assert (shown, depth) == (number, pytest.approx(depth_mm, abs=0.002))
-        assert area == pytest.approx(2 * math.pi * math.log(2) * SIGMA_MM**2, rel=0.01)
-        assert volume == pytest.approx(math.pi * SIGMA_MM**2 * depth_mm, rel=0.01)
+        assert area == pytest.approx(math.pi * (1.24 * SIGMA_MM) ** 2, rel=0.04)
+        inside = 1 - math.exp(-(1.24**2) / 2)
+        assert volume == pytest.approx(2 * math.pi * SIGMA_MM**2 * depth_mm * inside, rel=0.04)
         assert slope == pytest.approx(math.degrees(math.atan(depth_mm * math.exp(-0.5) / SIGMA_MM)), abs=0.1)
     assert [row["number"] for row in page.evaluate("gellight.contacts")] == [1, 2]
     numbers = page.evaluate("""async () => {

@@ -91,6 +91,12 @@ def test_images_are_taken_as_they_are(tmp_path: Path, channels: int, kind: type)
     np.testing.assert_array_equal(deep, stored[..., 0] if channels == 1 else stored[..., 2::-1])
 
 
+def test_webp_is_taken(tmp_path: Path) -> None:
+    levels = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "x.webp"), levels, [cv2.IMWRITE_WEBP_QUALITY, 101])  # without loss
+    np.testing.assert_array_equal(open_camera(tmp_path).read().image, levels[..., ::-1])
+
+
 def test_values_of_another_type_are_refused(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "x.tiff"), np.zeros(SHAPE, np.float32))
     with pytest.raises(InputError, match=r"x\.tiff has values of type float32: save it with 8 or 16 bit"):

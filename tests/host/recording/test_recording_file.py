@@ -154,8 +154,8 @@ def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:
             connection.topic: reader.deserialize(content, connection.msgtype)
             for connection, _, content in reader.messages()
         }
-    assert {topic: seen[f"/finger/{topic}"].encoding for topic in ("pressure_mpa", "confidence", "doubts")} == {
-        "pressure_mpa": "32FC1", "confidence": "32FC1", "doubts": "mono8",
+    assert {topic: seen[f"/finger/{topic}"].encoding for topic in ("pressure_mpa", "confidence", "quality_flags")} == {
+        "pressure_mpa": "32FC1", "confidence": "32FC1", "quality_flags": "mono8",
     }  # fmt: skip
 
 

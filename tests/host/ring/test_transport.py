@@ -56,7 +56,8 @@ def test_who_has_the_bytes_of_the_board_knows_its_light_and_its_time(monkeypatch
         stream.finished = True
 
     board.run_until, stream.write = run_until, write
-    process.serve(board, stream, time.monotonic())
+    nobody = SimpleNamespace(open=[], pass_on=lambda: None)
+    process.serve(board, stream, nobody, time.monotonic())
     ((light, time_passed),) = known
     assert light.light_us == time_passed.now_us == board.now_us
     assert time_passed.at_s <= time.monotonic()

@@ -46,7 +46,7 @@ def test_a_daemon_that_takes_too_long_is_said_to_be_busy(monkeypatch: pytest.Mon
 
 
 def test_why_no_frame_comes_is_told_as_far_as_the_daemon_says_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    daemon, _ = bump_daemon(period_s=60)
+    daemon, _ = bump_daemon(period_s=5)
     with daemon, Publisher(daemon), subscribe(patience_s=0.1) as frames:
         monkeypatch.setattr(daemon, "status", lambda: 1 / 0)
         with pytest.raises(NoFrameError, match=r"no frame for 0\.1 s: the call failed in the daemon; its log says why"):

@@ -40,7 +40,7 @@ def test_an_example_runs(name: str, says: str, tmp_path: Path) -> None:
 
 def test_every_example_is_run_and_described() -> None:
     page = (CHECKOUT / "docs/streaming.md").read_text()
-    assert len(list(EXAMPLES.glob("*.py"))) == 5
+    assert len(list(EXAMPLES.glob("*.py"))) == 6, "test_ros2.py runs the sixth"
     assert [path.name for path in EXAMPLES.glob("*.py") if f"examples/{path.name}" not in page] == []
     assert examples("docs/streaming.md")[0].strip() in (EXAMPLES / "live.py").read_text()
 
@@ -69,7 +69,7 @@ def test_the_reader_in_c_plus_plus_reads_what_python_writes(
         frame.camera_frame.sequence, 64, 48, frame.camera_frame.time_s, frame.contact.indentation_mm,
         frame.contact.centroid_mm[0], frame.depth_mm.sum(dtype=float), frame.gradient_map[..., 0].sum(dtype=float),
         frame.camera_frame.image[..., 0].sum(), frame.contact.mask.sum(),
-        *(sent.get(name, np.zeros(1)).sum(dtype=float) for name in ("pressure_mpa", "confidence", "doubts")),
+        *(sent.get(name, np.zeros(1)).sum(dtype=float) for name in ("pressure_mpa", "confidence", "quality_flags")),
     ]  # fmt: skip
     assert np.allclose([float(text) for text in figures.split()], expected, rtol=1e-7, atol=1e-6)
     assert json.loads(details)["provenance"]["findings"] == ["drift"]

@@ -1,4 +1,4 @@
-"""The README's section "Use it from your robot": its commands run as they stand, but that ports are free ones."""
+"""What the README types runs as it stands, but that ports are free ones: each way to a robot, all blocks in order."""
 
 import asyncio
 import json
@@ -6,20 +6,24 @@ import os
 import re
 import shlex
 import socket
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from subprocess import Popen
 from typing import Any
 
 import aiohttp
+import pytest
 import zenoh
 
 from tests.helpers import children
 from tests.helpers.places import CHECKOUT
 
-SECTION = (CHECKOUT / "README.md").read_text().partition("## Use it from your robot")[2].partition("\n## ")[0]
+README = (CHECKOUT / "README.md").read_text()
+SECTION = README.partition("## Use it from your robot")[2].partition("\n## ")[0]
 BLOCKS = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
 
 
@@ -44,29 +48,24 @@ def running(arguments: list[str], says: str) -> Iterator[tuple[Popen[Any], str]]
         raise AssertionError(f"it ended with {verb.wait()}")
 
 
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
+
+
 def test_every_block_is_tried() -> None:
     assert [len(re.findall("--ros2|--foxglove|live.py|lerobot-record", block)) for block in BLOCKS] == [1, 1, 1, 1]
 
 
-def test_python() -> None:
-    (program,) = re.findall(r"^python (\S+)$", BLOCKS[0], re.MULTILINE)
-    (line,) = [line for line in BLOCKS[0].splitlines() if line.startswith("gellight")]
-    with running(shlex.split(line.removesuffix("&"))[1:], "publishing"):
-        done = children.run([sys.executable, CHECKOUT / program])
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"(0\.9\d|1\.0\d) mm deep over", done.stdout)
-
-
 def test_ros_2() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
+    port = free_port()
     config = zenoh.Config()
     for name, value in {"mode": "router", "listen/endpoints": [f"tcp/127.0.0.1:{port}"]}.items():
         config.insert_json5(name, json.dumps(value))
     config.insert_json5("scouting/multicast/enabled", "false")
     came = threading.Event()
     with zenoh.open(config) as router:
-        held = router.declare_subscriber("0/sim/depth/image/**", lambda _: came.set())
+        held = router.declare_subscriber("0/finger/depth/image/**", lambda _: came.set())
         with running([word.replace("localhost:7447", f"127.0.0.1:{port}") for word in command("--ros2")], "ROS 2"):
             assert came.wait(60)
         held.undeclare()
@@ -79,3 +78,52 @@ def test_foxglove() -> None:
 
     with running(command("--foxglove"), "Foxglove: open") as (_, line):
         assert asyncio.run(greeting(line.split()[-1])) == "GelLight sim"
+
+
+LEFT_OUT = ("make demo", ". .venv/", "pip install", "lerobot-record", "sudo", "gellight calibrate")
+"""what is open already, what this environment has, what needs one of its own, and what tests/test_first_hour.py runs"""
+ENDED = {
+    "--foxglove$": "--frames 5",
+    "^gellight run$": "--frames 5 --sensor sim://",
+    "^gellight doctor$": "|| test $? = 1",
+}
+"""what is added to a line: an end, a sensor, the status where none is plugged in"""
+
+
+def typed(port: int) -> str:
+    """Return every block of the README, in order, as it is typed into one shell."""
+    script = ["set -eu", "trap 'kill $(jobs -p)' EXIT"]
+    for kind, block in re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL):
+        if kind == "python":
+            script += ["python - <<'END'", block, "END"]
+            continue
+        for line in block.splitlines():
+            if not line.startswith(LEFT_OUT):
+                added = [more for lines, more in ENDED.items() if re.search(lines, line)]
+                script.append(" ".join([line.replace("localhost:7447", f"127.0.0.1:{port}"), *added]))
+    return "\n".join(script)
+
+
+@pytest.mark.timeout(700)
+def test_every_block_runs_in_order_while_the_demo_is_open(tmp_path: Path) -> None:
+    """`ros2_check.py` is told the port of this test."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    folders = {f"XDG_{kind}_HOME": str(tmp_path / kind) for kind in ("CONFIG", "STATE", "DATA")}
+    ports = {"GELLIGHT_STREAM_FOXGLOVE_PORT": "0", "GELLIGHT_DASHBOARD_PORT": "0"}
+    environment = {**os.environ, **folders, **ports, "PATH": path}
+    port = free_port()
+    script = typed(port).replace("ros2_check.py", f"ros2_check.py tcp/127.0.0.1:{port}")
+    with running(["demo", "--no-browser", "--port", "0"], "publishing") as (_, line):
+        assert "'sim'" in line
+        done = children.run(
+            ["bash", "-c", script], cwd=CHECKOUT, env=environment, stderr=subprocess.STDOUT, timeout_s=600
+        )
+    assert done.returncode == 0, done.stdout
+    names = re.findall(r"--name (\w+)", SECTION)
+    assert len(names) == 2
+    assert [name for name in names if f"gellight.subscribe('{name}')" not in done.stdout] == []
+    assert re.search(rf"^frames of {names[0]}\n(0\.9|1\.0)\d mm deep over", done.stdout, re.MULTILINE), done.stdout
+    (shown,) = re.findall(r"!\[(/\S+), and (/\S+) from", SECTION)
+    for topic in shown:
+        assert f"\n{topic}: " in done.stdout, done.stdout
+    assert "Foxglove: open" in done.stdout

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -185,10 +186,10 @@ def test_force_pressure_and_confidence_are_recorded_and_are_the_same_when_export
     sensor = ("--sensor", str(pictures), "--calibration", str(tmp_path / "bundle"))
     done = children.gellight("record", *sensor, "--out", out, "--map", "pressure_mpa", "--map", "confidence")
     assert done.returncode == 0, done.stderr
-    names = ("pressure_mpa", "confidence", "doubts")
+    names = ("pressure_mpa", "confidence", "quality_flags")
     recorded = {name: {info.sequence: (info, image) for info, image in Recording(out).maps(name)} for name in names}
     assert list(Recording(out).depths()) == [], "not asked for"
-    assert set(recorded["pressure_mpa"]) == set(recorded["confidence"]) == set(recorded["doubts"]) != set()
+    assert set(recorded["pressure_mpa"]) == set(recorded["confidence"]) == set(recorded["quality_flags"]) != set()
     assert children.gellight("export", out, "--out", tmp_path / "maps").returncode == 0
     for sequence, (info, image) in recorded["pressure_mpa"].items():
         assert info.force_n == pytest.approx(press.force_n, rel=0.1)
@@ -300,3 +301,14 @@ def test_the_program_in_the_documents_reads_a_recording(
     (code,) = examples("docs/recording.md")
     run(code, "docs/recording.md")
     assert "/sim/depth" in capsys.readouterr().out
+
+
+def test_the_first_block_of_the_page_runs_as_it_is_printed(tmp_path: Path) -> None:
+    """But that it records two seconds and not twenty, and that the port of the page is a free one."""
+    page = (CHECKOUT / "docs/recording.md").read_text()
+    block = page.partition("```sh\n")[2].partition("```")[0].replace("--seconds 20", "--seconds 2")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = {**os.environ, "PATH": path, "GELLIGHT_DASHBOARD_PORT": "0"}
+    done = children.run(["bash", "-euc", block], cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert list((tmp_path / "press").glob("*.npz"))

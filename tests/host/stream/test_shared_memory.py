@@ -1,7 +1,9 @@
 """Frames in memory that publisher and readers share: whole, never torn, never one that was written over."""
 
+import itertools
 import os
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -65,27 +67,31 @@ def test_only_memory_of_frames_is_opened(tmp_path: Path) -> None:
 
 def test_no_message_is_ever_torn(memory: FrameMemory) -> None:
     """A writer without a pause, and a reader that is often too late: what it takes is of one message."""
-    newest, ended = [memory.write([bytes(8) * 25_000])], threading.Event()
+    newest, enough = [memory.write([bytes(8) * 25_000])], threading.Event()
 
     def write() -> None:
-        for n in range(1500):
+        for n in itertools.count():
             newest[0] = memory.write([n.to_bytes(8, "little") * 12_500] * 2)
-        ended.set()
+            if enough.is_set():
+                return
 
     reader, taken, late = MappedMemory(memory.path), 0, 0
     writer = threading.Thread(target=write)
     writer.start()
-    old = newest[0]
-    while not ended.is_set():
-        for note in (newest[0], old):
-            try:
-                message = reader.read(note)
-            except OverwrittenError:
-                late += 1
-                continue
-            taken += 1
-            assert message == message[:8] * 25_000
-        old = newest[0]
-    writer.join()
-    reader.close()
-    assert taken > 0
+    old, until_s = newest[0], time.monotonic() + 60
+    try:
+        while (taken < 100 or late < 100) and time.monotonic() < until_s:
+            for note in (newest[0], old):
+                try:
+                    message = reader.read(note)
+                except OverwrittenError:
+                    late += 1
+                    continue
+                taken += 1
+                assert message == message[:8] * 25_000
+            old = newest[0]
+    finally:
+        enough.set()
+        writer.join()
+        reader.close()
+    assert min(taken, late) >= 100, (taken, late)

@@ -18,15 +18,17 @@ from gellight.frames.measures import MapOnRequest
 from gellight.stream import publisher as publisher_module
 from gellight.stream.network import key, publishing_session
 from gellight.stream.publisher import Publisher
-from gellight.stream.running import running
+from gellight.stream.running import RunningDaemon, meant, running
 from gellight.stream.sensor import Sensor
 from gellight.stream.subscription import subscribe
 from tests.helpers import children
 from tests.helpers.children import started
+from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import bump_daemon
 from tests.helpers.waiting import eventually
 from tests.helpers.weighed import HeavyFrames
 
+OWN = 4242
 COUNTING = """
 import sys
 from gellight import subscribe
@@ -170,6 +172,61 @@ def test_where_nobody_publishes_that_is_told() -> None:
         subscribe("auto")
 
 
+FROM_HERE = """
+from gellight import subscribe
+from gellight.stream.publisher import Publisher
+from tests.helpers.streamed import bump_daemon
+daemon, _ = bump_daemon()
+with daemon, Publisher(daemon, name="mine"), subscribe("auto") as frames:
+    print(frames.name)
+"""
+
+
+def test_of_several_terminals_the_own_one_is_meant() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="demo"):
+        assert children.run([sys.executable, "-c", FROM_HERE], cwd=CHECKOUT, check=True).stdout == "mine\n"
+
+
+@pytest.mark.parametrize(
+    ("there", "chosen"),
+    [
+        ([("a", OWN, 1), ("b", OWN, 2), ("c", 1, 3)], "b"),
+        ([("a", 1, 1)], "a"),
+        ([("a", 0, 1), ("b", 0, 2)], None),  # of a system that has no terminals
+        ([("a", 1, 1), ("b", 1, 2)], None),
+        ([("a", OWN, 1), ("b", OWN, 2), ("c", OWN, 2)], None),  # two sensors of one command
+    ],
+)
+def test_auto_is_the_last_of_this_terminal_where_that_is_told(
+    there: list[tuple[str, int, int]], chosen: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getsid", lambda process: OWN)  # 0 where the session began outside of a container
+    daemons = [
+        RunningDaemon(name=name, endpoint="", sensor="", memory="", process=1, since_unix_s=command, session=terminal,
+                      command=command)
+        for name, terminal, command in there
+    ]  # fmt: skip
+    found = meant(daemons)
+    assert (found and found.name) == chosen
+
+
+def test_a_daemon_that_starts_now_is_waited_for() -> None:
+    begun_s = time.monotonic()
+    with pytest.raises(StreamError, match="no daemon publishes late"):
+        subscribe("late")
+    looked_s = time.monotonic() - begun_s
+    daemon, _ = bump_daemon()
+    publisher = Publisher(daemon, name="late")
+    begins = threading.Timer(looked_s + 0.5, publisher.__enter__)  # after it was looked for in vain
+    with daemon:
+        begins.start()
+        with subscribe("late", wait_s=60) as frames:
+            assert frames.next_frame().depth_mm.max() > 0.4
+        begins.join()
+        publisher.__exit__()
+
+
 def test_of_several_sensors_one_has_to_be_named() -> None:
     (one, _), (other, _) = bump_daemon(), bump_daemon()
     with one, other, Publisher(one, name="left"), Publisher(other, name="right"):
@@ -297,11 +354,11 @@ def test_a_map_is_sent_while_somebody_asks_for_it(monkeypatch: pytest.MonkeyPatc
             sent = made.given[got.camera_frame.sequence]
             assert got.force.normal_n == 1.25
             assert np.array_equal(got.force.pressure_mpa, sent.depth_mm / 8)
-            assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
+            assert np.array_equal(got.confidence.quality_flags, sent.confidence.quality_flags)
         next(frame for frame in plain if not asked[-1])
 
 
-@pytest.mark.parametrize("maps", ["pressure_mpa", ["pressure"], ["confidence", "doubts"]])
+@pytest.mark.parametrize("maps", ["pressure_mpa", ["pressure"], ["confidence", "quality_flags"]])
 def test_a_map_that_there_is_not_is_refused(maps: object) -> None:
     with pytest.raises(InputError, match=r"maps=.*give a list of pressure_mpa, confidence"):
         subscribe("finger", maps=maps)

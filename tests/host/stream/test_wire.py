@@ -109,10 +109,23 @@ def test_what_is_asked_for_travels_and_the_rest_is_computed_to_the_same(
     assert sent.force.pressure_mpa.max() > 0
     assert np.array_equal(got.force.pressure_mpa, sent.force.pressure_mpa)
     assert np.array_equal(got.confidence.value, sent.confidence.value)
-    assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
+    assert np.array_equal(got.confidence.quality_flags, sent.confidence.quality_flags)
     assert (zeros == []) == (len(asked) == 2), "the bundle is fetched for what did not come"
     for name, plane in sent.maps_on_request(asked).items():
         assert got.maps_on_request()[name].dtype == plane.dtype
+
+
+def test_what_an_older_sender_calls_otherwise_is_understood(tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
+    sent = replace(full_frame(), measures=BundleMeasures(plain, from_network=False))
+    message = encode(sent, [MapOnRequest.CONFIDENCE])
+    older = message.replace(b"quality_flags\0", b"doubts".ljust(14, b"\0"))
+    older = older.replace(b'"from_network":', b'"learnt":'.ljust(15))
+    assert older.count(b"doubts") == older.count(b"learnt") == 1
+    got = decode(older, lambda _: plain)
+    assert np.array_equal(got.confidence.quality_flags, sent.confidence.quality_flags)
+    assert got.measures is not None
+    assert got.measures.from_network is False
 
 
 @pytest.mark.parametrize("from_network", [True, False])
@@ -127,8 +140,8 @@ def test_the_confidence_computed_by_a_reader_knows_where_the_slopes_come_from(
     bundle = extend_bundle(plain, tmp_path / "bundle", {"presses.npz": presses.getvalue()})
     sent = replace(full_frame(), measures=BundleMeasures(bundle, from_network=from_network))
     got = decode(encode(sent), lambda _: bundle)
-    assert ((sent.confidence.doubts & STEEP).any()) == from_network
-    assert np.array_equal(got.confidence.doubts, sent.confidence.doubts)
+    assert ((sent.confidence.quality_flags & STEEP).any()) == from_network
+    assert np.array_equal(got.confidence.quality_flags, sent.confidence.quality_flags)
 
 
 def test_a_frame_without_measures_has_neither_maps_nor_figures() -> None:

@@ -290,6 +290,7 @@ def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[
     changed = {"metrics.json", "report.html"}
     assert {name for name, content in bundle.files.items() if draft.files.get(name) != content} == changed
     assert set(bundle.files) == {*draft.files, "report.html"}
-    fields = {"files", "created", "led", "camera"}
+    fields = {"files", "created", "led", "camera", "gel_thickness_mm"}
     assert bundle.manifest.model_dump(exclude=fields) == draft.manifest.model_dump(exclude=fields)
     assert bundle.metrics["training"] == draft.metrics["training"]
+    assert bundle.manifest.gel_thickness_mm == 5.0, "a simulated sensor knows its gel"

@@ -14,14 +14,14 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.cli.main import app
-from gellight.lab.design import benchmark_files, output, studies
+from gellight.lab.design import benchmark_files, studies
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.sweep import SweepOptions, run_study
-from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
-from sim_reference.optimizer import fine, sensitivity
+from sim_reference.optimizer import sensitivity
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.studies import setup
+from tests.paper.variants import variant_errors
 
 
 def invoke(*arguments: str) -> Any:
@@ -56,7 +56,7 @@ def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers(opt
     assert len(presses) == 1, "kept, so that other studies of this object read it"
     kept = presses[0].stat().st_mtime_ns
     variant = sensitivity.Variant("", "", sampling=layer.sampling, parameters=fem.parameters)
-    varied = studies.variant_errors("SCROWN", variant, fem)
+    varied = variant_errors("SCROWN", variant, fem)
     assert np.shape(varied) == (11,)
     assert presses[0].stat().st_mtime_ns == kept
     assert len(list(presses[0].parent.iterdir())) == 1, "the same press serves the sensitivity study"
@@ -66,33 +66,6 @@ def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
     answer = invoke("coarse", "--size", "32", "--workers", "1", "--shard", "2/5", "--json")
     assert answer["complete"] is False
     assert len(list(Path(answer["store"]).iterdir())) == 2
-
-
-def test_the_report_takes_shards_too(tmp_path: Path) -> None:
-    # The 200th task is of the last study; it is computed although those of the other studies are missing.
-    answer = invoke(
-        "report", "--shard", "200/300", "--workers", "1", "--size", "32", "--out", str(tmp_path / "out"), "--json"
-    )
-    assert answer["complete"] is False
-    assert len(list(Path(answer["store"]).iterdir())) == 1
-    assert not list((tmp_path / "out").iterdir())
-
-
-def test_the_fine_study_prints_json() -> None:
-    answer = invoke("fine", "--size", "48", "--step", "12", "--workers", "1", "--json")
-    assert answer["height_mm"] == [0, 12, 24, 36]
-    assert len(answer["sat"]) == len(answer["nsd"]) == len(answer["normal_error_deg"]) == 4
-    assert answer["nsd"] == sorted(answer["nsd"])
-    assert answer["errors_deg"]["window"]["one exposure"]["mae"][3] is None
-
-
-def test_the_light_of_a_height_is_told_as_a_share_of_that_of_the_first(options: SweepOptions) -> None:
-    study = run_study(studies.fine_study(setup(32, ("SCROWN",)), (0.0, 12.0, 24.0)), options)
-    told = output.fine_json(study)["mean_light"]
-    lights = [fine.illumination(fine.at_height(SensorGeometry(), height), fine.View()) for height in study.heights_mm]
-    assert told == pytest.approx([one.mean / lights[0].mean for one in lights], abs=1e-5)
-    assert told[0] == 1
-    assert told[0] < told[1] < told[2], "the LEDs stand nearer to the gel"
 
 
 def test_the_ball_is_printed_as_json() -> None:
@@ -172,7 +145,7 @@ def test_what_only_the_simulator_can_refuse_is_refused_in_one_line(tmp_path: Pat
     path = tmp_path / "gellight.toml"
     path.write_text("[geometry]\nbeam_angle_deg = 0.001\n")
     result = CliRunner().invoke(
-        app, ["optimize", "fine", "--geometry", str(path), "--size", "32", "--step", "18", "--workers", "1"]
+        app, ["optimize", "design", "--lights", "6", "--geometry", str(path), "--size", "32", "--workers", "1"]
     )
     assert isinstance(result.exception, InputError)
     assert "this sensor cannot be simulated: no LED lights the gel" in str(result.exception)

@@ -145,8 +145,8 @@ def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_pressed_is_refused_with_what_works(tmp_path: Path, given: list[str], reason: str) -> None:
-    result = CliRunner().invoke(app, ["simulate", "press", *given, "--out", str(tmp_path / "p")])
+    result = CliRunner().invoke(app, ["simulate", "press", *given, "--out", str(tmp_path / "new/p")])
     assert result.exit_code != 0
     assert isinstance(result.exception, InputError)
     assert reason in str(result.exception)
-    assert not (tmp_path / "p/press.npz").exists()
+    assert not (tmp_path / "new").exists()

@@ -132,6 +132,14 @@ def test_a_visitor_stops_the_programme_and_it_returns_when_the_visitor_is_gone()
     assert stage.next_press() is not None
 
 
+def test_no_programme_plays_after_a_press_that_is_held() -> None:
+    stage = Stage(SensorGeometry())
+    stage.hold("TSTEP", 0.6, 0.0, 0.0)
+    assert {stage.next_press() for _ in range(2 * RETURN_FRAMES)} == {Press("TSTEP", 0.6)}
+    stage.release()
+    assert {stage.next_press() for _ in range(2 * RETURN_FRAMES)} == {None}
+
+
 def test_the_picture_is_lit_by_what_the_pin_of_the_board_says() -> None:
     with open_quiet() as camera:
         steady = open_quiet("&board=0").read().image.astype(int)

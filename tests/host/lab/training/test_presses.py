@@ -64,10 +64,10 @@ def test_the_contact_circle_has_the_area_of_a_circle() -> None:
 def test_good_presses_are_read(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         write_image(tmp_path / name)
-    path = write_csv(tmp_path, "a.png,80.5,50,20", "b.png,10,100,39.9")
+    path = write_csv(tmp_path, "a.png,80.5,50,20", "b.png,-10,100,39.9")
     first, second = read_presses(path, ball=BALL, image_shape=SHAPE)
     assert (first.image, first.center_x_px, first.contact_radius_px) == (tmp_path / "a.png", 80.5, 20.0)
-    assert second.center_y_px == 100.0
+    assert (second.center_x_px, second.center_y_px) == (-10.0, 100.0)
 
 
 WRONG = {
@@ -76,8 +76,8 @@ WRONG = {
     "nan": ("a.png,nan,50,20", "line 2: center_x_px is 'nan': give a number"),
     "text": ("a.png,80,middle,20", "line 2: center_y_px is 'middle'"),
     "short line": ("a.png,80,50", "line 2: contact_radius_px is None"),
-    "outside": ("a.png,160,50,20", r"line 2: .*centre \(160, 50\) px is outside the image of 160 x 120 px"),
-    "above": ("a.png,80,-1,20", r"centre \(80, -1\) px is outside"),
+    "outside": ("a.png,180,50,20", r"line 2: .*\(180, 50\) px, 20 px in radius, is outside the image of 160 x 120 px"),
+    "above": ("a.png,80,-21,20", r"\(80, -21\) px, 20 px in radius, is outside"),
     "no image": ("c.png,80,50,20", "line 2: image .*c.png does not exist"),
     "no name": (",80,50,20", "line 2: column image is empty"),
     "twice": ("a.png,80,50,20\na.png,81,50,20", "line 3: image a.png is already in line 2"),

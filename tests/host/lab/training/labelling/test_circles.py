@@ -8,11 +8,17 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
+from gellight.lab.simulator.scene import Press as GelPress
+from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.labelling import find_circle
-from gellight.lab.training.labelling.circle import PressCircle, find_circles
+from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circles
 from gellight.lab.training.labelling.pattern import PressShape, free_response, profile, response, sampled_around
 from gellight.lab.training.labelling.plate import plate_grid
 from gellight.lab.training.presses import Ball
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import ObjectParameters
+from sim_reference.surface import press_object
 from tests.helpers.derivatives import slope
 from tests.helpers.places import REAL_IMAGES
 
@@ -45,6 +51,45 @@ def test_the_circle_is_found_to_a_fraction_of_a_pixel(place: tuple[float, float,
     assert np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) < 0.3
     assert circle.contact_radius_px == pytest.approx(place[2], abs=0.6)
     assert circle.quality > 0.95
+
+
+ARCS = [(-12.0, 100.3, 30.0), (130.4, -8.0, 26.0), (8.0, 191.0, 28.0), (257.0, 100.0, 24.0)]
+
+
+@pytest.mark.parametrize("place", ARCS)
+def test_an_arc_whose_centre_is_off_the_picture_or_near_its_border_is_found(place: tuple[float, float, float]) -> None:
+    circle = find_circle(photograph(place), reference(), ball=BALL, least_view=ARC)
+    off = np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1])
+    assert off < min(1.5, 3 * circle.center_error_px)
+    assert circle.contact_radius_px == pytest.approx(place[2], abs=min(1.5, 3 * circle.radius_error_px))
+    with pytest.raises(InputError, match="off the image"):
+        find_circle(photograph(place), reference(), ball=BALL)
+
+
+def test_less_than_an_arc_and_an_uncertain_one_are_refused() -> None:
+    with pytest.raises(InputError, match="at least 25 % are needed: press nearer"):
+        find_circle(photograph((-26, 100, 30)), reference(), ball=BALL, least_view=ARC)
+    with pytest.raises(InputError, match=r"the circle is uncertain: .* at most 2\.8 px may be"):
+        find_circle(photograph((-10, -8, 26)), reference(), ball=BALL, least_view=ARC)
+
+
+@pytest.mark.parametrize(("x", "y", "depth"), [(0, 0, 2.0), (6, -3, 1.5), (-9, 1, 1.5), (0, -8, 1.5)])
+def test_a_large_ball_whose_contact_leaves_the_picture_is_found(x: float, y: float, depth: float) -> None:
+    """A ball of 21 mm in the elastic layer; the picture is a part of 19 x 14 mm, as a GelSight Mini shows."""
+    geometry, large = SensorGeometry(), ObjectParameters(calibration_ball_radius_mm=21.0)
+    scene = Scene(geometry, CameraResponse(), model=lambda *_: press_object("BALL", depth, geometry, parameters=large))
+    seen, random = np.s_[120:360, 160:480], np.random.default_rng(0)
+    untouched = np.mean([digitise(scene.show(None)[0], 1.0, random) for _ in range(8)], axis=0)[seen]
+    image = digitise(scene.show(GelPress("BALL", 0.5, x, y))[0], 1.0, random)[seen]
+    ball = Ball(radius_mm=21.0, pixel_size_mm=geometry.pixel_size_mm)
+    circle = find_circle(image, untouched, ball=ball, least_view=ARC)
+    off = np.hypot(
+        circle.center_x_px - x / ball.pixel_size_mm - 159.5, circle.center_y_px - y / ball.pixel_size_mm - 119.5
+    )
+    assert np.degrees(off / ball.radius_px) < 0.6
+    assert off < 2 * circle.center_error_px + 0.1
+    with pytest.raises(InputError, match="off the image"):
+        find_circle(image, untouched, ball=ball)
 
 
 def test_the_slope_is_that_of_the_ball_inside_and_the_depth_is_its_integral() -> None:
@@ -132,6 +177,29 @@ def test_on_a_real_sensor_every_press_is_found_where_a_hand_put_it() -> None:
     assert len(apart) == 33
     assert np.median(apart) < 4
     assert max(apart) < 9
+
+
+@pytest.mark.real_images
+def test_on_a_real_sensor_half_a_circle_is_found_where_the_whole_one_is() -> None:
+    folder, ball = DATA / "gelslam_ball", Ball(radius_mm=3.155, pixel_size_mm=0.0634)
+    untouched, apart, told = read_image(folder / "background.png"), [], []
+    for number in (1, 5, 9, 13, 16, 21, 25, 29):
+        image = read_image(folder / f"{number:04}.png")
+        whole = find_circle(image, untouched, ball=ball)
+        cut = round(whole.center_x_px)
+        seen = np.s_[:, cut:] if cut < image.shape[1] / 2 else np.s_[:, :cut]
+        try:
+            circle = find_circle(image[seen], untouched[seen], ball=ball, least_view=ARC)
+        except InputError as error:
+            if "the circle is uncertain" in str(error):
+                continue
+            raise
+        x = circle.center_x_px + (seen[1].start or 0)
+        apart.append(np.hypot(x - whole.center_x_px, circle.center_y_px - whole.center_y_px))
+        told.append(circle.center_error_px)
+    assert len(apart) >= 6
+    assert max(apart) < 3.5
+    assert (np.array(apart) < 2 * np.array(told)).mean() > 0.7
 
 
 @pytest.mark.real_images

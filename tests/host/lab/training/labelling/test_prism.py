@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.labelling import PrismContact, find_prism
 from gellight.lab.training.labelling.pattern import PixelSample
-from gellight.lab.training.labelling.prism_pattern import EdgeShape, free_response
-from gellight.lab.training.prisms import read_prisms, with_prisms
+from gellight.lab.training.labelling.prism_pattern import SIMPLE, EdgeShape, free_response
+from gellight.lab.training.prisms import PRISM_COLUMNS, PrismPress, prism_error, read_prisms, with_prisms
 from gellight.lab.training.table import PressTable, TableOptions
 from gellight.reconstruction.integration import angle_deg, normals
 from sim_reference import gel
@@ -90,10 +91,11 @@ def test_an_edge_is_where_it_was_pressed_and_its_labels_are_the_gel_s_slopes(
     assert error.mean() < 1.0
 
 
-def test_the_jacobian_of_the_fit_is_that_of_finite_differences() -> None:
+@pytest.mark.parametrize("simple", [False, True])
+def test_the_jacobian_of_the_fit_is_that_of_finite_differences(simple: bool) -> None:
     random = np.random.default_rng(0)
     x, y, colour = random.uniform(-60, 60, 900), random.uniform(-60, 60, 900), random.normal(0, 20, (900, 3))
-    residual = free_response(PixelSample(x=x, y=y, colour=colour), math.tan(math.radians(30)))
+    residual = free_response(PixelSample(x=x, y=y, colour=colour), (0.9, 0.4), SIMPLE if simple else range(5))
     at = EdgeShape(turn=0.4, offset=1.3, before=20.0, behind=14.0, widening=0.03, step_length=4.0).vector()
     differences = [slope(lambda vector: residual.left(EdgeShape.of(vector)).T, at, one) for one in np.eye(len(at))]
     np.testing.assert_allclose(residual.jacobian(EdgeShape.of(at)), differences, atol=1e-5)
@@ -109,19 +111,32 @@ def test_a_prism_in_the_finite_element_gel_is_found() -> None:
     assert found.press(Path()).faces(SHAPE).any()
 
 
-@pytest.mark.parametrize(("lean", "rise"), [(6.0, 0.0), (0.0, 4.0)])
-def test_a_prism_askew_is_refused(lean: float, rise: float) -> None:
-    image, untouched, _ = seen(pressed(30, 33, 1.2, lean=lean, rise=rise))
-    with pytest.raises(InputError, match="no upright prism: it leans by"):
+LEANING = [(30, 1.2, 4.0, 33), (30, 1.2, -8.0, 75), (30, 2.0, 12.0, 10), (45, 1.5, 8.0, -20), (45, 2.0, -12.0, 120)]
+
+
+@pytest.mark.parametrize(("angle", "depth", "lean", "turn"), LEANING)
+def test_a_leaning_prism_is_found_with_its_lean_and_labels_its_own_slopes(
+    angle: float, depth: float, lean: float, turn: float
+) -> None:
+    image, untouched, surface = seen(pressed(angle, turn, depth, lean=lean))
+    found = find_prism(image, untouched, angle_rad=math.radians(angle))
+    assert abs(found.lean_deg) == pytest.approx(abs(lean), abs=2 * found.lean_error_deg)
+    assert found.lean_error_deg < 3
+    assert label_error_deg(found, surface).mean() < 0.4 * abs(lean)
+
+
+def test_a_prism_askew_is_refused_with_how_far_and_what_to_do() -> None:
+    image, untouched, _ = seen(pressed(45, 33, 1.5, lean=20.0))
+    with pytest.raises(
+        InputError, match=r"leans by (1[6-9]|2\d)\.\d \+- \d\.\d degrees to one side \(at most 15\).* upright"
+    ):
+        find_prism(image, untouched, angle_rad=math.radians(45))
+    image, untouched, _ = seen(pressed(30, 33, 1.2, rise=4.0))
+    with pytest.raises(InputError, match=r"its edge rises by [34]\.\d \(at most 2\)"):
         find_prism(image, untouched, angle_rad=math.radians(30))
 
 
-def test_how_far_it_leans_and_rises_is_told() -> None:
-    for lean in (-1.5, 3.0):
-        image, untouched, _ = seen(pressed(30, 33, 1.0, lean=lean))
-        assert abs(find_prism(image, untouched, angle_rad=math.radians(30)).lean_deg) == pytest.approx(
-            abs(lean), abs=0.8
-        )
+def test_how_far_its_edge_rises_is_told() -> None:
     image, untouched, _ = seen(pressed(30, 50, 1.0, rise=1.0))
     assert abs(find_prism(image, untouched, angle_rad=math.radians(30)).rise_deg) == pytest.approx(1.0, abs=0.3)
 
@@ -157,14 +172,14 @@ def test_nothing_a_round_edge_and_a_shallow_press_are_refused() -> None:
 
 def csv_of(folder: Path, *rows: str) -> Path:
     place = folder / "prisms.csv"
-    head = "image,edge_x1_px,edge_y1_px,edge_x2_px,edge_y2_px,face_px,angle_deg,rounding_px,refused"
+    head = ",".join([*PRISM_COLUMNS, "rounding_px", "lean_deg", "lean_error_deg", "refused"])
     place.write_text("\n".join([head, *rows]))
     return place
 
 
 def test_the_table_holds_the_slopes_of_both_faces_not_of_the_edge_and_less_of_the_rim(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), np.full((100, 120, 3), 90, np.uint8))
-    path = csv_of(tmp_path, "a.png,20,50,100,50,20,30,1.5,", "b.png,,,,,,,,no prism")
+    path = csv_of(tmp_path, "a.png,20,50,100,50,20,30,1.5,,,", "b.png,,,,,,,,,,no prism")
     (press,) = read_prisms(path, image_shape=(100, 120))
     balls = PressTable(rows=np.zeros((2, 7), np.float32), image=np.array([0, 1], np.int32), image_size=(120, 100))
     untouched = np.full((100, 120, 3), 80, np.float32)
@@ -181,16 +196,54 @@ def test_the_table_holds_the_slopes_of_both_faces_not_of_the_edge_and_less_of_th
     assert 0.1 < (wide == 19).sum() / (wide == 10).sum() < 0.4
 
 
+def test_a_lean_makes_one_face_steeper_where_it_is_sure(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((100, 120, 3), 90, np.uint8))
+    rows = ("a.png,20,50,100,50,20,30,1.5,6,1.5,", "a.png,20,50,100,50,20,30,1.5,6,2.5,")
+    sure, unsure = read_prisms(csv_of(tmp_path, *rows), image_shape=(100, 120))
+    assert [sure.gradient(side)[1] for side in (-1, 1)] == pytest.approx(np.tan(np.radians([36, -24])))
+    assert [unsure.gradient(side)[1] for side in (-1, 1)] == pytest.approx(np.tan(np.radians([30, -30])))
+
+
+def felt_as(surface: Surface) -> TactileFrame:
+    """A frame in which the gel is felt as it is."""
+    camera_frame = CameraFrame(image=np.zeros((*SHAPE, 3), np.uint8), time_s=0.0, sequence=0)
+    gradient_map, depth = surface.gradient_map.astype(np.float32), surface.depth_mm.astype(np.float32)
+    return TactileFrame(
+        camera_frame=camera_frame, difference=np.zeros((*SHAPE, 3), np.float32), gradient_map=gradient_map,
+        normal_map=normals(gradient_map), depth_mm=depth,
+        contact=Contact(mask=surface.contact, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("lean", [0.0, 4.0, -8.0, 12.0, 15.0])
+def test_a_judge_takes_the_lean_from_the_faces_that_are_felt(lean: float) -> None:
+    """Of the gel itself: what is felt without an error; nothing is known of the lean before."""
+    _, _, surface = seen(pressed(30, 40, 2.0, lean=lean))
+    x, y = AT_MM[0] / GEOMETRY.pixel_size_mm + 319.5, AT_MM[1] / GEOMETRY.pixel_size_mm + 239.5
+    along = 80 * np.array([math.cos(math.radians(40)), math.sin(math.radians(40))])
+    edge = (x - along[0], y - along[1], x + along[0], y + along[1])
+    press = PrismPress(image=Path("prism.png"), edge_px=edge, face_px=22.0, angle_rad=math.radians(30), rounding_px=2.5)
+    felt = felt_as(surface)
+    error = prism_error(press, felt, (GEOMETRY.pixel_size_mm,) * 2)
+    assert error.felt_deg == pytest.approx(30, abs=0.2)
+    assert error.lean_deg == pytest.approx(-lean, abs=0.3)  # positive where the face behind is less steep
+    assert error.normal_deg < 0.5
+    assert error.depth_mm < 0.01
+    assert 0 < error.error_deg < 0.2
+
+
 @pytest.mark.parametrize(
     ("row", "reason"),
     [
-        ("a.png,20,50,130,50,20,30,1.5,", "leaves the image"),
-        ("a.png,20,50,20,50,20,30,1.5,", "no length"),
-        ("a.png,20,50,100,50,20,80,1.5,", "1 to 75"),
-        ("a.png,20,50,100,50,wide,30,1.5,", "face_px is 'wide'"),
-        ("a.png,20,50,100,50,3,30,1.5,", "press deeper"),
-        ("none.png,20,50,100,50,20,30,1.5,", "none.png"),
-        ("a.png,,,,,,,,shallow", "has no prisms"),
+        ("a.png,20,50,130,50,20,30,1.5,,,", "leaves the image"),
+        ("a.png,20,50,20,50,20,30,1.5,,,", "no length"),
+        ("a.png,20,50,100,50,20,80,1.5,,,", "1 to 75"),
+        ("a.png,20,50,100,50,wide,30,1.5,,,", "face_px is 'wide'"),
+        ("a.png,20,50,100,50,3,30,1.5,,,", "press deeper"),
+        ("none.png,20,50,100,50,20,30,1.5,,,", "none.png"),
+        ("a.png,,,,,,,,,,shallow", "has no prisms"),
+        ("a.png,20,50,100,50,20,30,1.5,16,1,", "lean_deg is 16, at most 15 degrees may be"),
+        ("a.png,20,50,100,50,20,70,1.5,6,1,", "lean_deg is 6, at most 5 degrees may be"),
     ],
 )
 def test_a_wrong_row_is_told(tmp_path: Path, row: str, reason: str) -> None:

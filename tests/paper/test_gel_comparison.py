@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.design import gel_comparison
-from gellight.lab.design.gel_comparison import GelRow, compare_gels, gel_json, gel_section
 from sim_reference import gel
 from sim_reference.deformation import Deformation, NotConverged
 from tests.helpers.studies import setup
+from tests.paper import gel_comparison
+from tests.paper.gel_comparison import GelRow, compare_gels, gel_json, gel_section
 
 
 def other_gel(kind: str, resolution_mm: float):  # type: ignore[no-untyped-def]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.lab.design import all_studies, comparison, comparison_coarse, gel_comparison, output, report, studies
+from gellight.lab.design import output, studies
 from gellight.lab.simulator.sweep import (
     SweepOptions,
     run_study,
@@ -18,6 +18,7 @@ from sim_reference.optimizer import sensitivity
 from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.studies import FEW, setup
+from tests.paper import all_studies, comparison, comparison_coarse, gel_comparison, report, variants
 
 
 def test_the_report_holds_everything_and_decides_by_the_numbers(
@@ -85,7 +86,7 @@ def test_the_best_angle_is_said_to_be_tuned_where_it_is_given() -> None:
 def test_without_noise_the_mean_of_the_best_angles_is_the_papers(options: SweepOptions) -> None:
     groups = LightGroups(numbers=(3, 6, 12))
     as_in_the_report = studies.setup_of(SensorGeometry(), 0.9, 1.0, 128)
-    readings = run_study(studies.coarse_readings(as_in_the_report, groups), options)
+    readings = run_study(variants.coarse_readings(as_in_the_report, groups), options)
     assert list(readings) == [
         "noise of 1 grey level", "noise of 1 grey level; CCONVEX as prisms", "no noise",
         "no noise; CCONVEX as prisms",

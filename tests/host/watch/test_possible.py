@@ -1,0 +1,69 @@
+"""A frame that cannot be is said: at once, in each frame, and no longer than it lasts; what can be is left alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.settings import Settings
+from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.daemon import assembly
+from gellight.frames.frames import CameraFrame
+from gellight.lab.report.pictures import write_png
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training.training import TrainingOptions, fit
+from gellight.reconstruction.pipeline import Reconstructor
+from gellight.watch.monitor import PERIOD_S, SensorWatch
+from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
+from tests.benchmarks.real_sets import SETS
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.weighed import LAYER, force_files
+
+NOISE = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+
+
+def test_the_watch_says_it_at_once_and_no_longer_than_it_lasts(synthetic: Bundle) -> None:
+    watch, path = SensorWatch(synthetic, thickness_mm=gel_thickness_mm(synthetic)), Reconstructor(synthetic)
+    kinds = []
+    for number, image in enumerate((NOISE, synthetic.reference.astype(np.uint8))):
+        watch.note(path.reconstruct(CameraFrame(image=image, time_s=number * PERIOD_S, sequence=number)))
+        kinds.append([finding.kind for finding in watch.findings()])
+    assert kinds == [["too_deep"], []]
+
+
+def test_each_frame_of_a_running_sensor_carries_it(tmp_path: Path) -> None:
+    write_png(tmp_path / "noise.png", NOISE)
+    sensor = {"url": str(tmp_path / "noise.png"), "calibration": "synthetic"}
+    with assembly.open_session(Settings.model_validate({"sensor": sensor}), every=True) as daemon:
+        frame = daemon.wait_frame(-1, 30)
+        assert frame.provenance is not None
+        assert frame.provenance.findings == ("too_deep",)
+
+
+def test_the_bundle_knows_its_gel_better_than_the_settings(synthetic: Bundle, tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain", (120, 160))
+    weighed = extend_bundle(plain, tmp_path / "weighed", force_files(plain))
+    assert [gel_thickness_mm(bundle, 4.0) for bundle in (synthetic, weighed, plain)] == [5.0, LAYER.thickness_mm, 4.0]
+    assert gel_thickness_mm(plain) is None
+
+
+@pytest.mark.parametrize("name", ["BALL", "PCONVEX", "PINS"])
+def test_the_deepest_presses_of_the_simulated_sensor_can_be(watched_scene: Scene, synthetic: Bundle, name: str) -> None:
+    picture = np.clip(watched_scene.show(Press(name, 2.0, 3.0, -2.0))[0], 0, 255).astype(np.uint8)
+    frame = Reconstructor(synthetic).reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0))
+    assert frame.contact.indentation_mm > 1
+    assert not [*impossible_depth(frame, gel_thickness_mm(synthetic)), *guessed_contact(frame)]
+
+
+@pytest.mark.real_images
+@pytest.mark.parametrize("name", ["mini", "digit"])
+def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, name: str) -> None:
+    known = SETS[name](tmp_path)
+    options = TrainingOptions(recipe="fast", epochs=4)
+    bundle = fit(known.presses[::2], known.reference, known.ball, tmp_path / "bundle", sensor=name, options=options)
+    path = Reconstructor(bundle)
+    frames = [
+        path.reconstruct(CameraFrame(image=press.picture(), time_s=0.0, sequence=0)) for press in known.presses[:12]
+    ]
+    assert min(frame.contact.indentation_mm for frame in frames) > 0.1
+    assert not [finding for frame in frames for finding in (*impossible_depth(frame, 5.0), *guessed_contact(frame))]
