@@ -1,12 +1,14 @@
 """Miss no frame: save the depth of ten frames in a row, and say how many were lost on the way."""
 
 import itertools
+import sys
 
 import numpy as np
 
 import gellight
 
-with gellight.subscribe("auto", every=True) as frames:
+name = sys.argv[1] if sys.argv[1:] else "auto"
+with gellight.subscribe(name, wait_s=60, every=True) as frames:
     taken = list(itertools.islice(frames, 10))
 np.savez_compressed(
     "ten_frames.npz",

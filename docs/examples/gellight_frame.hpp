@@ -26,7 +26,7 @@ struct Frame {
     const std::uint8_t* contact;          // height * width, 1 where something touches
     const float* pressure_mpa;            // height * width, N / mm2; null unless asked for and known
     const float* confidence;              // height * width, 0.05 to 1; null unless asked for
-    const std::uint8_t* doubts;           // height * width, why it is below 1; null unless asked for
+    const std::uint8_t* quality_flags;    // height * width, why it is below 1; null unless asked for
     std::string_view details;             // JSON
 };
 
@@ -83,7 +83,7 @@ inline std::string decode(const std::uint8_t* message, std::size_t size, Frame& 
         if (name == "pressure_mpa" && type == 2 && channels == 1)
             frame.pressure_mpa = reinterpret_cast<const float*>(plane);
         if (name == "confidence" && type == 2 && channels == 1) frame.confidence = reinterpret_cast<const float*>(plane);
-        if (name == "doubts" && type == 1 && channels == 1) frame.doubts = plane;
+        if (name == "quality_flags" && type == 1 && channels == 1) frame.quality_flags = plane;
     }
     if (!frame.image || !frame.contact || !frame.gradient || !frame.depth_mm) return "damaged: a plane is missing";
     return "";

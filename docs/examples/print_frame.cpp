@@ -15,7 +15,7 @@ int main(int count, char** arguments) {
         std::fprintf(stderr, "%s\n", why.c_str());
         return 1;
     }
-    double depth = 0, slope = 0, image = 0, touched = 0, pressure = 0, confidence = 0, doubts = 0;
+    double depth = 0, slope = 0, image = 0, touched = 0, pressure = 0, confidence = 0, quality_flags = 0;
     const std::size_t pixels = std::size_t{frame.width} * frame.height;
     for (std::size_t k = 0; k < pixels; ++k) {
         depth += frame.depth_mm[k];
@@ -24,11 +24,11 @@ int main(int count, char** arguments) {
         touched += frame.contact[k];
         if (frame.pressure_mpa) pressure += frame.pressure_mpa[k];
         if (frame.confidence) confidence += frame.confidence[k];
-        if (frame.doubts) doubts += frame.doubts[k];
+        if (frame.quality_flags) quality_flags += frame.quality_flags[k];
     }
     std::printf("%lld %u %u %.17g %.17g %.17g %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
                 static_cast<long long>(frame.sequence),
                 frame.width, frame.height, frame.time_s, frame.indentation_mm, frame.centroid_x_mm, depth, slope, image,
-                touched, pressure, confidence, doubts);
+                touched, pressure, confidence, quality_flags);
     std::printf("%.*s\n", static_cast<int>(frame.details.size()), frame.details.data());
 }
