@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -23,6 +24,7 @@ from tests.soak.__main__ import table
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.judging import Invariant
 from tests.soak.run import RECOVERY_S, Report, Soak, soak
+from tests.soak.shift import Shift
 
 SEED = 2026
 HOURS = 0.3
@@ -100,14 +102,21 @@ def test_pictures_that_are_delivered_twice_are_noticed(tmp_path: Path, monkeypat
 
 
 def test_a_slow_recovery_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It takes longer than anybody waits: a starved process is granted time, and so might be a recovery of seconds."""
-    find = SensorCamera._return
+    """It comes when nobody waits any more: a starved process is granted time, and so might be a recovery of seconds."""
+    find, recover, given_up = SensorCamera._return, Soak._recover, threading.Event()
 
     def slow(camera: SensorCamera) -> None:
-        camera._closing.wait(120.0)
+        given_up.wait(120.0)
         find(camera)
 
+    def watched(soak: Soak, kind: FaultKind | None, shift: Shift) -> float:
+        taken_s = recover(soak, kind, shift)
+        if kind is not None:
+            given_up.set()
+        return taken_s
+
     monkeypatch.setattr(SensorCamera, "_return", slow)
+    monkeypatch.setattr(Soak, "_recover", watched)
     monkeypatch.setattr("tests.soak.run.GIVE_UP_S", 2 * RECOVERY_S)
     assert broken(suffer(tmp_path, FaultKind.UNPLUGGED)) == {Invariant.RECOVERY}
 
