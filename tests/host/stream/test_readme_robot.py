@@ -80,11 +80,13 @@ def test_foxglove() -> None:
         assert asyncio.run(greeting(line.split()[-1])) == "GelLight sim"
 
 
+SLOW = "sim://?fps=4"
+"""three sensors at 30 frames/s, each of which stays open, ask for more than two processors have"""
 LEFT_OUT = ("make demo", ". .venv/", "pip install", "lerobot-record", "sudo", "gellight calibrate")
 """what is open already, what this environment has, what needs one of its own, and what tests/test_first_hour.py runs"""
 ENDED = {
     "--foxglove$": "--frames 5",
-    "^gellight run$": "--frames 5 --sensor sim://",
+    "^gellight run$": f"--frames 5 --sensor {SLOW}",
     "^gellight doctor$": "|| test $? = 1",
 }
 """what is added to a line: an end, a sensor, the status where none is plugged in"""
@@ -113,7 +115,8 @@ def test_every_block_runs_in_order_while_the_demo_is_open(tmp_path: Path) -> Non
     environment = {**os.environ, **folders, **ports, "PATH": path}
     port = free_port()
     script = typed(port).replace("ros2_check.py", f"ros2_check.py tcp/127.0.0.1:{port}")
-    with running(["demo", "--no-browser", "--port", "0"], "publishing") as (_, line):
+    script = script.replace("sim://?object", f"{SLOW}&object")
+    with running(["demo", "--no-browser", "--port", "0", "--sensor", SLOW], "publishing") as (_, line):
         assert "'sim'" in line
         done = children.run(
             ["bash", "-c", script], cwd=CHECKOUT, env=environment, stderr=subprocess.STDOUT, timeout_s=600
