@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import DARK, HEAVIER, Confidence, Force
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord
@@ -86,11 +85,9 @@ def write_weighings(folder: Path, presses: Sequence[Weighed], forces_n: Sequence
     return folder / "forces.csv"
 
 
-def force_files(bundle: Bundle) -> Mapping[str, bytes]:
+def force_files() -> Mapping[str, bytes]:
     """`force.json` with the layer and the modulus above, for `extend_bundle`."""
     record = ForceRecord(
-        image_width_px=bundle.image_shape[1],
-        image_height_px=bundle.image_shape[0],
         gel_thickness_mm=LAYER.thickness_mm,
         poisson_ratio=LAYER.poisson_ratio,
         youngs_modulus_mpa=MODULUS_MPA,

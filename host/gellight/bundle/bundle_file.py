@@ -14,6 +14,11 @@ class BundleFile(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     schema_version: Literal[1] = 1
+
+
+class PictureFile(BundleFile):
+    """What a file says that goes with pictures of one size."""
+
     image_width_px: Annotated[int, Field(ge=2)]
     image_height_px: Annotated[int, Field(ge=2)]
 
@@ -33,7 +38,7 @@ def read_bundle_file(bundle: Bundle, name: str, model: type[Content], remedy: st
         place = ".".join(map(str, first["loc"])) or "content"
         raise BundleError(f"{bundle.source}: {name}: {place}: {first['msg']}; {remedy}") from error
     height, width = bundle.image_shape
-    if (content.image_height_px, content.image_width_px) != (height, width):
+    if isinstance(content, PictureFile) and (content.image_height_px, content.image_width_px) != (height, width):
         raise BundleError(
             f"{bundle.source}: {name} is for {content.image_width_px} x {content.image_height_px} px, "
             f"the bundle for {width} x {height} px; {remedy}"

@@ -228,7 +228,7 @@ class CalibrationService:
         return self._daemon.prepare(steps) if steps and steps != self._running_steps() else _nothing
 
     def _running_steps(self) -> PictureSteps | None:
-        return steps_in(self._daemon.camera.picture_files)
+        return steps_in(self._daemon.camera.bundle_files)
 
     def _follow(self, routine: Routine, back: Callable[[], object]) -> None:
         """Wait for the end of the routine, then set the sensor as its bundle says, as often as it takes."""

@@ -158,7 +158,7 @@ class SensorSession:
         view of pictures of another size.
         """
         with self._changing:
-            if PICTURE_STEPS in self._camera.picture_files:
+            if PICTURE_STEPS in self._camera.bundle_files:
                 raise InputError(
                     "the bundle in use takes a view or fills marker dots already, and a calibration beside it keeps "
                     "that: choose neither, forget an interrupted calibration with others, or calibrate in the terminal"

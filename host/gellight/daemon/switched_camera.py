@@ -44,7 +44,7 @@ class SwitchedCamera(CameraWrapper):
         Raises BundleError where they cannot be, or have another size than its bundle's.
         """
         steps, camera = config.pictures, self._bare
-        made = camera.picture_files.get(PICTURE_STEPS)
+        made = camera.bundle_files.get(PICTURE_STEPS)
         if made is not None and made != config.bundle.files.get(PICTURE_STEPS):
             raise BundleError(
                 f"{config.bundle.source} takes another view of the gel, or fills other dots, than {camera.url}, whose "

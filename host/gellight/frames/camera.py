@@ -93,8 +93,8 @@ class Camera(Protocol):
     """exposure, gain and white balance; None where there is nothing to set"""
 
     @property
-    def picture_files(self) -> Mapping[str, bytes]:
-        """What a bundle for its frames has to hold, by file name: how they are made from what the camera took."""
+    def bundle_files(self) -> Mapping[str, bytes]:
+        """What a bundle for its frames has to hold, by file name: how they are made, the force of a simulated gel."""
         return {}
 
     @property

@@ -46,9 +46,9 @@ class CameraWrapper(Camera):
         return self._fair_lock
 
     @property
-    def picture_files(self) -> Mapping[str, bytes]:
+    def bundle_files(self) -> Mapping[str, bytes]:
         """What a bundle for its frames has to hold."""
-        return self._camera.picture_files
+        return self._camera.bundle_files
 
     @property
     def timing(self) -> CameraTiming | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.dots import Dots, find_dots
@@ -23,7 +23,7 @@ FILE_NAME = "picture.json"
 _REMEDY = "make it with `gellight calibrate view` and `gellight calibrate fit`"
 
 
-class PictureSteps(BundleFile):
+class PictureSteps(PictureFile):
     """The content of the file."""
 
     view: View | None = None
@@ -73,7 +73,7 @@ def steps_of(bundle: Bundle) -> PictureSteps | None:
 
 
 def steps_in(files: Mapping[str, bytes]) -> PictureSteps | None:
-    """Return the steps in the `picture_files` of a camera; None where it has none."""
+    """Return the steps in the `bundle_files` of a camera; None where it has none."""
     return PictureSteps.model_validate_json(files[FILE_NAME]) if FILE_NAME in files else None
 
 
@@ -122,9 +122,9 @@ class PreparedCamera(CameraWrapper):
         return self.picture_steps.image_height_px, self.picture_steps.image_width_px
 
     @property
-    def picture_files(self) -> Mapping[str, bytes]:
-        """The file with its steps."""
-        return self.picture_steps.files()
+    def bundle_files(self) -> Mapping[str, bytes]:
+        """Those of the camera inside, and the file with its steps."""
+        return {**super().bundle_files, **self.picture_steps.files()}
 
     def read(self) -> CameraFrame:
         """Read a frame, and prepare its picture."""

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from gellight.base.errors import BundleError, ConfigError
 from gellight.bundle.bundle import Bundle, extend_bundle
-from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.ring_geometry import RingGeometry
 
@@ -19,7 +19,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Byte = Annotated[int, Field(ge=0, le=255)]
 
 
-class LightRecord(BundleFile):
+class LightRecord(PictureFile):
     """The content of the file; names and units as in `LightModel`."""
 
     ring: RingGeometry

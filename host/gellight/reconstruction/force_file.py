@@ -12,10 +12,11 @@ FILE_NAME = "force.json"
 REMEDY = "measure it again with `gellight calibrate force FORCES.csv --calibration BUNDLE --out NEW`"
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+InOlderFiles = Annotated[int | None, Field(exclude=True, repr=False)]
 
 
 class ForceRecord(BundleFile):
-    """The content of the file."""
+    """The content of the file; it is of the gel, whatever the size of its pictures."""
 
     gel_thickness_mm: Positive
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
@@ -33,6 +34,8 @@ class ForceRecord(BundleFile):
     source: str
     """name of the record"""
     created: AwareDatetime
+    image_width_px: InOlderFiles = None
+    image_height_px: InOlderFiles = None
 
     @property
     def scale(self) -> ForceScale:
@@ -44,6 +47,11 @@ class ForceRecord(BundleFile):
             error_floor_n=self.error_floor_n,
             heaviest_n=self.heaviest_n,
         )
+
+
+def force_file(record: ForceRecord) -> dict[str, bytes]:
+    """Return the file by its name, for a bundle."""
+    return {FILE_NAME: (record.model_dump_json(indent=1) + "\n").encode()}
 
 
 def read_force(bundle: Bundle) -> ForceRecord | None:

@@ -75,7 +75,7 @@ def test_the_routine_sees_the_view_and_keeps_it_for_the_bundle(tmp_path: Path) -
     camera = Target(view=tmp_path / "view.json").camera(ScriptedCamera(gel()))
     assert camera.image_shape == (60, 80)
     np.testing.assert_allclose(camera.read().image, gel()[20:80, 40:120], atol=1)
-    kept = PictureSteps.model_validate_json(camera.picture_files["picture.json"])
+    kept = PictureSteps.model_validate_json(camera.bundle_files["picture.json"])
     assert (kept.view, kept.dots) == (view, None)
 
 
@@ -95,7 +95,7 @@ def test_an_interrupted_calibration_goes_on_with_its_own_view_and_dots(tmp_path:
     steps = chosen_steps(ScriptedCamera(with_dots(gel())), view, dots=True)
     begun = identity().model_copy(update={"picture": steps})
     camera = Target(resume=True).camera(ScriptedCamera(gel()), begun)
-    assert steps_in(camera.picture_files) == steps
+    assert steps_in(camera.bundle_files) == steps
     (tmp_path / "view.json").write_text(View.of_box((0, 0, 128, 96), (120, 160)).model_dump_json())
     with pytest.raises(InputError, match=r"takes another view than .*leave --view out"):
         Target(resume=True, view=tmp_path / "view.json").camera(ScriptedCamera(gel()), begun)
@@ -113,7 +113,7 @@ def test_the_routine_sees_a_dotted_gel_without_its_dots(tmp_path: Path, with_vie
     plain = gel()[16:112, 16:144] if with_view else gel()
     assert camera.image_shape == plain.shape[:2]
     assert np.abs(camera.read().image.astype(int) - plain).max() < 6, "a dot is 80 levels darker"
-    kept = PictureSteps.model_validate_json(camera.picture_files["picture.json"])
+    kept = PictureSteps.model_validate_json(camera.bundle_files["picture.json"])
     assert kept.dots is not None
     assert (kept.view == view) is with_view
 

@@ -84,7 +84,7 @@ def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path
 
 def test_force_and_pressure_are_written_where_the_bundle_knows_them(tmp_path: Path, bundle: Path) -> None:
     plain = load_bundle(bundle)
-    extend_bundle(plain, tmp_path / "knowing", force_files(plain))
+    extend_bundle(plain, tmp_path / "knowing", force_files())
     path = press(tmp_path / "in" / "press.png")
     result = run(path, "--calibration", tmp_path / "knowing", "--out", tmp_path / "out", "--json")
     (row,) = json.loads(result.stdout)

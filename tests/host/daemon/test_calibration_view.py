@@ -109,7 +109,7 @@ def test_the_calibration_and_the_page_see_the_view_without_its_dots(
     plain = sloping_gel(SHAPE)[16:112, 16:144]
     assert seen.shape == (96, 128, 3)
     assert np.abs(seen.astype(int) - plain).max() < 8, "the dots are filled"
-    assert "picture.json" in routines[0].camera.picture_files
+    assert "picture.json" in routines[0].camera.bundle_files
     assert shape_soon(daemon, (96, 128))
     assert service.state().picture.startswith("a view of 128 x 96 px is taken and ")
     routines[0].over.set()

@@ -35,7 +35,7 @@ ITS_OWN = {
     "read": set(WRAPPERS),
     "timing": {SequencedCamera, WindowCamera},  # what its labels go by
     "status": {SequencedCamera, WindowCamera},  # what became of the frames of the sequence, too
-    "picture_files": {PreparedCamera},  # what it does to the pictures
+    "bundle_files": {PreparedCamera},  # what it does to the pictures
     "close": {SharedCamera},  # the daemon closes its camera
 }
 """what a wrapper does not pass on, and which wrappers do not"""

@@ -84,7 +84,7 @@ def test_a_camera_opened_with_a_bundle_shows_the_view_and_no_dots(tmp_path: Path
     cv2.imwrite(str(tmp_path / "taken.png"), taken[..., ::-1])
     with open_camera(tmp_path / "taken.png", bundle=bundle) as camera:
         assert camera.image_shape == shape
-        assert camera.picture_files[FILE_NAME] == bundle.files[FILE_NAME]
+        assert camera.bundle_files[FILE_NAME] == bundle.files[FILE_NAME]
         np.testing.assert_array_equal(camera.read().image, view.of(taken, "it"))
     cv2.imwrite(str(tmp_path / "small.png"), taken[:50])
     with pytest.raises(BundleError, match=r"delivers 220x50 pixels, the calibration takes its view from 220x180"):

@@ -74,7 +74,7 @@ def test_a_frame_carries_its_force_where_the_bundle_knows_it(tmp_path: Path) -> 
     frame = CameraFrame(image=press.picture(), time_s=0.0, sequence=0)
     plain = linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=PIXELS)
     assert Reconstructor(plain).reconstruct(frame).force is None
-    knowing = extend_bundle(plain, tmp_path / "knowing", force_files(plain))
+    knowing = extend_bundle(plain, tmp_path / "knowing", force_files())
     force = Reconstructor(knowing).reconstruct(frame).force
     assert force is not None
     assert force.normal_n == pytest.approx(press.force_n, rel=0.05)
@@ -85,7 +85,7 @@ def test_a_frame_carries_its_force_where_the_bundle_knows_it(tmp_path: Path) -> 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     plain = linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=PIXELS)
-    broken = force_files(plain)["force.json"].replace(b"0.15", b"-0.15")
+    broken = force_files()["force.json"].replace(b"0.15", b"-0.15")
     bundle = extend_bundle(plain, tmp_path / "broken", {"force.json": broken})
     with pytest.raises(BundleError, match=r"youngs_modulus_mpa.*calibrate force"):
         read_force(bundle)

@@ -1,6 +1,7 @@
 """The examples of the documents run as they stand, and the reader in C++ agrees with Python's encoder."""
 
 import json
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -14,6 +15,7 @@ from gellight.stream.publisher import Publisher
 from gellight.stream.wire import encode
 from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
+from tests.helpers.fem_presses import force_n
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import bump_daemon, full_frame
 from tests.helpers.weighed import HeavyFrames
@@ -38,9 +40,19 @@ def test_an_example_runs(name: str, says: str, tmp_path: Path) -> None:
     assert says in done.stdout
 
 
+def test_a_gripper_stops_at_one_newton() -> None:
+    """Finite elements weighed the same ball, pressed to two depths; between them a power says how deep is how heavy."""
+    said = run([sys.executable, EXAMPLES / "grip.py"], check=True).stdout
+    force, error, closed_mm = map(float, re.findall(r"[0-9.]+[0-9]", said))
+    light, heavy = force_n("ball4_0.3"), force_n("ball4_1.0")
+    true_n = heavy * closed_mm ** (np.log(heavy / light) / np.log(1 / 0.3))
+    assert 1 <= force < 1.1
+    assert abs(force - true_n) < 2 * error
+
+
 def test_every_example_is_run_and_described() -> None:
     page = (CHECKOUT / "docs/streaming.md").read_text()
-    assert len(list(EXAMPLES.glob("*.py"))) == 6, "test_ros2.py runs the sixth"
+    assert len(list(EXAMPLES.glob("*.py"))) == 7, "test_ros2.py runs the seventh"
     assert [path.name for path in EXAMPLES.glob("*.py") if f"examples/{path.name}" not in page] == []
     assert examples("docs/streaming.md")[0].strip() in (EXAMPLES / "live.py").read_text()
 

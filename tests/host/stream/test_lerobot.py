@@ -56,7 +56,7 @@ def finger(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[BumpRecon
     """A sensor whose bundle has a constant for the force, or has none."""
     bundle = linear_bundle(tmp_path / "plain", shape=SHAPE)
     if request.param:
-        bundle = extend_bundle(bundle, tmp_path / "bundle", force_files(bundle))
+        bundle = extend_bundle(bundle, tmp_path / "bundle", force_files())
     daemon, made = bump_daemon(period_s=0.05, bundle=bundle, measures=BundleMeasures(bundle))
     with daemon, Publisher(daemon, name="finger"):
         yield made
@@ -100,7 +100,7 @@ def test_the_camera_is_found_and_keeps_to_the_contract(
 
 def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str], tmp_path: Path) -> None:
     plain = gellight.load_bundle("synthetic")
-    extend_bundle(plain, tmp_path / "weighing", force_files(plain))
+    extend_bundle(plain, tmp_path / "weighing", force_files())
     with (
         gellight.connect("sim://?fps=10", calibration=str(tmp_path / "weighing")) as sensor,
         Publisher(sensor.daemon),

@@ -178,7 +178,7 @@ def test_a_recording_is_exported_as_arrays_and_clouds(recording: Path, tmp_path:
 
 def test_force_pressure_and_confidence_are_recorded_and_are_the_same_when_exported(tmp_path: Path) -> None:
     plain = linear_bundle(tmp_path / "plain")
-    extend_bundle(plain, tmp_path / "bundle", force_files(plain))
+    extend_bundle(plain, tmp_path / "bundle", force_files())
     press, pictures, out = weighed(0.5), tmp_path / "pictures", tmp_path / "press.mcap"
     pictures.mkdir()
     for number in range(6):

@@ -79,7 +79,7 @@ def test_the_difference_image_is_made_with_the_reference_of_its_zero(tmp_path: P
 
 def test_the_force_arrives_and_its_pressure_map_is_made_with_the_bundle(tmp_path: Path) -> None:
     plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
-    bundle = extend_bundle(plain, tmp_path / "bundle", force_files(plain))
+    bundle = extend_bundle(plain, tmp_path / "bundle", force_files())
     sent = replace(full_frame(), measures=BundleMeasures(bundle))
     assert sent.force is not None
     asked: list[str] = []
@@ -101,7 +101,7 @@ def test_what_is_asked_for_travels_and_the_rest_is_computed_to_the_same(
     tmp_path: Path, asked: list[MapOnRequest]
 ) -> None:
     plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
-    bundle = extend_bundle(plain, tmp_path / "bundle", force_files(plain))
+    bundle = extend_bundle(plain, tmp_path / "bundle", force_files())
     sent = replace(full_frame(), measures=BundleMeasures(bundle))
     assert len(encode(sent, asked)) > len(encode(sent)) + SHAPE[0] * SHAPE[1] * 4
     zeros: list[str] = []

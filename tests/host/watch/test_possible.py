@@ -42,7 +42,7 @@ def test_each_frame_of_a_running_sensor_carries_it(tmp_path: Path) -> None:
 
 def test_the_bundle_knows_its_gel_better_than_the_settings(synthetic: Bundle, tmp_path: Path) -> None:
     plain = linear_bundle(tmp_path / "plain", (120, 160))
-    weighed = extend_bundle(plain, tmp_path / "weighed", force_files(plain))
+    weighed = extend_bundle(plain, tmp_path / "weighed", force_files())
     assert [gel_thickness_mm(bundle, 4.0) for bundle in (synthetic, weighed, plain)] == [5.0, LAYER.thickness_mm, 4.0]
     assert gel_thickness_mm(plain) is None
 

@@ -40,7 +40,7 @@ def fit(run: CalibrationRun) -> None:
         sensor=run.options.sensor,
         options=run.options.training,
         table_options=TABLE,
-        extra_files=run.camera.picture_files,
+        extra_files=run.camera.bundle_files,
         overwrite=True,
         progress=report,
         check=run.check_stopped,

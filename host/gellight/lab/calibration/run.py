@@ -125,5 +125,5 @@ def _identity(camera: Camera, options: RoutineOptions) -> Identity:
         sensor=options.sensor,
         image_size_px=(width, height),
         **options.tools.sizes(),
-        picture=steps_in(camera.picture_files),
+        picture=steps_in(camera.bundle_files),
     )

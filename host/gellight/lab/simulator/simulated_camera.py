@@ -32,6 +32,7 @@ from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.timing import CameraTiming
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.simulator.gel_models import GelKind, gel_model
+from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.scene import Array, Press, Scene
@@ -92,6 +93,11 @@ class SimulatedCamera(Camera):
             self.ring.close()
         if self._ahead is not None:
             self._ahead.join(CLOSE_S)  # Python ends with an abort while a thread is in a library's code
+
+    @property
+    def bundle_files(self) -> Mapping[str, bytes]:
+        """The force of its gel."""
+        return known_force(self._scene.geometry)
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frames.frames import CameraFrame
+from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.child import Progress, run_module, silent
 from gellight.lab.training.trainer import TrainerName, checked_trainer
@@ -160,7 +161,7 @@ def _written(place: Path, out: Path, metrics: dict[str, object], overwrite: bool
         network=(place / "network.onnx").read_bytes(),
         network_name="synthetic.onnx",
         led=_leds(provenance["geometry"]["led_colours"], provenance["light"]),
-        extra_files={"provenance.json": (place / "provenance.json").read_bytes()},
+        extra_files={"provenance.json": (place / "provenance.json").read_bytes(), **known_force(SensorGeometry())},
         metrics=metrics,
         overwrite=overwrite,
     )

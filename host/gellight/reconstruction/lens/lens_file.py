@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import AwareDatetime, Field
 
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import Undistortion
 
@@ -15,7 +15,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class LensRecord(BundleFile):
+class LensRecord(PictureFile):
     """The content of the file; the first five as in `Lens`."""
 
     centre_px: tuple[Number, Number]

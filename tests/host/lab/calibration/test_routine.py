@@ -24,6 +24,7 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.opening import open_camera
+from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import read_record
 from tests.benchmarks.objects import object_errors, summary
 from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
@@ -122,6 +123,7 @@ def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, d
 def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[Path, dict[str, Any]]) -> None:
     folder, snapshot = calibrated
     bundle = load_bundle(folder / "bundle")
+    assert read_force(bundle) is not None, "the simulated gel knows its own"
     assert snapshot["installed"] == [str(folder / "bundle")]
     assert len(bundle.manifest.led) == 12
     assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}

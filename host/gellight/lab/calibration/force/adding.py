@@ -10,7 +10,7 @@ from gellight.lab.calibration.force.fit import fit_force
 from gellight.lab.calibration.force.indented import Felt, felt_in_images, felt_in_recording
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.reconstruction.force import Layer
-from gellight.reconstruction.force_file import FILE_NAME, ForceRecord
+from gellight.reconstruction.force_file import ForceRecord, force_file
 from gellight.recording.recording_file import Recording
 
 
@@ -22,10 +22,7 @@ def measure_force(bundle: Bundle, forces: Path, recording: Path | None, layer: L
     readings = ForceReadings.read(forces)
     felt = _felt(readings, bundle, recording, layer)
     fit = fit_force(felt.force_n, felt.integral_mm2, str(forces))
-    height, width = bundle.image_shape
     return ForceRecord(
-        image_width_px=width,
-        image_height_px=height,
         gel_thickness_mm=layer.thickness_mm,
         poisson_ratio=layer.poisson_ratio,
         **asdict(fit),
@@ -47,5 +44,4 @@ def _felt(readings: ForceReadings, bundle: Bundle, recording: Path | None, layer
 
 def add_force(bundle: Bundle, record: ForceRecord, out: Path, *, overwrite: bool = False) -> Bundle:
     """Write the bundle with the constant as a new one and return it; BundleError where that cannot be."""
-    content = (record.model_dump_json(indent=1) + "\n").encode()
-    return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
+    return extend_bundle(bundle, out, force_file(record), overwrite=overwrite)
