@@ -279,7 +279,7 @@ def reference() -> list[Setting]:
 
 
 def reference_markdown() -> str:
-    """Return the reference as Markdown, one table a section; docs/configuration.md holds it."""
+    """Return the reference as Markdown, one table a section; the site of the documentation shows it."""
     lines: list[str] = []
     for section, model in SECTIONS.items():
         lines += [f"### `[{section}]`", "", inspect.cleandoc(model.__doc__ or ""), ""]

@@ -88,7 +88,7 @@ def test_no_signal_is_lost(code: str) -> None:
 
 
 def test_the_document_and_the_help_list_every_status() -> None:
-    text = (CHECKOUT / "docs/configuration.md").read_text()
+    text = (CHECKOUT / "docs/commands.md").read_text()
     assert set(MEANINGS) == set(Ending)
     for status, meaning in MEANINGS.items():
         assert f"| {status} | {meaning} |\n" in text

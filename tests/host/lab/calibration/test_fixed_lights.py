@@ -57,7 +57,8 @@ def test_presets_are_known_by_name_and_documented() -> None:
     assert preset_called("gelsight-mini").ball_radius_mm == 2.35
     with pytest.raises(InputError, match="did you mean gelsight-mini"):
         preset_called("gelsight")
-    docs = (Path(__file__).parents[4] / "docs/other-sensors.md").read_text()
+    pages = ("other-sensors.md", "gelsight-mini.md", "digit.md")
+    docs = "".join((Path(__file__).parents[4] / "docs" / page).read_text() for page in pages)
     for preset in PRESETS:
         assert f"`{preset.name}`" in docs
         assert preset.view_mm is None or f"{preset.view_mm[0]:g} x {preset.view_mm[1]:g} mm" in docs

@@ -1,0 +1,83 @@
+"""The figures in the documents are those that the commands printed: tests/data/figures keeps what they printed.
+
+Who changes what a figure depends on runs its command again and stores what it prints, under its `$ command` line.
+"""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from tests.helpers.places import CHECKOUT
+
+RECORDS = [path.read_text().split("\n", 1) for path in sorted((CHECKOUT / "tests/data/figures").glob("*.txt"))]
+PRINTED = {
+    head.removeprefix("$ "): {float(number) for number in re.findall(r"\d+(?:\.\d+)?", text)} for head, text in RECORDS
+}
+NUMBER = re.compile(r"(?<![\w.])(?:\d{1,3}(?: \d{3})+|\d+(?:\.\d+)?)(?![\w.]*\w)")
+SCALES = (1, 1000, 100)
+"""a figure may be given in um or per cent where mm or a share was printed"""
+
+
+def printed(command: str, number: str) -> bool:
+    """Say whether the command printed a value that this is, rounded to the nearest or up (`within 0.006 mm`)."""
+    value, unit = float(number.replace(" ", "")), 10.0 ** -len(number.partition(".")[2])
+    return any(-0.501 <= (value - scale * was) / unit < 0.999 for was in PRINTED[command] for scale in SCALES)
+
+
+def rows(document: str) -> Iterator[list[str]]:
+    """Yield the cells of every row of every table."""
+    for line in (CHECKOUT / document).read_text().splitlines():
+        if line.startswith("|") and not line.startswith("|---"):
+            yield [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def quoted() -> Iterator[tuple[str, str, str]]:
+    """Yield where a figure stands, the command that prints it, and the figure."""
+    command = ""
+    for what, measured, _, said in rows("docs/figures.md"):
+        command = next(iter(re.findall("`(.*?)`", said)), command)
+        yield from (("figures.md: " + what, command, number) for number in NUMBER.findall(measured))
+    for what, *cells in rows("README.md"):
+        for cell in cells:
+            for text, command in re.findall(r"(.*): `(.*?)`", cell):
+                yield from (("README.md: " + what, command, number) for number in NUMBER.findall(text))
+    for (page, command), lines in TABLES.items():
+        for line in rows(f"docs/{page}.md"):
+            if line[0] in lines:
+                for number in NUMBER.findall(" | ".join(line[1:])):
+                    yield f"{page}.md: {line[0]}", f"python -m tests.benchmarks.{command}", number
+    text = re.sub(r"\s+", " ", (CHECKOUT / "docs/calibration-data.md").read_text())
+    for sentence, command in re.findall(r"([^:;]*?)\([^()]*`(python -m [^`]*)`\)", text):
+        for number in re.findall(r"\d+\.\d+(?=°| times|,)", sentence.rpartition(". ")[2]):
+            yield "calibration-data.md", command, number
+
+
+TABLES = {
+    ("force", "force"): ("layer", "N per mm³ of all that is pressed in", "N per mm³ of the contact patch"),
+    ("photometric", "photometric"): ("GelNet, 1 picture", "4 exposures", "12 exposures"),
+    ("photometric", "sequence"): (
+        "GelNet, one picture",
+        "4 lights, stopping at each (`hold`)",
+        "4 lights, window, `free` or `ext`",
+    ),
+}
+FIGURES = [figure for figure in quoted() if figure[1] in PRINTED]
+
+
+@pytest.mark.parametrize(("where", "command", "number"), FIGURES)
+def test_a_figure_is_what_its_command_printed(where: str, command: str, number: str) -> None:
+    assert printed(command, number), f"{where}: {command} did not print {number}"
+
+
+def test_every_record_is_quoted() -> None:
+    assert {command for _, command, _ in FIGURES} >= PRINTED.keys() - UNQUOTED
+
+
+UNQUOTED = {"python -m tests.benchmarks.firmware", "python -m tests.benchmarks.lens maps"}
+"""their figures stand in sentences of firmware/README.md and docs/calibration.md"""
+
+
+def test_a_figure_that_was_not_printed_is_noticed() -> None:
+    assert printed("gellight selfcheck", "0.006")
+    assert not printed("python -m tests.benchmarks.presses", "0.252")
