@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gellight.bundle.bundle import Bundle, load_bundle
     from gellight.daemon.session import SensorSession
     from gellight.frames.camera import EndOfStream
-    from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
+    from gellight.frames.frames import CameraFrame, Contact, Patch, Provenance, TactileFrame
     from gellight.opening import open_camera
     from gellight.reconstruction.contact import find_contact
     from gellight.reconstruction.integration import integrate, normals
@@ -35,6 +35,7 @@ _HOME = {
     "EndOfStream": "frames.camera",
     "CameraFrame": "frames.frames",
     "Contact": "frames.frames",
+    "Patch": "frames.frames",
     "Provenance": "frames.frames",
     "TactileFrame": "frames.frames",
     "Reconstructor": "reconstruction.pipeline",
@@ -54,6 +55,7 @@ __all__ = [
     "EndOfStream",
     "GellightError",
     "NoFrameError",
+    "Patch",
     "Provenance",
     "Reconstructor",
     "Sensor",

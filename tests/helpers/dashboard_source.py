@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
-from gellight.reconstruction.contact import find_contact
+from gellight.reconstruction.contact import find_contact, measure_patches
 
 HEIGHT, WIDTH, PIXEL_MM = 480, 640, 0.0588
 SIGMA_MM = 3.0
@@ -32,6 +32,7 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
     normal = np.concatenate([-gradient, np.ones((height, width, 1))], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     difference = shade(gradient)
+    touched = contact(depth, pixel)
     return TactileFrame(
         camera_frame=CameraFrame(
             image=np.clip(np.rint(REFERENCE_GREY + difference), 0, 255).astype(np.uint8),
@@ -44,7 +45,8 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
         gradient_map=gradient.astype(np.float32),
         normal_map=normal.astype(np.float32),
         depth_mm=depth.astype(np.float32),
-        contact=contact(depth, pixel),
+        contact=touched,
+        contacts=tuple(measure_patches(touched.mask, depth, gradient, pixel)),
         stage_seconds={"gelnet": 0.008, "integration": 0.003},
     )
 
@@ -54,7 +56,9 @@ def two_bumps(*, truth_factor: float | None = None) -> TactileFrame:
     first, second = bump(1.0, 7.0, 3.0), bump(0.5, -9.0, -5.0)
     depth = first.depth_mm + second.depth_mm
     gradient = first.gradient_map + second.gradient_map
-    frame = replace(first, depth_mm=depth, gradient_map=gradient, contact=find_contact(depth, PIXEL_MM))
+    contact = find_contact(depth, PIXEL_MM)
+    contacts = tuple(measure_patches(contact.mask, depth, gradient, PIXEL_MM))
+    frame = replace(first, depth_mm=depth, gradient_map=gradient, contact=contact, contacts=contacts)
     return frame if truth_factor is None else with_truth(frame, truth_factor)
 
 

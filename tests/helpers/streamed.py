@@ -57,8 +57,10 @@ def full_frame() -> TactileFrame:
     """Return a frame that has everything a frame may have."""
     felt = bump(0.8, 1.0, -2.0, shape=SHAPE)
     lights = np.full(SHAPE, 9, np.uint8)
+    followed = tuple(replace(one, number=7, age_s=0.3, velocity_mm_s=(2.0, -3.0)) for one in felt.contacts)
     return replace(
         felt,
+        contacts=followed,
         camera_frame=replace(felt.camera_frame, label=LightLabel(state=LightState.CLEAN, group=3), sequence=2**40),
         exposures=ExposureReport(
             exposures=12, duration_s=0.4, moved=True, repetition_grey=1.5, repetition_limit_grey=1.0, misfit=0.3,

@@ -29,6 +29,7 @@ from gellight.frames.frames import CameraFrame, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.status import SensorStatus, TouchStatus
+from gellight.reconstruction.following import ContactFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
@@ -67,9 +68,10 @@ class SensorSession:
         prepared = self._camera.prepared(config)
         self._active = pipeline or build_pipeline(config, prepared)
         self._camera.switch(prepared, config.light, None)
+        contacts = ContactFollower()
         self._threads = FrameThreads(
             self._camera,
-            lambda frame: self._active.reconstruct(frame),
+            lambda frame: contacts.follow(self._active.reconstruct(frame)),
             lambda: self.zeroed_bundle,
             every=every,
             realtime=settings.service.realtime,

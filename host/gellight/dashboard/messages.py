@@ -38,8 +38,7 @@ import numpy as np
 
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import deflate, jpeg, pack_depth, reduce, view_shape
-from gellight.frames.frames import Patch, TactileFrame
-from gellight.reconstruction.contact import measure_patches
+from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
@@ -99,16 +98,12 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
         "force": frame.force.as_json() if frame.force else None,
-        "contacts": [vars(patch) for patch in _patches(frame, pixel_size_mm)],
+        "contacts": [vars(patch) for patch in frame.contacts[:MOST_CONTACTS]],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
         "truth": _truth_figures(frame),
     }
     return header
-
-
-def _patches(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> list[Patch]:
-    return measure_patches(frame.contact.mask, frame.depth_mm, frame.gradient_map, pixel_size_mm)[:MOST_CONTACTS]
 
 
 def _truth_figures(frame: TactileFrame) -> dict[str, float] | None:

@@ -181,6 +181,12 @@ class Patch:
     """the integral of the depth over the patch"""
     slope_rad: float
     """largest angle between the gel surface and the gel at rest"""
+    number: int = 0
+    """stays as long as the contact lasts, and no other one gets it; 0 where no sensor runs that follows it"""
+    age_s: float = 0.0
+    """since it was first seen"""
+    velocity_mm_s: tuple[float, float] | None = None
+    """(x, y) of the centroid, over the last 0.15 s; None in its first frame"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -256,6 +262,8 @@ class TactileFrame:
     depth_mm: NDArray[np.float32]
     """(H, W) mm"""
     contact: Contact
+    contacts: tuple[Patch, ...] = ()
+    """the connected parts of the contact, the deepest first; of a sensor that runs, followed from frame to frame"""
     exposures: ExposureReport | None = None
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -17,6 +17,7 @@ smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched
+following.py     which contact is which from frame to frame, and how it moves
 confidence.py    how far each pixel is to be believed
 force.py         depth map to force and pressure
 force_file.py    its constant, in a bundle

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, TactileFrame
 from gellight.frames.measures import FrameMeasures
-from gellight.reconstruction.contact import find_contact
+from gellight.reconstruction.contact import find_contact, measure_patches
 from gellight.reconstruction.integration import normals
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
@@ -104,6 +104,7 @@ def tactile_frame(
     normal_map = normals(gradient_map)
     stages.end("normals")
     contact = find_contact(depth_mm, pixel_size_mm)
+    contacts = measure_patches(contact.mask, depth_mm, gradient_map, pixel_size_mm)
     stages.end("contact")
     return TactileFrame(
         camera_frame=camera_frame,
@@ -112,6 +113,7 @@ def tactile_frame(
         normal_map=normal_map,
         depth_mm=depth_mm,
         contact=contact,
+        contacts=tuple(contacts),
         exposures=exposures,
         stage_seconds=stages.seconds,
         measures=measures,

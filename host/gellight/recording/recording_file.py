@@ -34,7 +34,7 @@ from pydantic import ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
-from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.recording.frame_record import FrameInfo, FrameRecord
 from gellight.recording.ros_messages import (
@@ -82,6 +82,7 @@ class ContactInfo(StrictModel):
     force_n: float | None = None
     """normal force; None where the bundle has no constant for it"""
     force_error_n: float | None = None
+    contacts: tuple[Patch, ...] = ()
 
 
 class RecordingWriter:
@@ -132,6 +133,7 @@ class RecordingWriter:
             centroid_mm=contact.centroid_mm,
             force_n=frame.force.normal_n if frame.force else None,
             force_error_n=frame.force.error_n if frame.force else None,
+            contacts=frame.contacts,
         )
         images = {name: _map_image(values) for name, values in frame.maps_on_request(self.maps).items()}
         if self.depth is not DepthKind.NONE:

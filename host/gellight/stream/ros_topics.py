@@ -7,6 +7,7 @@
     contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
     contact/wrench geometry_msgs/WrenchStamped N, frame NAME_gel: the normal force on the gel along z, where the bundle
                   has a constant for it; x, y and the torque are not measured and 0
+    contacts      sensor_msgs/PointCloud2    a point each contact, frame NAME_gel, SI units: see `OF_CONTACTS`
     /diagnostics  diagnostic_msgs/DiagnosticArray
 
 ros2.py sends them by zenoh, foxglove.py by WebSocket.
@@ -19,7 +20,7 @@ from math import nan
 import numpy as np
 
 from gellight.daemon.session import SensorSession
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import Patch, TactileFrame
 from gellight.frames.point_cloud import points_of
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.intrinsics import intrinsics
@@ -31,6 +32,13 @@ DIAGNOSTICS_S = 1.0
 """between two messages of diagnostics"""
 FLOAT32 = 7
 """of sensor_msgs/PointField"""
+UINT32 = 6
+OF_CONTACTS = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z")]
+    + [("number", "<u4")]
+    + [(name, "<f4") for name in ("area", "volume", "slope", "velocity_x", "velocity_y", "age")]
+)
+"""of a contact: its centroid with its depth as z, m; then `frames.Patch` in m2, m3, rad, m/s, s; y is up"""
 Encode = Callable[[TactileFrame], bytes | None]
 """makes the message of a frame; None where the frame has nothing to say of it"""
 
@@ -51,6 +59,7 @@ class RosTopics:
             "points": (POINTS, self._points),
             "contact": (POINT, self._contact),
             "contact/wrench": (WRENCH, self._wrench),
+            "contacts": (POINTS, self._contacts),
         }
         """type and encoder by topic"""
 
@@ -77,10 +86,19 @@ class RosTopics:
         assert frame.provenance is not None
         points = points_of(frame.depth_mm, frame.provenance.pixel_size_mm) * np.float32(1e-3)
         height, width, _ = points.shape
-        writer = CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("I", height, width, 3)
-        for number, name in enumerate("xyz"):
-            writer.string(name).put("I", 4 * number).put("B", FLOAT32).put("I", 1)
-        return writer.put("B", 0).put("I", 12, 12 * width).blob(points.tobytes()).put("B", 1).finish()
+        return self._cloud(frame, (height, width), np.dtype([(name, "<f4") for name in "xyz"]), points.tobytes())
+
+    def _contacts(self, frame: TactileFrame) -> bytes:
+        rows = [_row(patch) for patch in frame.contacts]
+        return self._cloud(frame, (1, len(rows)), OF_CONTACTS, np.array(rows, OF_CONTACTS).tobytes())
+
+    def _cloud(self, frame: TactileFrame, shape: tuple[int, int], of_point: np.dtype[np.void], content: bytes) -> bytes:
+        """Return (height, width) points with the 4-byte fields of `of_point`."""
+        writer = CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("I", *shape, len(of_point.names or ()))
+        for name, (kind, offset, *_) in (of_point.fields or {}).items():
+            writer.string(name).put("I", offset).put("B", UINT32 if kind.kind == "u" else FLOAT32).put("I", 1)
+        size = of_point.itemsize
+        return writer.put("B", 0).put("I", size, size * shape[1]).blob(content).put("B", 1).finish()
 
     def _contact(self, frame: TactileFrame) -> bytes:
         x_mm, y_mm = frame.contact.centroid_mm or (nan, nan)
@@ -106,6 +124,13 @@ class RosTopics:
         for name, value in values.items():
             writer.string(name).string(value)
         return writer.finish()
+
+
+def _row(patch: Patch) -> tuple[float, ...]:
+    (x_mm, y_mm), (right, down) = patch.centroid_mm, patch.velocity_mm_s or (nan, nan)
+    place_m, speed_m_s = (x_mm * 1e-3, -y_mm * 1e-3, patch.depth_mm * 1e-3), (right * 1e-3, -down * 1e-3)
+    sizes = patch.area_mm2 * 1e-6, patch.volume_mm3 * 1e-9, patch.slope_rad
+    return *place_m, patch.number, *sizes, *speed_m_s, patch.age_s
 
 
 def taken_s(frame: TactileFrame) -> float:

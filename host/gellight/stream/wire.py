@@ -18,7 +18,7 @@ from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationEr
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Provenance, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.light_drift import difference_of
@@ -83,6 +83,7 @@ class Details(StrictModel):
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
+    contacts: tuple[Patch, ...] = ()
     from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
@@ -189,6 +190,7 @@ def _details(frame: TactileFrame) -> bytes:
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
+            contacts=frame.contacts,
             from_network=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
         )
@@ -235,6 +237,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "gradient_map": maps["gradient"],
         "depth_mm": maps["depth_mm"],
         "contact": contact,
+        "contacts": details.contacts,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
         "_from_network": details.from_network,

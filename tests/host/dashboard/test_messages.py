@@ -13,6 +13,7 @@ from gellight.dashboard.messages import without_nan
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import DEPTH_UNIT_MM, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
+from gellight.reconstruction.contact import measure_patches
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
 from tests.helpers.view_messages import decode
 from tests.helpers.weighed import HeavyFrames
@@ -86,8 +87,9 @@ def test_the_header_numbers_the_contacts_by_depth() -> None:
     mask[100:140, 100:140] = mask[300:320, 500:520] = True
     depth = np.where(mask, 0.5, 0.0)
     depth[310, 510] = 0.7
-    contact = replace(FRAME.contact, mask=mask)
-    frame = replace(with_depth(depth), contact=contact, gradient_map=np.ones((480, 640, 2), np.float32))
+    gradient = np.ones((480, 640, 2), np.float32)
+    contacts = tuple(measure_patches(mask, depth, gradient, (0.1, 0.2)))
+    frame = replace(with_depth(depth), contact=replace(FRAME.contact, mask=mask), contacts=contacts)
     deeper, larger = decode(encode(frame, pixel_size_mm=(0.1, 0.2))).header["contacts"]
     assert deeper["depth_mm"] == pytest.approx(0.7)
     assert larger["centroid_mm"] == pytest.approx([(119.5 - 319.5) * 0.1, (119.5 - 239.5) * 0.2])

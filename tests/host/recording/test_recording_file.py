@@ -23,7 +23,14 @@ from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording import recording_file
-from gellight.recording.recording_file import DepthKind, Recording, RecordingWriter, depth_image, topic_name
+from gellight.recording.recording_file import (
+    ContactInfo,
+    DepthKind,
+    Recording,
+    RecordingWriter,
+    depth_image,
+    topic_name,
+)
 from gellight.recording.replay_camera import ReplayCamera
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.streamed import full_frame
@@ -134,9 +141,15 @@ def test_recorded_depth_comes_back(record: Record, kind: DepthKind, error_mm: fl
     ((info, image),) = recording.depths()
     sent = full_frame()
     assert info.indentation_mm == sent.contact.indentation_mm
+    assert info.contacts == sent.contacts
     numbers = np.frombuffer(image.data, "<f4" if kind is DepthKind.FLOAT32 else "<u2").reshape(SHAPE)
     got_mm = numbers * (1e3 if kind is DepthKind.FLOAT32 else 1e-4)
     assert np.abs(got_mm - np.clip(sent.depth_mm, 0, 6.5535)).max() < error_mm
+
+
+def test_the_contact_of_an_older_recording_is_read() -> None:
+    old = ContactInfo(sequence=1, calibration="c", zero="z", indentation_mm=1.0, area_mm2=2.0, centroid_mm=(0.0, 1.0))
+    assert ContactInfo.model_validate_json(old.model_dump_json(exclude={"contacts"})) == old
 
 
 def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:

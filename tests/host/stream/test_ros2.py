@@ -44,6 +44,11 @@ def show(message):
         told |= {"k": list(message.k), "d": list(message.d), "p": list(message.p), "model": message.distortion_model}
     if hasattr(message, "data"):
         told["bytes"] = len(message.data)
+        if hasattr(message, "fields"):
+            fields = [(field.name, {6: "<u4", 7: "<f4"}[field.datatype], field.offset) for field in message.fields]
+            names, kinds, offsets = map(list, zip(*fields))
+            one = {"names": names, "formats": kinds, "offsets": offsets, "itemsize": message.point_step}
+            told["first"] = dict(zip(names, message.data.view(one)[0].tolist()))
         kind = "<f4" if told.get("encoding", "32FC1") == "32FC1" else "u1"
         told["max"] = float(message.data.view(kind).max())
     if hasattr(message, "point"):
@@ -121,6 +126,19 @@ def test_the_contact_is_a_point_in_metres(port: int) -> None:
     assert 0.0005 < told["point"][2] < 0.01
 
 
+def test_the_contacts_are_points_with_their_figures_in_si_units(port: int) -> None:
+    told = read(port, "/left_finger/contacts", "sensor_msgs/msg/PointCloud2")
+    assert (told["height"], told["width"]) == (1, 1)
+    first = told["first"]
+    assert [first[name] for name in ("x", "y", "number", "velocity_x", "velocity_y")] == pytest.approx(
+        [0, 0, 1, 0, 0], abs=2e-4
+    )
+    assert 0.0005 < first["z"] < 0.01
+    assert 0.3 < first["volume"] / first["area"] / first["z"] < 1
+    assert 1e-5 < first["area"] < 3e-4
+    assert 0 < first["age"] < 60
+
+
 def test_the_wrench_is_the_normal_force_in_newtons(port: int) -> None:
     told = read(port, "/left_finger/contact/wrench", "geometry_msgs/msg/WrenchStamped")
     assert told["wrench"] == [0, 0, 1.25, 0, 0, 0]
@@ -161,11 +179,11 @@ def test_the_graph_shows_the_node_and_its_topics(router: tuple[zenoh.Session, in
     """Tokens as rmw_zenoh's design writes them; the attachment has number, time and the 16 bytes of the publisher."""
     session = router[0]
     keys, until_s = [], time.monotonic() + 20
-    while len(keys) < 8 and time.monotonic() < until_s:  # the router learns of them one by one
+    while len(keys) < 9 and time.monotonic() < until_s:  # the router learns of them one by one
         replies = session.liveliness().get("@ros2_lv/**", timeout=5)
         keys = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok)
     kinds = [key.split("/")[5] for key in keys]
-    assert (kinds.count("NN"), kinds.count("MP")) == (1, 7)
+    assert (kinds.count("NN"), kinds.count("MP")) == (1, 8)
     (image,) = [key for key in keys if "%left_finger%image_raw" in key]
     parts = image.split("/")
     assert parts[1] == "7"

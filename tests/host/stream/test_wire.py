@@ -1,6 +1,7 @@
 """What is sent arrives bit for bit; what is not a frame is refused with the reason, whatever it holds."""
 
 import io
+import re
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -36,6 +37,8 @@ def test_every_map_and_figure_arrives_as_it_was_sent() -> None:
     assert np.array_equal(got.contact.mask, sent.contact.mask)
     assert got.contact.mask.dtype == np.bool_
     assert {**vars(got.contact), "mask": None} == {**vars(sent.contact), "mask": None}
+    assert got.contacts == sent.contacts
+    assert [one.number for one in got.contacts] == [7]
     assert np.array_equal(got.camera_frame.light, sent.camera_frame.light)
     for name in ("time_s", "sequence", "source", "label"):
         assert getattr(got.camera_frame, name) == getattr(sent.camera_frame, name)
@@ -43,6 +46,12 @@ def test_every_map_and_figure_arrives_as_it_was_sent() -> None:
     assert np.array_equal(got.exposures.moving, sent.exposures.moving)
     assert got.exposures.as_json() == sent.exposures.as_json()
     assert got.stage_seconds == sent.stage_seconds
+
+
+def test_a_frame_of_a_daemon_that_knew_no_contacts_is_read() -> None:
+    old = re.sub(rb'"contacts":\[.*?\}\],', lambda found: b" " * len(found[0]), encode(full_frame()))
+    assert b"contacts" not in old
+    assert decode(old, no_bundle).contacts == ()
 
 
 def test_the_provenance_arrives_with_the_ages_of_the_journey() -> None:

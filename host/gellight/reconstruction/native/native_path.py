@@ -16,7 +16,7 @@ from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.frames.pixel_grid import bounding_box, spread_blocks
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
-from gellight.reconstruction.contact import THRESHOLD_MM
+from gellight.reconstruction.contact import THRESHOLD_MM, measure_patches
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
@@ -102,6 +102,7 @@ class NativePath:
         gradient_map, normal_map = self._normals(depth_mm)
         stages.end("normals")
         contact = self._contact(depth_mm)
+        contacts = measure_patches(contact.mask, depth_mm, gradient_map, self._bundle.pixel_size_mm)
         stages.end("contact")
         return TactileFrame(
             camera_frame=camera_frame,
@@ -110,6 +111,7 @@ class NativePath:
             normal_map=normal_map,
             depth_mm=depth_mm,
             contact=contact,
+            contacts=tuple(contacts),
             stage_seconds=stages.seconds,
         )
 
