@@ -6,6 +6,7 @@ import time
 import gellight
 from gellight import TactileFrame
 
+sys.tracebacklimit = 0  # errors in one line
 name = sys.argv[1] if sys.argv[1:] else "auto"
 deepest_mm = 0.0
 

@@ -5,6 +5,7 @@ import sys
 
 import gellight
 
+sys.tracebacklimit = 0  # errors in one line
 name = sys.argv[1] if sys.argv[1:] else "auto"
 with gellight.subscribe(name, wait_s=60) as frames:
     print("frames of", frames.name)

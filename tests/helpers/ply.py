@@ -1,4 +1,4 @@
-"""A reader of PLY files, written from the format's description, that tests what the page writes."""
+"""A reader of PLY files, written from the format's description, for what page and export write."""
 
 from pathlib import Path
 

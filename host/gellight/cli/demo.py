@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from gellight.cli.advice import activation
-from gellight.cli.one_sensor import Running, follow, published, served
+from gellight.cli.one_sensor import Running, follow, opened
 from gellight.cli.options import AsJson, simulated_settings, with_options
 from gellight.cli.showing import show
-from gellight.daemon.assembly import open_session
 
 FRAME_TIMEOUT_S = 20.0
 
@@ -25,12 +24,7 @@ def command(
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
     settings = simulated_settings({"sensor.url": sensor, **running.flags()})
-    with (
-        running.ended_by_hand(),
-        open_session(settings) as daemon,
-        served(daemon, settings) as url,
-        published(daemon, settings),
-    ):
+    with running.ended_by_hand(), opened(settings, every=False) as (daemon, url):
         if browser and not running.frames:
             open_browser(url)
         summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)

@@ -41,16 +41,16 @@ class Kind(StrEnum):
 def command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of `gellight record`.")],
     out: Annotated[Path, typer.Option(help="Folder for the files; created if need be.")],
-    kind: Annotated[Kind, typer.Option("--as", help="Arrays, pictures, clouds of points, or one video.")] = Kind.NPZ,
+    kind: Annotated[Kind, typer.Option("--as", help="Arrays, pictures, surfaces, or one video.")] = Kind.NPZ,
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     as_json: AsJson = False,
 ) -> None:
-    """Turn a recording into arrays, pictures, point clouds or a video.
+    """Turn a recording into arrays, pictures, surfaces or a video.
 
     Depth is computed from the recorded pictures. A file is named after the sequence number of its frame; .npz files
-    have what those of `gellight reconstruct` have, .ply files are in mm.
+    have what those of `gellight reconstruct` have, .ply files are surfaces in mm.
     """
     recording = Recording(file)
     frames = islice(felt_frames(recording, load_bundle(calibration) if calibration else None), 0, None, every)

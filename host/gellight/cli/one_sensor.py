@@ -5,7 +5,7 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -34,6 +34,7 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
+from gellight.stream.running import starting
 
 STATUS_S = 1.0
 WAIT_S = 0.5
@@ -113,16 +114,25 @@ class Running:
 def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
     """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     logs.configure(settings.service.log, settings.sensor.url)
-    with (
-        running.ended_by_hand(),
-        open_session(settings, every=True) as daemon,
-        served(daemon, settings, dashboard),
-        published(daemon, settings),
-    ):
+    with running.ended_by_hand(), opened(settings, dashboard=dashboard) as (daemon, _):
         manager = ServiceManager()
         manager.ready()
         summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
         show(summary, as_json)
+
+
+@contextmanager
+def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) -> Iterator[tuple[SensorSession, str]]:
+    """Open the sensor of `settings`, serve and publish it; yield it and the address of its dashboard.
+
+    Meanwhile who waits for it knows that something starts.
+    """
+    with ExitStack() as stack:
+        with starting() if settings.stream.enabled else nullcontext():
+            daemon = stack.enter_context(open_session(settings, every=every))
+            address = stack.enter_context(served(daemon, settings, dashboard))
+            stack.enter_context(published(daemon, settings))
+        yield daemon, address
 
 
 def tell(manager: ServiceManager, as_json: bool, status: SensorStatus) -> None:

@@ -11,10 +11,9 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
-from gellight.cli.one_sensor import WAIT_S, Running, published, served
+from gellight.cli.one_sensor import WAIT_S, Running, opened
 from gellight.cli.options import AsJson, Seconds, with_options
 from gellight.cli.showing import show
-from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.measures import MapOnRequest
@@ -48,11 +47,7 @@ def command(
     Ctrl-C, after --seconds or --frames, and before the disk is full.
     """
     settings = load_settings({"sensor.url": sensor, **running.flags()})
-    with (
-        open_session(settings, every=True) as daemon,
-        served(daemon, settings, dashboard),
-        published(daemon, settings),
-    ):
+    with opened(settings, dashboard=dashboard) as (daemon, _):
         with (
             Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or ()) as recorder,
             until_interrupted(not (seconds or running.frames)),

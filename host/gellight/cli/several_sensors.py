@@ -18,9 +18,8 @@ from gellight.base.parent import end_with_parent
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.cli.ending import Ending, end
-from gellight.cli.one_sensor import STATUS_S, Running, follow, print_status, published, served
+from gellight.cli.one_sensor import STATUS_S, Running, follow, opened, print_status
 from gellight.cli.showing import show, table
-from gellight.daemon.assembly import open_session
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer
 from gellight.frames.status import SensorStatus
@@ -192,12 +191,7 @@ def _stream(settings: Settings, running: Running, reports: Connection) -> None:
         print_status(status, as_json=False)
 
     try:
-        with (
-            running.ended_by_hand(),
-            open_session(settings, every=True) as daemon,
-            served(daemon, settings) as address,
-            published(daemon, settings),
-        ):
+        with running.ended_by_hand(), opened(settings) as (daemon, address):
             tell(daemon.status())
             tell(follow(daemon, running.frames, tell))
     except GellightError as error:

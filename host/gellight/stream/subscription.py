@@ -23,7 +23,7 @@ from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
 from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
-from gellight.stream.running import meant, running
+from gellight.stream.running import is_starting, meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
@@ -34,6 +34,8 @@ TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
 LISTENER_S = 2.0
 """that the function of a listener may take at the end"""
 LOOK_AGAIN_S = 0.2
+MISTYPED_S = 3.0
+"""in which a daemon that was started a moment before says that it starts"""
 LOOK_S = 2.0
 """a daemon on the local network says at once what it publishes"""
 ANSWER_S = 10.0
@@ -59,7 +61,8 @@ def subscribe(
     encrypted.
     every: give every frame and not only the newest. maps: of `MapOnRequest`, `pressure_mpa` and `confidence`: the
     daemon computes them for all who ask and sends them along; what does not come is computed here when it is asked for.
-    wait_s: how long a daemon is waited for that is not there, as one that starts now.
+    wait_s: how long a daemon is waited for that is not there, as one that starts now; where others of this user are
+    there and none is starting, `MISTYPED_S` at most, since the name is a wrong one then.
     config: a file of zenoh's own settings, for TLS and access control. Raises StreamError with the remedy.
     """
     if not target:
@@ -89,14 +92,24 @@ class _NobodyThereError(StreamError):
 
 def _awaited(target: str, config: Path | None, wait_s: float) -> tuple[str, str, str]:
     """Return endpoint, name and memory of a daemon; look again where there is none, for `wait_s`."""
-    until_s = time.monotonic() + wait_s
+    begun_s, told = time.monotonic(), False
     while True:
         try:
             return _found(target, config)
-        except _NobodyThereError:
-            if time.monotonic() >= until_s:
+        except _NobodyThereError as error:
+            waited_s = time.monotonic() - begun_s
+            if waited_s >= (min(wait_s, MISTYPED_S) if _mistyped(target) else wait_s):
                 raise
+            if waited_s >= MISTYPED_S and not told:
+                told = True
+                logger.warning("%s; waiting %.0f s more", error, wait_s - waited_s)
             time.sleep(LOOK_AGAIN_S)
+
+
+def _mistyped(target: str) -> bool:
+    """Whether others are there, none of that name, and none that starts."""
+    names = [daemon.name for daemon in running()]
+    return bool(names) and target not in (*names, "auto") and not is_starting()
 
 
 def _found(target: str, config: Path | None) -> tuple[str, str, str]:

@@ -1,6 +1,7 @@
 """The examples of the documents run as they stand, and the reader in C++ agrees with Python's encoder."""
 
 import json
+import os
 import re
 import shutil
 import sys
@@ -28,7 +29,8 @@ EXAMPLES = CHECKOUT / "docs/examples"
     [
         ("live.py", "mm deep over"),
         ("in_process.py", "normals (480, 640, 3)"),
-        ("every_frame.py", "saved 10 frames, 0 lost"),
+        ("log_frames.py", "100 frames are in touch.csv, 0 lost"),
+        ("motion.py", "contact 1: at (0.0, "),
         ("callback.py", "the deepest touch of two seconds was 0."),
         ("asynchronous.py", "5 frames with a contact"),
     ],
@@ -50,9 +52,37 @@ def test_a_gripper_stops_at_one_newton() -> None:
     assert abs(force - true_n) < 2 * error
 
 
+def test_two_sensors_are_read_by_their_names(tmp_path: Path) -> None:
+    (one, _), (other, _) = bump_daemon(period_s=0.03), bump_daemon(period_s=0.03)
+    with one, other, Publisher(one, name="left"), Publisher(other, name="right"):
+        done = run([sys.executable, EXAMPLES / "two_sensors.py", "left", "right"], check=True)
+    assert len(re.findall(r"left and right: 0.5\d and 0.5\d mm deep", done.stdout)) == 20
+
+
+def test_the_depth_is_drawn_until_the_window_is_closed() -> None:
+    pytest.importorskip("matplotlib")
+    closed = "import threading, runpy, sys, matplotlib.pyplot as plt; sys.argv.pop()\n"
+    closed += "threading.Timer(5, lambda: (print(plt.gca().images[0].get_array().max()), plt.close('all'))).start()\n"
+    closed += f"runpy.run_path({str(EXAMPLES / 'live_picture.py')!r})"
+    daemon, _ = bump_daemon(period_s=0.03)
+    with daemon, Publisher(daemon):
+        done = run([sys.executable, "-c", closed, ""], check=True, env={**os.environ, "MPLBACKEND": "Agg"})
+    assert 0.5 < float(done.stdout) < 1, "the bump of the daemon"
+
+
+def test_a_mistyped_name_is_answered_in_one_line() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="ball"):
+        done = run([sys.executable, EXAMPLES / "live.py", "bal"])
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "no daemon publishes bal" in line
+    assert "there are ball" in line
+
+
 def test_every_example_is_run_and_described() -> None:
     page = (CHECKOUT / "docs/streaming.md").read_text()
-    assert len(list(EXAMPLES.glob("*.py"))) == 7, "test_ros2.py runs the seventh"
+    assert len(list(EXAMPLES.glob("*.py"))) == 10, "test_ros2.py runs the tenth"
     assert [path.name for path in EXAMPLES.glob("*.py") if f"examples/{path.name}" not in page] == []
     assert examples("docs/streaming.md")[0].strip() in (EXAMPLES / "live.py").read_text()
 
