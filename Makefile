@@ -37,14 +37,26 @@ pytest: $(VENV)/.dev | tools
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
 
+# How far pip is: it shows that itself on a terminal; in a log, a line every ten seconds. $(1): what to install,
+# $(2): packages that are there at the end.
+define install
+	@if [ -t 1 ]; then $(BIN)/pip install $(1); else \
+	    (begun=$$(date +%s); while sleep 10 >/dev/null; do \
+	        echo "installing: $$(ls -d $(VENV)/lib/python*/site-packages/*.dist-info | wc -l) of about $(2) packages" \
+	            "are there ($$(($$(date +%s) - begun)) s)"; done) & beat=$$!; \
+	    $(BIN)/pip install --quiet $(1); ended=$$?; kill $$beat; exit $$ended; fi
+endef
+
 # A stamp says what is installed: `host` is what a user runs, `dev` adds PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
-	$(BIN)/pip install --quiet --editable .
+	@echo "Installing GelLight and 46 packages that it needs into $(VENV): 700 MB, one to three minutes, once"
+	$(call install,--editable .,49)
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
-	$(BIN)/pip install --quiet "$(TORCH)"
-	$(BIN)/pip install --quiet --editable ".[dev]"
+	@echo "Installing PyTorch and what the tests need into $(VENV): some GB come, which takes minutes, once"
+	$(call install,"$(TORCH)",80)
+	$(call install,--editable ".[dev]",150)
 	@touch $@ $(VENV)/.host
 
 $(BIN)/python:
@@ -52,8 +64,9 @@ $(BIN)/python:
 	    { echo "GelLight needs Python 3.11 or newer: sudo apt-get install python3, or make PYTHON=/path/to/python3.11"; exit 2; }
 	@$(PYTHON) -c 'import ensurepip, venv' || \
 	    { echo "Python cannot make a virtual environment: sudo apt-get install python3-venv"; exit 2; }
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --upgrade pip
+	@echo "Making $(VENV), a Python environment of its own: half a minute"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install --quiet --upgrade pip
 
 # What the tests need beside Python: a real browser for the page, a second compiler for the firmware, an emulator for the
 # frame path on aarch64. Root installs it; anyone else is told how. The virtual machine's kernel and tools are only

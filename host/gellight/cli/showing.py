@@ -2,6 +2,8 @@
 
 import json
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -9,6 +11,9 @@ from dataclasses import fields, is_dataclass
 from pydantic import BaseModel
 
 from gellight.cli.advice import with_program_path
+
+LOG_S = 10.0
+"""between two lines of a log on how far the work is"""
 
 
 def show(result: object, as_json: bool, text: str | None = None) -> None:
@@ -45,15 +50,22 @@ def _plain(result: object) -> dict[str, object]:
 
 
 @contextmanager
-def progress(title: str) -> Iterator[Callable[[int | None, int | None, object], None]]:
-    """Yield what shows how far the work is: how much is done of how much, and a word on it; nothing off a terminal.
+def progress(title: str, takes: str = "") -> Iterator[Callable[[int | None, int | None, object], None]]:
+    """Yield what shows how far the work is: how much is done of how much, and a word on it.
 
-    A number is no word: training tells its loss.
+    A bar on a terminal, a line every `LOG_S` seconds in a log. takes: how long it usually takes, said first. A
+    number is no word: training tells its loss.
     """
     from rich.console import Console  # not for verbs that end at once
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    if takes:
+        console.print(f"{title}: takes {takes}")
+    with (
+        Progress(console=console, transient=True, disable=not sys.stderr.isatty()) as bar,
+        lines_in_log(lambda: how_far(bar.tasks[0].description, bar.tasks[0].completed, bar.tasks[0].total)),
+    ):
         line = bar.add_task(title, total=None)
 
         def tell(done: int | None, total: int | None, word: object = "") -> None:
@@ -65,3 +77,28 @@ def progress(title: str) -> Iterator[Callable[[int | None, int | None, object], 
             )
 
         yield tell
+
+
+def how_far(what: str, done: float | None, wanted: float | None, unit: str | None = "") -> str:
+    """Return how far something is, for a log."""
+    return f"{what}, {done or 0:g} of {wanted:g} {unit or ''}".rstrip() if wanted else what
+
+
+@contextmanager
+def lines_in_log(say: Callable[[], str]) -> Iterator[None]:
+    """Print what `say` returns every `LOG_S` seconds, and for how long it has gone on; nothing on a terminal."""
+    ended, begun_s = threading.Event(), time.monotonic()
+
+    def talk() -> None:
+        while not ended.wait(LOG_S):
+            print(f"{say()} ({time.monotonic() - begun_s:.0f} s)", file=sys.stderr, flush=True)
+
+    talking = threading.Thread(target=talk, name="log", daemon=True)
+    if not sys.stderr.isatty():
+        talking.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        if talking.is_alive():
+            talking.join()

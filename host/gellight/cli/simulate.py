@@ -19,6 +19,7 @@ from gellight.lab.simulator.sweep import ResultStore, default_folder
 from sim_reference.fem.newton import Step
 from sim_reference.objects import OBJECT_NAMES
 
+TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
 app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
 
 
@@ -66,7 +67,7 @@ def press(
     refuse_existing(out / "press.npz", overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
-    with progress(object_name) as tell:
+    with progress(object_name, TAKES if gel == "fem" else "") as tell:
         report = press_once(request, out, read_geometry(geometry), lambda step: tell(None, None, in_words(step)))
     show(report, as_json)
 

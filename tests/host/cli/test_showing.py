@@ -1,12 +1,14 @@
 """Results of verbs, for people and for programs."""
 
 import json
+import time
 from dataclasses import dataclass
 from typing import Any
 
 import pytest
 from pydantic import BaseModel
 
+from gellight.cli import showing
 from gellight.cli.showing import progress, show
 
 
@@ -57,8 +59,19 @@ def test_what_json_does_not_know_is_an_error_and_not_a_guess() -> None:
         show({"it": strange}, True)
 
 
-def test_nothing_moves_where_the_output_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_has_a_line_now_and_then_and_first_how_long_it_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     with progress("training") as tell:
         tell(1, 2, 0.25)
+    assert capsys.readouterr() == ("", ""), "what ends within ten seconds needs none"
+    monkeypatch.setattr(showing, "LOG_S", 0.2)
+    with progress("training", "a minute") as tell:
+        tell(3, 40, 0.25)
+        time.sleep(0.5)
         tell(None, None, "step 3")
-    assert capsys.readouterr() == ("", "")
+        time.sleep(0.5)
+    first, second, *_, last = capsys.readouterr().err.splitlines()
+    assert first == "training: takes a minute"
+    assert second == "training, 3 of 40 (0 s)"
+    assert last.startswith("training: step 3, 3 of 40 (")

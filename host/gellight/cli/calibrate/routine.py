@@ -33,6 +33,9 @@ from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.opening import open_camera
 
+PRESS_S = 2.5
+"""that a press of the virtual hand takes, with its share of the training"""
+
 
 @dataclass(frozen=True)
 class Target:
@@ -197,6 +200,9 @@ def command(
         overwrite=target.overwrite,
         tools=tools.chosen(begun),
     )
+    if auto:
+        minutes = max(1, round((wanted.presses + wanted.verifications) * PRESS_S / 60))
+        print(f"a virtual hand presses, and a network is trained: about {minutes} min", file=sys.stderr)
     begun_s = time.monotonic()
     ended = _calibrate(target, options, begun, hand_seed=how.seed if auto else None, quiet=as_json)
     _report(ended, target, time.monotonic() - begun_s, as_json)

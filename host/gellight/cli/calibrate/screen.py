@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.text import Text
 
 from gellight.base.errors import InputError
+from gellight.cli.showing import how_far, lines_in_log
 from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
@@ -28,7 +29,10 @@ def follow(routine: Routine, place: Path, *, interactive: bool, quiet: bool) -> 
     console = Console(stderr=True, quiet=quiet)
     version, refusal = -1, ""
     shown: dict[str, object] = {}
-    with Live(console=console, auto_refresh=False, transient=False) as live:
+    with (
+        Live(console=console, auto_refresh=False, transient=False) as live,
+        lines_in_log(lambda: line(routine.display)),
+    ):
         while not routine.ended:
             if routine.display.version != version:
                 version = routine.display.version
@@ -42,6 +46,12 @@ def follow(routine: Routine, place: Path, *, interactive: bool, quiet: bool) -> 
         live.update(screen(routine.display, "", keys=False), refresh=True)
     if not console.is_terminal:
         console.print()  # only a terminal is left on a new line
+
+
+def line(shown: Display) -> str:
+    """Return what a log says of how far the routine is."""
+    progress = shown.progress
+    return how_far(shown.step.replace("_", " "), progress.done, progress.wanted, progress.unit)
 
 
 def _read_lines(typed: SimpleQueue[str]) -> None:
