@@ -68,7 +68,7 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --upgrade pip
 
-# What the tests need beside Python: a real browser for the page, a second compiler for the firmware, an emulator for the
+# What the tests need beside Python: two real browsers for the page, a second compiler for the firmware, an emulator for the
 # frame path on aarch64. Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
 # unpacked, into a cache folder.
 .PHONY: tools
@@ -76,6 +76,7 @@ tools:
 	@missing=; \
 	for browser in chromium chromium-browser google-chrome; do command -v $$browser >/dev/null && found=1; done; \
 	[ "$$found" ] || missing="chromium"; \
+	command -v firefox-esr >/dev/null || command -v firefox >/dev/null || missing="$$missing firefox-esr"; \
 	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
 	command -v gcc >/dev/null || missing="$$missing gcc"; \
 	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \

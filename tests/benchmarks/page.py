@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from statistics import median
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.messages import encode
@@ -116,6 +116,32 @@ def watch_page(page: Page, line: SlowLine) -> dict[str, float]:
     }
 
 
+def cost_of_drawing(browser: Browser, url: str) -> dict[str, float]:
+    """Return the processor time of a frame in the browser, on a laptop's page, and the frames drawn and given."""
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.goto(url)
+    page.wait_for_function("() => gellight.drawn > 10", timeout=PATIENCE_MS)
+    whole, own = browser.new_browser_cdp_session(), page.context.new_cdp_session(page)
+    own.send("Performance.enable")
+
+    def spent() -> tuple[float, float, float]:
+        processes = whole.send("SystemInfo.getProcessInfo")["processInfo"]
+        metrics = {each["name"]: each["value"] for each in own.send("Performance.getMetrics")["metrics"]}
+        return sum(each["cpuTime"] for each in processes), metrics["TaskDuration"], page.evaluate("gellight.drawn")
+
+    before = spent()
+    page.wait_for_timeout(WATCHED_S * 1e3)
+    all_s, thread_s, frames = (now - was for now, was in zip(spent(), before, strict=True))
+    given = page.evaluate("gellight.fps")
+    page.close()
+    return {
+        "browser_ms": round(all_s / frames * 1e3, 1),
+        "page_thread_ms": round(thread_s / frames * 1e3, 1),
+        "drawn_per_s": round(frames / WATCHED_S, 1),
+        "given_per_s": round(given, 1),
+    }
+
+
 def main() -> None:
     """Print the figures as JSON."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -129,6 +155,7 @@ def main() -> None:
         with DashboardServer(daemon, port=0) as server, sync_playwright() as playwright:
             path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
             browser = playwright.chromium.launch(executable_path=path, args=FLAGS + NO_GL)
+            figures |= cost_of_drawing(browser, server.url)
             with slow_line(int(server.url.rsplit(":", 1)[1].strip("/")), chosen.kbit, chosen.latency_ms) as line:
                 figures |= watch_page(browser.new_page(), line)
             browser.close()

@@ -61,6 +61,8 @@ class SensorSession:
         """as it was opened: a mode that uses no light sequence does not forget how the next one moves it on"""
         self._calibration: SensorState | None = None
         """how the sensor was set before a calibration; None while none goes on"""
+        self.recording: str | None = None
+        """name of the file that a recorder writes now"""
         self._changing = threading.RLock()
         """held while what runs is changed"""
         self._selfcheck_result: SelfCheckResult | None = None
@@ -332,6 +334,7 @@ class SensorSession:
                 "force": used.force,
             },
             "watch": used.watch.status() if used.watch else None,
+            "recording": self.recording,
             "error": self._threads.problem or camera.get("why"),
             "camera": camera,
         }

@@ -88,6 +88,7 @@ class Recorder:
             captured = copies.enter_context(self._daemon.captured.subscribe(BACKLOG, lasting=True))
             delivered = copies.enter_context(self._daemon.delivered.subscribe(BACKLOG, lasting=True))
             work = copies.pop_all(), captured, delivered
+        self._daemon.recording = self.path.name
         self._thread = threading.Thread(target=self._record, args=work, name="record", daemon=True)
         self._thread.start()
         return self
@@ -179,6 +180,7 @@ class Recorder:
         self.status.ended = why
 
     def _finish(self) -> None:
+        self._daemon.recording = None
         try:
             self._writer.close()
             self.status.size_bytes = self._writer.path.stat().st_size

@@ -43,8 +43,10 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with gellight.connect("sim://?object=BALL&depth=1&fps=2") as sensor:
         sensor.next_frame()
         with Recorder(sensor.daemon, path, depth=DepthKind.FLOAT32) as recorder:
+            assert sensor.daemon.status()["recording"] == path.name
             while recorder.status.frames < 6 or recorder.status.depths < 3:
                 time.sleep(0.05)
+        assert sensor.daemon.status()["recording"] is None
     return path
 
 

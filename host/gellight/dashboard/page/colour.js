@@ -4,22 +4,32 @@ import { NO_DEPTH, depthMm } from "./packed.js";
 
 export const DEPTH_SCALES_UM = [100, 200, 400, 800, 1200, 1600, 2000];
 
-// Dark to light, so that deeper always looks brighter, also in grey.
-const STOPS = [
-  [31, 38, 66], [42, 54, 112], [52, 84, 158], [44, 126, 178], [44, 166, 166],
-  [88, 200, 130], [168, 222, 98], [238, 230, 116], [255, 250, 218],
-];
-const ABOVE_SCALE = [255, 92, 160];
+// Dark to light, so that deeper always looks brighter, to every eye and in grey.
+export const MAPS = {
+  ocean: "1f2642 2a3670 34549e 2c7eb2 2ca6a6 58c882 a8de62 eee674 fffada",
+  viridis: "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725",
+  cividis: "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838",
+  grey: "202020 f0f0f0",
+};
+const stopsOf = (name) => MAPS[name].split(" ").map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
+let stops = stopsOf("ocean");
+
+/** Choose one of `MAPS`; tables made before keep their colours. */
+export function chooseMap(name) {
+  stops = stopsOf(name);
+}
+
+const ABOVE_SCALE = [200, 0, 255]; // violet: unlike every colour of every map to every eye
 const NOTHING = [60, 60, 60];
 
 const pack = ([r, g, b]) => (255 << 24) | (b << 16) | (g << 8) | r;
 
-/** RGB of a place between 0 (rest) and 1 (end of the scale); what is above the end is pink. */
+/** RGB of a place between 0 (rest) and 1 (end of the scale); what is above the end is violet. */
 export function depthColour(fraction) {
   if (fraction > 1) return ABOVE_SCALE;
-  const place = Math.max(fraction, 0) * (STOPS.length - 1);
-  const stop = Math.min(Math.floor(place), STOPS.length - 2);
-  return STOPS[stop].map((low, channel) => Math.round(low + (STOPS[stop + 1][channel] - low) * (place - stop)));
+  const place = Math.max(fraction, 0) * (stops.length - 1);
+  const stop = Math.min(Math.floor(place), stops.length - 2);
+  return stops[stop].map((low, channel) => Math.round(low + (stops[stop + 1][channel] - low) * (place - stop)));
 }
 
 /** Packed RGBA of every depth code, for a scale that ends at `scaleUm`. */

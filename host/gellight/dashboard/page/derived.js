@@ -8,10 +8,12 @@ const DIFFERENCE_OFFSET = 128;
 export function slopesOf(depth, width, height, [pitchX, pitchY]) {
   const slopes = new Float32Array(2 * width * height);
   for (let row = 0, i = 0; row < height; row++) {
-    const [above, below] = [row > 0 ? width : 0, row < height - 1 ? width : 0];
+    const above = row > 0 ? width : 0;
+    const below = row < height - 1 ? width : 0;
     const rowsMm = ((above + below) / width) * pitchY;
     for (let column = 0; column < width; column++, i++) {
-      const [left, right] = [column > 0 ? 1 : 0, column < width - 1 ? 1 : 0];
+      const left = column > 0 ? 1 : 0;
+      const right = column < width - 1 ? 1 : 0;
       slopes[2 * i] = slope(depth[i - left], depth[i + right], (left + right) * pitchX);
       slopes[2 * i + 1] = slope(depth[i - above], depth[i + below], rowsMm);
     }
@@ -38,10 +40,11 @@ export function pixelsOf(bitmap) {
 /** Return (h, w, 3) bytes, grey levels + 128: (h, w, 4) image minus reference image minus the light's drift. */
 export function differenceOf(image, reference, drift) {
   const difference = new Uint8ClampedArray((image.length / 4) * 3);
+  const [red, green, blue] = drift.map((grey) => DIFFERENCE_OFFSET - grey);
   for (let from = 0, to = 0; from < image.length; from += 4, to += 3) {
-    for (let colour = 0; colour < 3; colour++) {
-      difference[to + colour] = image[from + colour] - reference[from + colour] - drift[colour] + DIFFERENCE_OFFSET;
-    }
+    difference[to] = image[from] - reference[from] + red;
+    difference[to + 1] = image[from + 1] - reference[from + 1] + green;
+    difference[to + 2] = image[from + 2] - reference[from + 2] + blue;
   }
   return difference;
 }

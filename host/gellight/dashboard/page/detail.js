@@ -23,6 +23,7 @@ export class Detail {
   #settling = SETTLING;
   #easy = 0; // easy pictures in a row
   #patience = EASY_PICTURES;
+  why = ""; // the surface is drawn in 2D
 
   /** Start at level `first`, and never draw finer than `finest`. */
   constructor(first, finest = 0) {
@@ -31,9 +32,16 @@ export class Detail {
     this.level = first;
   }
 
+  /** What is drawn, for people; of the relief also why there is no 3D. */
+  get caption() {
+    const { caption } = LEVELS[this.level];
+    return this.level === RELIEF && this.why ? `${caption}: ${this.why}` : caption;
+  }
+
   /** Fix a level, or let it adapt again with null. */
   choose(level) {
     this.#chosen = level;
+    this.why = "";
     this.#enter(level ?? this.#first);
   }
 
@@ -52,6 +60,7 @@ export class Detail {
     this.#times = [];
     if (median <= BUDGET_MS) return false;
     this.#patience *= 2;
+    this.why = `in 3D a picture took ${median.toFixed(0)} ms`;
     this.#enter(this.level + 1);
     return true;
   }

@@ -8,7 +8,8 @@ export function fixed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
-function write(id, text) {
+/** Write `text`, if it is another one: the page is laid out anew after every change. */
+export function write(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
 }
 
@@ -37,6 +38,8 @@ export function showStatus(status) {
   element("sensor").title = status.sensor ?? "";
   write("bundle", bundleText(status.calibration));
   element("bundle").title = element("bundle").textContent;
+  element("recording").hidden = !status.recording;
+  write("recording", status.recording ? `recording ${status.recording}` : "");
   write("fps", fixed(status.fps, 1));
   write("age-median", fixed(status.frame_age_ms?.median, 1));
   write("age-p95", fixed(status.frame_age_ms?.p95, 1));
@@ -66,9 +69,19 @@ function modeOf({ mode, exposures }) {
   return "";
 }
 
+const written = new Map(); // id: what its children were made of
+
+/** Put `children()` into an element, if `said` is not what they were made of last. */
+function fill(id, said, children) {
+  const key = JSON.stringify(said);
+  if (written.get(id) === key) return;
+  written.set(id, key);
+  element(id).replaceChildren(...children());
+}
+
 function showStages(stages) {
   const longest = Math.max(1, ...Object.values(stages));
-  element("stages").replaceChildren(...Object.entries(stages).map(([name, ms]) => {
+  fill("stages", stages, () => Object.entries(stages).map(([name, ms]) => {
     const line = document.createElement("div");
     const meter = Object.assign(document.createElement("meter"), { min: 0, max: longest, value: ms });
     line.append(node("dt", name), meter, node("dd", fixed(ms, 1)));
@@ -88,13 +101,13 @@ const CHECKS = [
 
 function showChecks(selfcheck) {
   const verdict = element("verdict");
-  verdict.textContent = selfcheck?.verdict ?? "";
+  write("verdict", selfcheck?.verdict ?? "");
   verdict.title = selfcheck?.not_judged ?? "";
   verdict.className = `verdict ${(selfcheck?.verdict ?? "").replace(" ", "-")}`;
   write("checked", selfcheck?.sequence === undefined ? "" : `frame ${selfcheck.sequence}`);
   const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
   const nothing = node("td", "no reference to compare with", "dim");
-  element("checks").replaceChildren(...(known.length ? known.map((check) => checkRow(selfcheck, check)) : [row(nothing)]));
+  fill("checks", selfcheck ?? null, () => (known.length ? known.map((check) => checkRow(selfcheck, check)) : [row(nothing)]));
 }
 
 function checkRow(selfcheck, [key, name, unit, factor]) {

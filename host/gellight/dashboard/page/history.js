@@ -12,6 +12,7 @@ export class History {
   #spanS = 15;
   #cursorS = null; // the moment that is shown; null is the newest
   #timeAt = () => 0; // from a px of the canvas to seconds before the newest point
+  #drawn = null; // the newest point when the chart was drawn
   #listeners;
 
   /** `listeners`: choose(timeS) when a moment is pointed at, step(count) for the arrow keys. */
@@ -29,12 +30,12 @@ export class History {
       event.preventDefault();
       listeners.step(STEPS[event.key]);
     });
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    new ResizeObserver(() => this.draw(true)).observe(canvas);
   }
 
   set spanS(seconds) {
     this.#spanS = seconds;
-    this.draw();
+    this.draw(true);
   }
 
   /** Add an indentation in mm at `timeS`. */
@@ -47,11 +48,15 @@ export class History {
   /** Mark the moment that is shown; null where it is the newest. */
   set cursorS(timeS) {
     this.#cursorS = timeS;
-    this.draw();
+    this.draw(true);
   }
 
-  draw() {
-    const now = this.#points.at(-1)?.[0] ?? 0;
+  /** Draw the chart, if there is a newer point or `anew`. */
+  draw(anew = false) {
+    const newest = this.#points.at(-1) ?? [0, 0];
+    if (newest === this.#drawn && !anew) return;
+    this.#drawn = newest;
+    const [now] = newest;
     const shown = this.#points.filter(([time]) => time >= now - this.#spanS).map(([time, mm]) => [time - now, mm]);
     const top = roundUp(Math.max(LEAST_SCALE_MM, ...shown.map(([, mm]) => mm)));
     const cursor = this.#cursorS === null ? null : this.#cursorS - now;

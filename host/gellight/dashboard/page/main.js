@@ -6,13 +6,13 @@ import { offerSensors } from "./chooser.js";
 import { Connection } from "./connection.js";
 import { Contacts } from "./contacts.js";
 import { Detail, LEVELS, RELIEF } from "./detail.js";
-import { showContact, showForce, showStatus } from "./figures.js";
+import { showContact, showForce, showStatus, write } from "./figures.js";
 import { History } from "./history.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
 import { Decoder } from "./message.js";
 import { Pictures } from "./pictures.js";
-import { Planes, fillScales } from "./planes.js";
+import { Planes, fillMaps, fillScales } from "./planes.js";
 import { PressPanel } from "./press.js";
 import { Recent } from "./recent.js";
 import { Relief } from "./relief.js";
@@ -24,6 +24,7 @@ import { Truth } from "./truth.js";
 import { WatchNotice } from "./watch.js";
 
 const FPS_WINDOW_MS = 2000;
+const TICK_MS = 200;
 
 const element = (id) => document.getElementById(id);
 
@@ -56,8 +57,10 @@ let status = null; // what the server said last
 let paused = false;
 let swallowed = 0; // credits to give back at the end of a pause
 let turned = false; // the surface has to be drawn again without a new frame
+let asked = false; // the browser will call `turn`
 let drewAt = null; // when the last picture was begun, for the level of detail
 let drawnTimes = [];
+let tickedAt = 0;
 
 const connection = new Connection({
   open: () => { stats.connected = true; },
@@ -85,9 +88,10 @@ const pictures = new Pictures([...planes.canvases, element("truth")], {
 async function openSurface() {
   const { Surface } = await import("./surface.js");
   try {
-    surface = new Surface(element("surface"), planes.imageCanvas, () => { turned = true; });
+    surface = new Surface(element("surface"), planes.imageCanvas, again);
   } catch (error) {
-    console.info(`no WebGL, so the surface is drawn in 2D: ${error.message}`);
+    detail.why = error.message;
+    console.info(`the surface is drawn in 2D: ${error.message}`);
     element("detail").disabled = true;
     stats.surface = "2D";
     return;
@@ -112,6 +116,20 @@ async function receive(buffer) {
     giveCredit();
   }
   waiting = view;
+  ask();
+}
+
+/** Let the browser call `turn`: only where something is to be drawn, for every call has it compose the whole page. */
+function ask() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(turn);
+}
+
+/** Have the surface drawn again. */
+function again() {
+  turned = true;
+  ask();
 }
 
 function giveCredit() {
@@ -120,16 +138,17 @@ function giveCredit() {
 }
 
 function turn(now) {
-  requestAnimationFrame(turn);
+  asked = false;
   if (drewAt !== null && detail.note(now - drewAt)) turned = true;
   drewAt = null;
   if (waiting && !paused) {
     const view = waiting;
     waiting = null;
     draw(view);
-    history.draw();
+    if (performance.now() - tickedAt > TICK_MS) tick(); // together with the pictures, so that the page is composed once
     giveCredit();
     drewAt = now;
+    ask(); // tells how long the picture took
   } else if (turned && shown) {
     drawSurface();
   }
@@ -170,7 +189,7 @@ function mark() {
   const several = stats.contacts.length > 1 ? stats.contacts : [];
   pictures.mark({ line: measure.line, point: measure.point, labels: several.map(({ number, centroid_mm: place }) => [String(number), place]) });
   stats.section = measure.section;
-  turned = true;
+  again();
 }
 
 function count({ sequence, contact }) {
@@ -192,13 +211,15 @@ function takeStatus(said) {
 
 function tick() {
   const now = performance.now();
+  tickedAt = now;
+  if (!paused) history.draw();
   drawnTimes = drawnTimes.filter((time) => now - time < FPS_WINDOW_MS);
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
-  element("drawn-fps").textContent = stats.drawn_fps.toFixed(1);
-  element("level").textContent = LEVELS[detail.level].caption;
-  element("link-behind").textContent = (link.behindS(now / 1000) * 1000).toFixed(0);
+  write("drawn-fps", stats.drawn_fps.toFixed(1));
+  write("level", detail.caption);
+  write("link-behind", (link.behindS(now / 1000) * 1000).toFixed(0));
   stats.kept = recent.count;
-  element("kept").textContent = `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`;
+  write("kept", `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`);
   if (shown) {
     showContact(shown.header.contact);
     showForce(shown.header.force);
@@ -213,7 +234,7 @@ function judgeState(nowS) {
   const state = judge({ connected: stats.connected, paused, status, ageS, behindS: link.behindS(nowS) });
   stats.state = state.name;
   document.body.dataset.state = state.name;
-  if (element("state").textContent !== state.text) element("state").textContent = state.text;
+  write("state", state.text);
   press.forbid(state.noPress);
   tellBanners(banners, state, status, { retry: () => connection.retryNow(), resume: () => pause(false), release: () => press.release(), diagnose });
 }
@@ -231,6 +252,7 @@ function pause(wanted) {
   element("pause").textContent = paused ? "Resume" : "Pause";
   document.body.classList.toggle("paused", paused);
   if (paused) return;
+  ask();
   history.cursorS = null;
   if (swallowed) connection.grant(swallowed);
   swallowed = 0;
@@ -264,15 +286,21 @@ function onClick(id, act) {
   element(id).addEventListener("click", act);
 }
 
+fillMaps(element("map"));
 fillScales(element("scale"), planes.scaleUm);
 const redraw = (act) => (value) => {
   act(value);
-  turned = true;
+  again();
 };
 choices.select(element("scale"), redraw((um) => {
   planes.setScale(Number(um));
   if (shown) truth.draw(shown, planes.colours);
   if (surface) surface.scaleUm = Number(um);
+}));
+choices.select(element("map"), redraw((name) => {
+  planes.setMap(name);
+  if (shown) truth.draw(shown, planes.colours);
+  surface?.recolour();
 }));
 choices.select(element("gain"), redraw((gain) => planes.setGain(Number(gain))));
 choices.select(element("exaggeration"), redraw((times) => { if (surface) surface.exaggeration = Number(times); }));
@@ -293,9 +321,8 @@ onClick("reset-view", () => {
 offerFullScreen(element("full-screen"));
 offerSensors(element("sensors"));
 listenToKeys(() => {
-  measure.clear();
-  chooseMeasure(false);
+  if (measure.line) measure.clear();
+  else chooseMeasure(false);
 });
 
-requestAnimationFrame(turn);
-setInterval(tick, 100);
+setInterval(() => performance.now() - tickedAt > TICK_MS && tick(), TICK_MS / 2);

@@ -15,6 +15,7 @@ export class Measure {
   point = null; // under the pointer or the cursor of the arrow keys
   section = null; // {measured, truth}: see sectionOf
   #start = null; // where a line was begun
+  #empty = false; // the chart is drawn, without a section
   #view = null;
   #changed;
 
@@ -22,7 +23,7 @@ export class Measure {
   constructor(changed) {
     this.#changed = changed;
     element("clear-line").addEventListener("click", () => this.clear());
-    new ResizeObserver(() => this.#drawSection()).observe(element("section"));
+    new ResizeObserver(() => this.#drawSection(true)).observe(element("section"));
   }
 
   /** Measure another view. */
@@ -102,7 +103,10 @@ export class Measure {
     this.#drawSection();
   }
 
-  #drawSection() {
+  /** Draw the section; without one only once, for a chart costs more than a picture. */
+  #drawSection(anew = false) {
+    if (!this.section && this.#empty && !anew) return;
+    this.#empty = !this.section;
     const { measured, truth } = this.section ?? { measured: [], truth: null };
     const depths = [...measured, ...(truth ?? [])].map(([, mm]) => mm).filter((mm) => mm !== null);
     const lowest = Math.min(0, ...depths);

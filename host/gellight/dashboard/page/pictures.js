@@ -24,6 +24,7 @@ export class Pictures {
   #viewMm = null;
   #cursor = [0, 0]; // where the arrow keys are
   #marks;
+  #marked = ""; // what is drawn over the pictures
 
   /**
    * `listeners`: point(place or null), and for the tool in use down(place), move(place), up(), enter(place), and
@@ -52,6 +53,9 @@ export class Pictures {
   mark({ line, point, labels }) {
     if (!this.#viewMm) return;
     const [width, height] = this.#viewMm;
+    const marked = JSON.stringify([width, height, line, point, labels]);
+    if (marked === this.#marked) return;
+    this.#marked = marked;
     for (const layer of this.#marks) {
       const svg = document.createElementNS(SVG, "svg");
       svg.setAttribute("viewBox", `${-width / 2} ${-height / 2} ${width} ${height}`);

@@ -1,6 +1,6 @@
 // The four flat pictures: camera image, difference, normals, depth.
 
-import { DEPTH_SCALES_UM, depthColour, depthTable, differenceTable } from "./colour.js";
+import { DEPTH_SCALES_UM, MAPS, chooseMap, depthColour, depthTable, differenceTable } from "./colour.js";
 
 const element = (id) => document.getElementById(id);
 const OUTLINE = 0xffffffff;
@@ -79,6 +79,12 @@ export class Planes {
     if (this.#view) this.#drawDifference(this.#view.difference);
   }
 
+  /** Show depth in the colours of one of `MAPS`. */
+  setMap(name) {
+    chooseMap(name);
+    this.setScale(this.scaleUm);
+  }
+
   setScale(scaleUm) {
     this.scaleUm = scaleUm;
     this.colours = depthTable(scaleUm);
@@ -138,6 +144,11 @@ function drawBar(scaleUm) {
   }
   const labels = [0, 0.5, 1].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
   element("ticks").replaceChildren(...labels);
+}
+
+/** Fill the chooser of the colours. */
+export function fillMaps(select) {
+  for (const name of Object.keys(MAPS)) select.add(new Option(name, name));
 }
 
 /** Fill the chooser of the depth scale. */

@@ -1,5 +1,7 @@
 // Pressing objects into the simulated gel: the pointer says where, the slider and the wheel say how deep.
 
+import { write } from "./figures.js";
+
 const element = (id) => document.getElementById(id);
 const DEPTH_STEP_MM = 0.05;
 
@@ -35,7 +37,7 @@ export class PressPanel {
     if (stage.preparing) this.#goOn();
     if (element("objects").childElementCount !== stage.objects.length) this.#fill(stage);
     const who = stage.visitor ? "you" : "programme";
-    element("stage-now").textContent = stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`;
+    write("stage-now", stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`);
   }
 
   /** Whether objects can be pressed now. */

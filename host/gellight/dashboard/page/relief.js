@@ -1,7 +1,5 @@
 // The surface where 3D is too slow or missing: depth colours shaded by the slopes, as on a map.
 
-const KEY = [-0.5, -0.6, 0.62]; // from the upper left
-
 export class Relief {
   #context;
   #pixels = null;
@@ -20,8 +18,9 @@ export class Relief {
       this.#pixels = new ImageData(view.width, view.height);
     }
     const { data } = this.#pixels;
+    const { slopes } = view;
     for (let i = 0; i < colours.length; i++) {
-      const light = 0.45 + 0.85 * brightness(exaggeration * view.slopes[2 * i], exaggeration * view.slopes[2 * i + 1]);
+      const light = 0.45 + 0.85 * brightness(exaggeration * slopes[2 * i], exaggeration * slopes[2 * i + 1]);
       const colour = colours[i];
       data[4 * i] = (colour & 255) * light;
       data[4 * i + 1] = ((colour >> 8) & 255) * light;
@@ -32,7 +31,7 @@ export class Relief {
   }
 }
 
-/** Light on a surface with slopes x and y: its normal is (-x, -y, 1) / length. */
+/** Light from the upper left, (-0.5, -0.6, 0.62), on a surface with slopes x and y: its normal is (-x, -y, 1) / length. */
 function brightness(x, y) {
-  return Math.max((KEY[2] - x * KEY[0] - y * KEY[1]) / Math.hypot(x, y, 1), 0);
+  return Math.max((0.62 + 0.5 * x + 0.6 * y) / Math.sqrt(x * x + y * y + 1), 0);
 }

@@ -88,6 +88,8 @@ export class Surface {
 
   set exaggeration(times) { this.#uniforms.exaggeration.value = times; }
   set scaleUm(um) { this.#uniforms.scaleMm.value = um / 1000; }
+  /** Take over the colours that were chosen. */
+  recolour() { this.#uniforms.colours.value = colourTexture(); }
   set colouring(mode) { this.#uniforms.colouring.value = mode; }
 
   /** Take over the depth of `view` and the painted normals. */

@@ -5,7 +5,7 @@ const MORE_KEYS = [
   ["Enter", "on a picture: press there, or begin and end the line to measure"],
   ["arrows, + −", "on the surface: turn it, come nearer"],
   ["arrows", "on the chart of the indentation: earlier and later frames"],
-  ["Esc", "clear the line"],
+  ["Esc", "close what is open, then clear the line, then end measuring"],
 ];
 
 /** Listen to the keys; `escape()` is called for Esc. */
@@ -13,7 +13,7 @@ export function listenToKeys(escape) {
   const keyed = new Map([...document.querySelectorAll("[data-key]")].map((node) => [node.dataset.key, node]));
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea")) return;
-    if (event.key === "Escape") escape();
+    if (event.key === "Escape" && !document.querySelector(":popover-open") && !document.fullscreenElement) escape();
     const node = keyed.get(event.key.toLowerCase());
     if (!node || (event.key === " " && event.target.closest("button, a, summary"))) return;
     event.preventDefault();

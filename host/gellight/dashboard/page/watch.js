@@ -5,6 +5,7 @@ const element = (id) => document.getElementById(id);
 export class WatchNotice {
   #hidden = ""; // the findings that the visitor has hidden
   #shown = "";
+  #texts = ""; // of the findings that are shown
 
   constructor() {
     element("zero").addEventListener("click", () => this.#setZero());
@@ -19,8 +20,11 @@ export class WatchNotice {
     const findings = watch?.findings ?? [];
     const kinds = findings.map(({ kind, figures }) => `${kind} ${figures.led ?? ""}`).join();
     element("watch").hidden = findings.length === 0 || kinds === this.#hidden;
+    const texts = findings.map(({ text }) => text).join();
     if (kinds !== this.#shown) element("watch-answer").textContent = "";
     this.#shown = kinds;
+    if (texts === this.#texts) return;
+    this.#texts = texts;
     element("findings").replaceChildren(...findings.map(({ severity, text }) => {
       return Object.assign(document.createElement("li"), { textContent: text, className: severity });
     }));
