@@ -67,8 +67,6 @@ RECIPES = {
         place_jitter=0.2,
     ),
 }
-HELD_OUT = 0.1
-"""Fraction of the images the error is measured on (9:1 in the paper)."""
 DEFAULT_WIDTH = 32
 
 

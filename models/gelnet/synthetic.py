@@ -25,7 +25,7 @@ from gelnet.recipes import RECIPES, Recipe
 from gelnet.table import Table, TableError, checked
 from gelnet.train import add_training_options
 from gelnet.trainers import make_trainer
-from gelnet.training import Trainer, judgement, normal_error_deg, print_progress, record_of, train, write
+from gelnet.training import Trainer, normal_error_deg, print_progress, record_of, train, write
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.deformation import GelModel
@@ -192,7 +192,7 @@ def make(options: Options, trainer: Trainer, *, width: int, seed: int, out: Path
     )
     recipe = options.how()
     trained = train(training, recipe, trainer, width=width, progress=print_progress)
-    record = record_of(options.recipe, recipe, width, seed, trained, training) | judgement(trained, validation)
+    record = record_of(options.recipe, recipe, width, seed, trained, training)
     provenance = _provenance(options, sensor, trained.network, validation, width=width, seed=seed)
     with tempfile.TemporaryDirectory(prefix=".synthetic-", dir=_made(out)) as place:
         partial = Path(place)

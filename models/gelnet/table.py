@@ -1,4 +1,4 @@
-"""The table of labelled pixels that GelNet learns from: read, checked, split by image."""
+"""The table of labelled pixels that GelNet learns from: read and checked."""
 
 import zipfile
 from dataclasses import dataclass, replace
@@ -85,19 +85,13 @@ def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *
             f"{name}: rows has shape {rows.shape}, expected (N, {len(least)} or more) = {', '.join(least)}"
         )
     if len(rows) == 0:
-        raise TableError(f"{name}: there are no rows: press the ball into the gel at least twice")
+        raise TableError(f"{name}: there are no rows: press the ball into the gel")
     if image.shape != (len(rows),) or not np.issubdtype(image.dtype, np.integer):
         raise TableError(f"{name}: image is {image.shape} {image.dtype}, expected ({len(rows)},) whole numbers")
     if image_size.shape != (2,) or (image_size < 2).any():
         raise TableError(f"{name}: image_size is {image_size.tolist()}, expected width and height in px")
     _check_values(rows, name)
     _check_places(rows, image_size, name)
-    count = len(np.unique(image))
-    if count < 2:
-        raise TableError(
-            f"{name}: all rows come from {count} image; at least 2 are needed, because the error is measured on "
-            "images that were not trained on: press the ball at more places"
-        )
     return Table(
         rows=np.ascontiguousarray(rows, dtype=np.float32),
         image=image.astype(np.int32),
@@ -133,19 +127,3 @@ def _check_places(rows: NDArray[Any], image_size: NDArray[Any], name: str) -> No
             raise TableError(
                 f"{name}: row {row}, column {names[column]} is {rows[row, column]}, outside the image of {limit} px"
             )
-
-
-def held_out_images(image: NDArray[np.int32], *, fraction: float, seed: int) -> NDArray[np.int32]:
-    """Choose the images to hold out, at least one and never all; the same seed chooses the same."""
-    numbers = np.unique(image)
-    count = min(max(1, round(len(numbers) * fraction)), len(numbers) - 1)
-    return np.sort(np.random.default_rng(seed).permutation(numbers)[:count])
-
-
-def split_by_image(table: Table, *, fraction: float = 0.1, seed: int = 0) -> tuple[Table, Table]:
-    """Split into (training, held out) so that no image is in both.
-
-    Pixels of one press are alike: an error measured on other pixels of the same image would flatter.
-    """
-    held_out = np.isin(table.image, held_out_images(table.image, fraction=fraction, seed=seed))
-    return table.chosen(~held_out), table.chosen(held_out)

@@ -144,14 +144,6 @@ def record_of(name: str, recipe: Recipe, width: int, seed: int, trained: Trainin
     }
 
 
-def judgement(judged: Training, held_out: Table) -> dict[str, Any]:
-    """Return the error of a network on images that it did not learn from, for training.json."""
-    return {
-        "held_out_images": np.unique(held_out.image).tolist(),
-        "held_out_normal_error_deg": normal_error_deg(judged.network, held_out),
-    }
-
-
 def write(network: Trainer, record: dict[str, Any], table: Table, folder: Path) -> None:
     """Write network.onnx and training.json into the folder, both or neither; raises ExportError or OSError."""
     folder.mkdir(parents=True, exist_ok=True)

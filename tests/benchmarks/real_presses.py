@@ -123,7 +123,7 @@ def trained(
             with tempfile.TemporaryDirectory() as folder:
                 bundle = fit(
                     presses, images.reference, images.ball, Path(folder) / "b", sensor="real",
-                    options=replace(options, seed=seed, judged=False),
+                    options=replace(options, seed=seed),
                 )  # fmt: skip
             yield way, partial(_felt, Reconstructor(bundle))
     if PEER in ways:

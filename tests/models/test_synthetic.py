@@ -119,7 +119,7 @@ def test_the_recipe_of_the_paper_is_trained_as_the_paper_says() -> None:
 
 
 def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    few = ["--presses", "1", "--rows-per-press", "50", "--epochs", "1"]
+    few = ["--presses", "0", "--rows-per-press", "50", "--epochs", "1"]
     assert main(["--trainer", "numpy", "--out", str(tmp_path / "made"), *few]) == 2
     assert not (tmp_path / "made").exists()
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.measures import Confidence, Force, FrameMeasures, MapOnRequest
+from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
 from gellight.frames.status import ExposuresStatus
 
 
@@ -282,6 +282,12 @@ class TactileFrame:
     def confidence(self) -> Confidence | None:
         """How far each pixel is to be believed, and why not; None for frames under another light, without depth."""
         return self.measures.confidence(self.camera_frame.image, self.gradient_map) if self.measures else None
+
+    @cached_property
+    def error_bounds(self) -> ErrorBounds | None:
+        """By how much 90 % of the pixels are off at most; None where the bundle does not know its errors."""
+        measures = self.measures
+        return measures.error_bounds(self.gradient_map, self.depth_mm, self.contact.mask) if measures else None
 
     def maps_on_request(self, asked: Collection[MapOnRequest] = tuple(MapOnRequest)) -> dict[str, NDArray[Any]]:
         """Return the maps that are asked for and that this frame can have; `quality_flags` come with `confidence`."""

@@ -57,6 +57,19 @@ class Confidence:
     """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorBounds:
+    """What nine in ten pixels are off by at most, as far as presses that were not learnt from tell.
+
+    inf where nobody knows: outside of contacts, and where the surface is steeper than any of these presses.
+    """
+
+    normal_deg: NDArray[np.float32]
+    """(H, W) angle between the normals, degrees"""
+    depth_mm: NDArray[np.float32]
+    """(H, W) mm; within a contact, beside its mean depth"""
+
+
 class MapOnRequest(StrEnum):
     """A map that is computed and carried only where somebody asks for it."""
 
@@ -77,3 +90,8 @@ class FrameMeasures(Protocol):
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame by its (H, W, 3) picture and its (H, W, 2) slopes."""
+
+    def error_bounds(
+        self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
+    ) -> ErrorBounds | None:
+        """Return the errors of a frame by its (H, W, ...) maps; None for a sensor whose bundle does not know them."""

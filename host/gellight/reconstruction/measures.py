@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.measures import Confidence, Force
+from gellight.frames.measures import Confidence, ErrorBounds, Force
 from gellight.reconstruction.confidence import confidence_of, steepest_of
+from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
 
@@ -27,6 +28,7 @@ class BundleMeasures:
         record = read_force(bundle)
         self._bundle, self.from_network = bundle, from_network
         self._scale = record.scale if record else None
+        self._errors = read_errors(bundle) if from_network else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
@@ -39,6 +41,12 @@ class BundleMeasures:
             lens = read_undistortion(self._bundle)
             image, reference = lens.picture(image), lens.picture(reference)
         return confidence_of(image, reference, gradient_map, self._steepest)
+
+    def error_bounds(
+        self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
+    ) -> ErrorBounds | None:
+        """Return the errors of a frame by its maps; None for measured slopes, or where the bundle has no errors."""
+        return self._errors.bounds(gradient_map, depth_mm, touched) if self._errors else None
 
     @cached_property
     def _steepest(self) -> float | None:

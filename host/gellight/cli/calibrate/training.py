@@ -15,8 +15,10 @@ from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
 from gellight.frames.view import read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
-from gellight.lab.training import training, validation
+from gellight.lab.training import validation
 from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
+from gellight.lab.training.folds import Learning
+from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.lab.training.presses import Ball, Press
@@ -79,9 +81,10 @@ class Recorded:
     ] = False
     prisms: Prisms = None
 
-    def pressed_prisms(self, untouched: Reference) -> list[PrismPress]:
-        """Return the presses of prisms, none where there is no csv; InputError for what cannot be used."""
-        return _prisms(self.prisms, untouched.image_shape, untouched.dots)
+    def learning(self, untouched: Reference, how: "SizedTraining") -> Learning:
+        """Return how is learnt from them, and from presses of prisms; InputError for a csv that cannot be used."""
+        prisms = _prisms(self.prisms, untouched.image_shape, untouched.dots)
+        return Learning(options=how.options(), prisms=prisms, refine=self.refine)
 
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
@@ -106,20 +109,18 @@ def fit(
     as_json: AsJson = False,
 ) -> None:
     """Train on presses of balls and prisms, and write a calibration bundle."""
-    given, options = recorded.read(), how.options()
-    prisms = recorded.pressed_prisms(given[1])
+    given = recorded.read()
+    learning = recorded.learning(given[1], how)
     extra = which_ball(*given, previous)
-    crossed = _cross_validated(given, folds, options, recorded.refine, prisms) if folds else None
+    crossed = _cross_validated(given, folds, learning) if folds else None
     if crossed:
         extra["cross_validation"] = crossed.as_json()
     with progress("training") as report:
-        written = training.fit(
+        written = fit_judged(
             *given,
             bundle.out,
             sensor=sensor,
-            options=options,
-            prisms=prisms,
-            refine=recorded.refine,
+            how=learning,
             view=None if view is None else read_view(view),
             extra_metrics=extra,
             overwrite=bundle.overwrite,
@@ -168,8 +169,7 @@ def crossvalidate(
     Each press is measured once, in folds by image.
     """
     given = recorded.read()
-    prisms = recorded.pressed_prisms(given[1])
-    errors = _cross_validated(given, folds, how.options(), recorded.refine, prisms)
+    errors = _cross_validated(given, folds, recorded.learning(given[1], how))
     show(errors, as_json, "\n".join(_cross_lines(errors)))
 
 
@@ -231,11 +231,9 @@ def _prism_line(found: PrismError) -> str:
     )
 
 
-def _cross_validated(
-    given: Given, folds: int, options: TrainingOptions, refine: bool, prisms: list[PrismPress]
-) -> CrossValidation:
+def _cross_validated(given: Given, folds: int, how: Learning) -> CrossValidation:
     with progress("folds") as report:
-        return cross_validate(*given, folds=folds, options=options, refine=refine, prisms=prisms, progress=report)
+        return cross_validate(*given, folds=folds, how=how, progress=report)
 
 
 def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
@@ -254,11 +252,12 @@ def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: list[str]) -
 
 
 def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
-    trained = metrics["training"]
+    trained, judged = metrics["training"], metrics.get("held_out")
     return [
-        f"trained on {trained['images']} images by {trained['trainer']} in {trained['cpu_seconds']:.1f} CPU seconds; "
-        f"normal error of a network that did not see {len(trained['held_out_images'])} of them, on these, each pixel "
-        f"alone: {trained['held_out_normal_error_deg']['mean']:.2f} deg",
+        f"trained on {trained['images']} images by {trained['trainer']} in {trained['cpu_seconds']:.1f} CPU seconds",
+        f"normal error of networks that did not see the press that judges: {judged['normal_error_deg']['mean']:.2f} deg"
+        if judged
+        else "one press is all learnt from: how large the errors are, nobody knows",
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
         *radius_line(metrics.get("refinement")),
     ]

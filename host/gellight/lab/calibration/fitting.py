@@ -6,7 +6,8 @@ from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.pressing import ball_of
 from gellight.lab.calibration.records import Fit, UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
-from gellight.lab.training import training
+from gellight.lab.training.folds import Learning
+from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.rehearsal import rehearse
 from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import Reference
@@ -25,24 +26,21 @@ def fit(run: CalibrationRun) -> None:
     run.display.update(
         instruction=f"The network is being trained by {trainer}. Nothing is to be done.", actions=("abort",)
     )
-    losses: list[float] = []
 
     def report(epoch: int, epochs: int, loss: float) -> None:
-        losses.append(loss)
         run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 
     taken = run.folder.figures(UntouchedGel)
-    bundle = training.fit(
+    bundle = fit_judged(
         presses,
         Reference(image=run.folder.reference(), frames=taken.frames, noise_grey=taken.noise_grey),
         ball_of(run),
         run.folder.draft,
         sensor=run.options.sensor,
-        options=run.options.training,
-        table_options=TABLE,
+        how=Learning(options=run.options.training, table_options=TABLE),
         extra_files=run.camera.bundle_files,
         overwrite=True,
         progress=report,
         check=run.check_stopped,
     )
-    run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": losses}))
+    run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": bundle.metrics["training"]["losses"]}))

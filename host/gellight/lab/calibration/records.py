@@ -185,8 +185,15 @@ class TrainingRecord(Record):
     cpu_seconds: float
     trainer: str = "torch"
     """the library that trained, and its version; a calibration begun by an older version has none of this: torch"""
-    held_out_images: tuple[int, ...]
-    held_out_normal_error_deg: ErrorSpread
+
+
+class HeldOut(Record):
+    """The error on presses that the network did not learn from; more than is shown is kept for the bundle."""
+
+    model_config = ConfigDict(extra="allow")
+
+    presses: int
+    normal_error_deg: ErrorSpread
 
 
 class Fit(StepFigures):
@@ -196,6 +203,8 @@ class Fit(StepFigures):
 
     step = "fit"
     training: TrainingRecord
+    held_out: HeldOut | None = None
+    """None in a calibration that was begun by an older version"""
     losses: tuple[float, ...]
 
 

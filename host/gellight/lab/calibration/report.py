@@ -284,12 +284,16 @@ def _counts(counts: NDArray[np.float64], rows: list[str], columns: list[str], ax
 
 
 def _training(found: Fit) -> str:
-    training = found.training
+    training, judged = found.training, found.held_out
     curve = Series("loss", range(1, len(found.losses) + 1), found.losses)
+    error = (
+        f" Error on presses that networks did not learn from: {judged.normal_error_deg.mean:.2f} degrees."
+        if judged
+        else ""
+    )
     return section(
         "Network",
         f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
-        f"seconds; error of single pixels on {len(training.held_out_images)} presses, of a network that did not learn "
-        f"from them: {training.held_out_normal_error_deg.mean:.2f} degrees.</p>",
+        f"seconds.{error}</p>",
         box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
     )

@@ -12,6 +12,8 @@ rehearsal.py         whether a network can be trained here
 polynomial.py        polynomials of several variables, and their fit
 baselines.py         what simpler models reach on the same presses
 validation.py        errors of a bundle on labelled presses
+folds.py             networks that never saw some of the presses
+judged_fit.py        a calibration that tells its errors by them
 cross_validation.py  the same on presses that were not trained on
 synthetic.py         the bundle of the simulated sensor; balls pressed into it
 labelling/           contact circles without clicks

@@ -1,30 +1,23 @@
 """The error on presses that were not trained on: each press once, by a network that never saw its image."""
 
-import tempfile
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Bundle
 from gellight.lab.training.baselines import Baseline, fit_lookup_table, fit_polynomial
 from gellight.lab.training.child import Progress, silent
-from gellight.lab.training.labelling.refinement import FirstFits, refine_others
-from gellight.lab.training.labelling.refinement import refine as refinement_of
+from gellight.lab.training.folds import GIVEN, REFINED, Fold, Learning, trained_folds
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.prisms import PrismPress
 from gellight.lab.training.table import PressTable, images_of
-from gellight.lab.training.training import Reference, TrainingOptions, fit
+from gellight.lab.training.training import Reference
 from gellight.lab.training.validation import PressError, PressFigures, frames_by, press_error, press_errors, summarised
 
 Floats = NDArray[np.float32]
-_FOLD_SEED = 1
 _NETWORK = "network"
-_GIVEN, _REFINED = "given", "refined"
 Errors = dict[tuple[str, str], list[PressError]]
 """by labels (given or refined) and way (the network or the name of a baseline)"""
 
@@ -73,63 +66,38 @@ def cross_validate(
     ball: Ball,
     *,
     folds: int = 5,
-    options: TrainingOptions | None = None,
-    refine: bool = False,
-    prisms: Sequence[PrismPress] = (),
+    how: Learning | None = None,
     progress: Progress = silent,
 ) -> CrossValidation:
     """Train `folds` times without a part of the presses and measure the error on that part.
 
     progress is called after each fold with (fold, folds, mean normal error of that fold, deg).
 
-    With `refine` each fold trains on circles that were refined among themselves. The part held out is judged by its
-    labels as given, and by labels that are refined with the response of the light to the training presses. No response
-    and no network ever sees an image whose label it refines or judges. Every fold learns from all prisms. Raises
-    InputError for too few presses, and as `fit`.
+    Where circles are refined, the part held out is judged by its labels as given and as refined. Raises InputError for
+    too few presses, and as `fit`.
     """
-    numbers = images_of(presses)
-    images = int(numbers.max(initial=-1)) + 1
+    images = int(images_of(presses).max(initial=-1)) + 1
     if not 2 <= folds <= images // 2:
         raise InputError(f"{folds} folds of {images} presses: give between 2 and {images // 2}")
-    order = np.random.default_rng(_FOLD_SEED).permutation(images)
     errors: Errors = defaultdict(list)
     seconds: list[float] = []
-    unjudged = replace(options or TrainingOptions(), judged=False)  # by those held out here
-    first = FirstFits(reference.image, ball) if refine else None
-    with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
-        for fold in range(folds):
-            part = set(np.flatnonzero(np.isin(numbers, order[fold::folds])).tolist())
-            training, held_out = _divided(presses, part, reference.image, ball, first)
-            place = Path(folder) / f"fold-{fold}"
-            bundle = fit(training, reference, ball, place, sensor=f"fold {fold}", options=unjudged, prisms=prisms)
-            found = _errors_of_fold(bundle, held_out, reference.image, ball)
-            for key, of_fold in found.items():
-                errors[key] += of_fold
-            seconds.append(bundle.metrics["training"]["cpu_seconds"])
-            progress(fold + 1, folds, float(np.mean([error.mean_deg for error in found[_GIVEN, _NETWORK]])))
+    for number, fold in enumerate(trained_folds(presses, reference, ball, folds, how or Learning())):
+        found = _errors_of_fold(fold, reference.image, ball)
+        for key, of_fold in found.items():
+            errors[key] += of_fold
+        seconds.append(fold.bundle.metrics["training"]["cpu_seconds"])
+        progress(number + 1, folds, float(np.mean([error.mean_deg for error in found[GIVEN, _NETWORK]])))
     return CrossValidation(
-        given=_compared(errors, _GIVEN),
-        refined=_compared(errors, _REFINED) if refine else None,
+        given=_compared(errors, GIVEN),
+        refined=_compared(errors, REFINED) if how and how.refine else None,
         folds=folds,
         training_cpu_seconds=tuple(seconds),
     )
 
 
-def _divided(
-    presses: Sequence[Press], part: set[int], reference: Floats, ball: Ball, first: FirstFits | None
-) -> tuple[Sequence[Press], dict[str, list[Press]]]:
-    """Presses to train on, and those of the part held out under their labels; refined ones where `first` is given."""
-    training: Sequence[Press] = [press for i, press in enumerate(presses) if i not in part]
-    held_out = {_GIVEN: [press for i, press in enumerate(presses) if i in part]}
-    if first is not None:
-        refined = refinement_of(training, reference, ball, first=first)
-        training = refined.presses
-        held_out[_REFINED] = refine_others(refined, held_out[_GIVEN], reference, ball, first=first)
-    return training, held_out
-
-
-def _errors_of_fold(bundle: Bundle, held_out: dict[str, list[Press]], reference: Floats, ball: Ball) -> Errors:
+def _errors_of_fold(fold: Fold, reference: Floats, ball: Ball) -> Errors:
     """Errors of the network and of each baseline."""
+    bundle, held_out = fold.bundle, fold.held_out
     table = PressTable.of(bundle)
     baselines: dict[str, Baseline] = {
         "lookup_table": fit_lookup_table(table),
@@ -139,7 +107,7 @@ def _errors_of_fold(bundle: Bundle, held_out: dict[str, list[Press]], reference:
     errors = {(labels, _NETWORK): press_errors(bundle, presses, ball) for labels, presses in held_out.items()}
     for name, baseline in baselines.items():
         # The images are the same whatever their labels, so they are reconstructed once.
-        frames = frames_by(baseline, held_out[_GIVEN], reference, ball, follow_light=bundle.manifest.follow_light)
+        frames = frames_by(baseline, held_out[GIVEN], reference, ball, follow_light=bundle.manifest.follow_light)
         for labels, presses in held_out.items():
             judged = zip(presses, frames, strict=True)
             errors[labels, name] = [press_error(press, ball, frame) for press, frame in judged]

@@ -46,8 +46,6 @@ class TrainingOptions:
     epochs: int | None = None
     threads: int = 1
     trainer: TrainerName = "numpy"
-    judged: bool = True
-    """whether a second network, which does not see a tenth of the presses, tells the error on these: twice the time"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,11 +99,10 @@ def train(
     untouched: (H, W, 3) picture of the untouched gel, grey levels, where the channels are its colours: GelNet then also
     learns what `gelnet.teacher` makes of the presses for places where nothing was pressed.
     Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, what
-    trained, losses, errors on the presses held out.
+    trained, losses.
     """
     how = {name: getattr(options, name) for name in ("recipe", "width", "seed", "epochs")}
     chosen = [f"--{name}={value}" for name, value in how.items() if value is not None]
-    chosen += [] if options.judged else ["--unjudged"]
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
         picture = {} if untouched is None else {"untouched": untouched}

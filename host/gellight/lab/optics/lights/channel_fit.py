@@ -41,8 +41,7 @@ def fit_channels(
     training, judging = divided(balls.series)
     fair = lights_from_balls(training, balls.untouched, ball, balls.noise_grey)
     solved = check_lights(fair, judging, ball)
-    alone = replace(wanted, judged=False)
-    network, _ = train(channel_table(training, fair.untouched, ball), alone, progress=progress, check=check)
+    network, _ = train(channel_table(training, fair.untouched, ball), wanted, progress=progress, check=check)
     felt = _judged(network, fair, judging, ball)
     lights = lights_from_balls(balls.series, balls.untouched, ball, balls.noise_grey)
     if balls.groups is not None:

@@ -1,0 +1,157 @@
+"""A calibration that knows its errors: networks that did not learn from some presses are judged on these.
+
+What is kept then learns from every press, for one that was never learnt from is lost to the sensor. So it is a little
+better than what was judged.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.bundle.bundle import Bundle
+from gellight.frames.view import View
+from gellight.lab.training.child import Check, Progress, go_on, silent
+from gellight.lab.training.folds import GIVEN, REFINED, Learning, trained_folds
+from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.lab.training.table import images_of
+from gellight.lab.training.training import Reference, fit
+from gellight.lab.training.validation import PressError, frame_of, press_errors, summarised
+from gellight.reconstruction.confidence import TRAINED_QUANTILE
+from gellight.reconstruction.error_bounds import (
+    COVERED,
+    DEG_FLOOR,
+    MM_FLOOR,
+    ErrorRecord,
+    errors_file,
+    quadratic,
+    signs,
+)
+from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.pipeline import Reconstructor
+
+FOLDS = 3
+MOST_PIXELS = 2000
+"""of a press: pixels beside each other are alike"""
+_RIDGE = 1e-5
+Array = NDArray[np.float64]
+
+
+def fit_judged(
+    presses: Sequence[Press],
+    reference: Reference,
+    ball: Ball,
+    out: Path,
+    *,
+    sensor: str,
+    how: Learning,
+    view: View | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
+    extra_metrics: Mapping[str, object] | None = None,
+    overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
+) -> Bundle:  # fmt: skip
+    """Do as `training.fit`, and let the bundle say its errors: in `errors.json`, and in `held_out` of its metrics.
+
+    One press is all learnt from: then nobody knows. progress counts the epochs of all trainings.
+    """
+    images = int(images_of(presses).max(initial=-1)) + 1
+    folds = min(FOLDS, images) if images > 1 else 0
+    report, errors, samples = in_parts(progress, folds + 1), list[PressError](), list[Samples]()
+    if folds:
+        for fold in trained_folds(presses, reference, ball, folds, how, progress=report, check=check):
+            labelled = fold.held_out[REFINED if how.refine else GIVEN]
+            errors += press_errors(fold.bundle, labelled, ball)
+            samples += samples_of(fold.bundle, labelled, ball)
+    verdict = {"held_out": {"folds": folds, **_figures(errors)}} if folds else {}
+    return fit(
+        presses, reference, ball, out, sensor=sensor, options=how.options, table_options=how.table_options,
+        prisms=how.prisms, refine=how.refine, view=view, overwrite=overwrite, progress=report, check=check,
+        extra_files={**(extra_files or {}), **(errors_file(fit_errors(samples)) if folds else {})},
+        extra_metrics={**(extra_metrics or {}), **verdict},
+    )  # fmt: skip
+
+
+def in_parts(progress: Progress, parts: int) -> Progress:
+    """Return what reports several trainings, one after the other, as one of as many times the epochs of the first."""
+    part, first = -1, 0
+
+    def report(epoch: int, epochs: int, loss: float) -> None:
+        nonlocal part, first
+        first = first or epochs
+        part += epoch == 1
+        progress(round((part + epoch / epochs) * first), parts * first, loss)
+
+    return report
+
+
+def _figures(errors: Sequence[PressError]) -> dict[str, object]:
+    """What the metrics say: of how many presses, and the errors inside their circles."""
+    found = summarised(errors)
+    return {
+        "presses": len(errors),
+        "normal_error_deg": asdict(found.normal_error_deg),
+        "depth_mae_mm": found.depth_mae_mm,
+        "contact_iou": found.contact_iou,
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """Pixels of a press that was not learnt from: what tells their error, and the error."""
+
+    signs: NDArray[np.floating]
+    """(n, 3) inside the circle, see `error_bounds.signs`"""
+    normal_deg: NDArray[np.floating]
+    """(n,)"""
+    depth_mm: NDArray[np.floating]
+    """(n,) absolute, without the mean, because a circle does not say how deep its rim is"""
+
+
+def samples_of(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[Samples]:
+    """Reconstruct presses as the sensor runs, and compare some pixels inside the circle of each with the ball."""
+    path, random, found = Reconstructor(bundle, undistorted=False), np.random.default_rng(0), []
+    for press in presses:
+        frame, shape = path.reconstruct(frame_of(press)), bundle.image_shape
+        inside = np.flatnonzero(contact_circle(press, shape))
+        off_mm = (frame.depth_mm - cap_depth_mm(press, ball, shape)).ravel()[inside]
+        angle = angle_deg(normals(frame.gradient_map), normals(sphere_gradient(press, ball, shape))).ravel()[inside]
+        told = signs(frame.gradient_map, frame.depth_mm, frame.contact.mask).reshape(-1, 3)[inside]
+        some = random.choice(len(inside), min(len(inside), MOST_PIXELS), replace=False)
+        error_mm = np.abs(off_mm - off_mm.mean())
+        found.append(Samples(signs=told[some], normal_deg=angle[some], depth_mm=error_mm[some]))
+    return found
+
+
+def fit_errors(samples: Sequence[Samples]) -> ErrorRecord:
+    """Find the bounds that nine in ten pixels keep, of presses that the weights were not fitted to."""
+    every = np.concatenate([one.signs for one in samples])
+    least, most = np.quantile(every, [0.01, 0.99], axis=0)
+    terms = [quadratic(np.clip(one.signs, least, most)) for one in samples]
+    return ErrorRecord(
+        presses=len(samples),
+        steepest=float(np.quantile(every[:, 0], TRAINED_QUANTILE)),
+        least=tuple(least.tolist()),
+        most=tuple(most.tolist()),
+        normal_weights=_weights(terms, [np.log(one.normal_deg + DEG_FLOOR) for one in samples]),
+        depth_weights=_weights(terms, [np.log(one.depth_mm + MM_FLOOR) for one in samples]),
+    )
+
+
+def _weights(terms: Sequence[Array], logarithms: Sequence[Array]) -> tuple[float, ...]:
+    """Least squares over all presses, raised until 90 % of each press's pixels, by those of the others, lie below.
+
+    Every press counts by its pixels; one left out is judged by the sums of the others.
+    """
+    squares = np.array([a.T @ a for a in terms])
+    products = np.array([a.T @ b for a, b in zip(terms, logarithms, strict=True)])
+    square, product = squares.sum(axis=0), products.sum(axis=0)
+    eye = _RIDGE * np.trace(square) / len(square) * np.eye(len(square))
+    above = [
+        b - a @ np.linalg.solve(square - own_square + eye, product - own_product)
+        for a, b, own_square, own_product in zip(terms, logarithms, squares, products, strict=True)
+    ]
+    weights = np.linalg.solve(square + eye, product)
+    weights[0] += np.quantile(np.concatenate(above), COVERED)
+    return tuple(weights.tolist())

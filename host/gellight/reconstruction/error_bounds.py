@@ -1,0 +1,109 @@
+"""`errors.json`: by how much nine in ten pixels of a frame are off at most, as presses found that were not learnt from.
+
+Three things tell where a frame is off: how steep it is, how deep beside its contact, and how near the rim. The
+logarithm of the bound is a quadratic form of them. Disagreement of networks, distance from the colours that were
+learnt, shadow and saturation told less on real presses (`python -m tests.benchmarks.error_bounds`).
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy import ndimage
+
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.frames.measures import ErrorBounds
+
+FILE_NAME = "errors.json"
+REMEDY = "calibrate again, or remove the file: frames then have no error"
+COVERED = 0.9
+"""share of the pixels that are off by at most the bound"""
+AWAY = -9.0
+"""radii from the rim of no contact"""
+DEG_FLOOR, MM_FLOOR = 0.5, 0.003
+"""added to an error before its logarithm is taken: less does not matter"""
+TERMS = 10
+Floats = NDArray[np.float32]
+Array = NDArray[np.float64]
+Weights = Annotated[tuple[Annotated[float, Field(allow_inf_nan=False)], ...], Field(min_length=TERMS, max_length=TERMS)]
+
+
+class ErrorRecord(BundleFile):
+    """The content of the file."""
+
+    presses: Annotated[int, Field(ge=1)]
+    """that it was found on"""
+    steepest: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    """slope of these presses; of steeper ones nothing is known"""
+    least: tuple[float, float, float]
+    """of `signs` on these presses: beyond, the end of the range is taken; farther from a contact nothing is known"""
+    most: tuple[float, float, float]
+    normal_weights: Weights
+    depth_weights: Weights
+
+    def bounds(self, gradient_map: Floats, depth_mm: Floats, touched: NDArray[np.bool_]) -> ErrorBounds:
+        """Return the (H, W) bounds of a frame: inf where it is steeper than any press, and farther from a contact."""
+        found = signs(gradient_map, depth_mm, touched)
+        terms = quadratic(np.clip(found, self.least, self.most))
+        known = (found[..., 0] <= self.steepest) & (found[..., 2] >= self.least[2])
+
+        def bound(weights: Weights, floor: float) -> Floats:
+            most = np.maximum(np.exp(terms @ np.array(weights)) - floor, 0.0)
+            return np.where(known, most, np.inf).astype(np.float32)
+
+        return ErrorBounds(
+            normal_deg=bound(self.normal_weights, DEG_FLOOR), depth_mm=bound(self.depth_weights, MM_FLOOR)
+        )
+
+
+@dataclass(frozen=True)
+class _Patches:
+    """Each pixel's contact: the one it lies in, or the nearest."""
+
+    rim: Array
+    """(H, W) distance from its rim in its radii, positive inside"""
+    deepest: Array
+    """(H, W) its largest depth, mm"""
+
+
+def signs(gradient_map: Floats, depth_mm: Floats, touched: NDArray[np.bool_]) -> Array:
+    """(H, W, 3) slope, depth as a share of the contact's largest, and distance from its rim in its radii.
+
+    The radius is that of a circle of the contact's area.
+    """
+    slope = np.hypot(gradient_map[..., 0], gradient_map[..., 1])
+    if not touched.any():
+        return np.stack([slope, np.zeros_like(slope), np.full_like(slope, AWAY)], axis=2, dtype=np.float64)
+    patches = _patches(depth_mm, touched)
+    share = np.clip(depth_mm / np.maximum(patches.deepest, 1e-6), 0.0, 1.0)
+    return np.stack([slope, share, patches.rim], axis=2, dtype=np.float64)
+
+
+def _patches(depth_mm: Floats, touched: NDArray[np.bool_]) -> _Patches:
+    outside, (row, column) = ndimage.distance_transform_edt(~touched, return_indices=True)
+    distance = ndimage.distance_transform_edt(touched) - outside
+    numbers, count = ndimage.label(touched)
+    every = np.arange(1, count + 1)
+    radius = np.sqrt(ndimage.sum_labels(touched, numbers, every) / np.pi)
+    deepest = ndimage.maximum(depth_mm, numbers, every)
+    own = numbers[row, column] - 1
+    return _Patches(rim=distance / radius[own], deepest=np.asarray(deepest)[own])
+
+
+def quadratic(found: Array) -> Array:
+    """(..., 10) all products of at most two of (..., 3) numbers."""
+    a, b, c = np.moveaxis(found, -1, 0)
+    return np.stack([np.ones_like(a), a, b, c, a * a, b * b, c * c, a * b, a * c, b * c], axis=-1)
+
+
+def read_errors(bundle: Bundle) -> ErrorRecord | None:
+    """Return the checked content of the file, None where the bundle has none; BundleError where it is damaged."""
+    return read_bundle_file(bundle, FILE_NAME, ErrorRecord, REMEDY) if FILE_NAME in bundle.files else None
+
+
+def errors_file(record: ErrorRecord) -> dict[str, bytes]:
+    """Return the file by its name, for a bundle."""
+    return {FILE_NAME: (record.model_dump_json(indent=1) + "\n").encode()}

@@ -1,0 +1,88 @@
+"""A calibration that tells its errors: nine in ten pixels keep the bound, and one press is all learnt from."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from gellight.bundle.bundle import Bundle
+from gellight.lab.training.folds import Learning
+from gellight.lab.training.judged_fit import FOLDS, Samples, fit_errors, fit_judged, in_parts
+from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
+from gellight.lab.training.training import Reference, TrainingOptions
+from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
+from tests.helpers.linear_sensor import GREY_PER_SLOPE
+
+RANDOM = np.random.default_rng(3)
+SHAPE, BALL = (48, 64), Ball(radius_mm=4.0, pixel_size_mm=0.2)
+SHORT = Learning(options=TrainingOptions(epochs=1, width=4))
+
+
+def pressed(count: int) -> list[Samples]:
+    """Presses whose errors grow with the slope and towards the rim, each off by a factor of its own."""
+    found = []
+    for _ in range(count):
+        signs = RANDOM.uniform([0, 0, -0.2], [1.2, 1, 1], (800, 3))
+        size = np.exp(1.5 * signs[:, 0] - signs[:, 2] + 0.05 * RANDOM.standard_normal())
+        deg, mm = (scale * size * np.abs(RANDOM.standard_normal(800)) for scale in (2.0, 0.02))
+        found.append(Samples(signs=signs, normal_deg=deg, depth_mm=mm))
+    return found
+
+
+def bounds_of(record: ErrorRecord, samples: Sequence[Samples]) -> tuple[np.ndarray, np.ndarray]:
+    terms = quadratic(np.clip(np.concatenate([one.signs for one in samples]), record.least, record.most))
+    deg, mm = (np.exp(terms @ np.array(weights)) for weights in (record.normal_weights, record.depth_weights))
+    return deg - DEG_FLOOR, mm - MM_FLOOR
+
+
+@pytest.mark.parametrize("count", [10, 30])
+def test_nine_in_ten_pixels_of_other_presses_keep_the_bound(count: int) -> None:
+    record, judges = fit_errors(pressed(count)), pressed(200)
+    for bound, name in zip(bounds_of(record, judges), ("normal_deg", "depth_mm"), strict=True):
+        error = np.concatenate([getattr(one, name) for one in judges])
+        assert np.mean(error <= bound) == pytest.approx(0.9, abs=0.02)
+        by_bound = [error[part].mean() for part in np.array_split(np.argsort(bound), 10)]
+        assert (np.diff(by_bound) > 0).all()
+        assert spearmanr(bound, error)[0] > 0.3
+
+
+def kept(count: int, folder: Path) -> Bundle:
+    """Of balls pressed into a sensor whose colours are linear in the slope."""
+    presses = []
+    for number in range(count):
+        x, y = RANDOM.uniform((16, 16), (48, 32)).tolist()
+        press = Press(image=folder / f"{number}.png", center_x_px=x, center_y_px=y, contact_radius_px=11.0)
+        slope = np.where(contact_circle(press, SHAPE)[..., None], sphere_gradient(press, BALL, SHAPE), 0.0)
+        cv2.imwrite(str(press.image), np.clip(120 + slope @ GREY_PER_SLOPE.T, 0, 255).astype(np.uint8)[..., ::-1])
+        presses.append(press)
+    reference = Reference(image=np.full((*SHAPE, 3), 120, np.float32), frames=1, noise_grey=1.0)
+    return fit_judged(presses, reference, BALL, folder / "bundle", sensor="S", how=SHORT)
+
+
+def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> None:
+    bundle = kept(4, tmp_path)
+    judged, record = bundle.metrics["held_out"], read_errors(bundle)
+    assert (judged["folds"], judged["presses"]) == (FOLDS, 4)
+    assert 0 < judged["normal_error_deg"]["mean"] < 90
+    assert record is not None
+    assert record.presses == 4
+    assert bundle.metrics["training"]["images"] == 4, "what is kept learns from all"
+
+
+def test_of_one_press_nobody_knows_the_error(tmp_path: Path) -> None:
+    bundle = kept(1, tmp_path)
+    assert "held_out" not in bundle.metrics
+    assert read_errors(bundle) is None
+
+
+def test_several_trainings_are_reported_as_one() -> None:
+    told: list[tuple[int, int]] = []
+    report = in_parts(lambda epoch, epochs, loss: told.append((epoch, epochs)), 3)
+    for epochs in (4, 4, 2):
+        for epoch in range(1, epochs + 1):
+            report(epoch, epochs, 0.0)
+    assert [epoch for epoch, _ in told] == [1, 2, 3, 4, 5, 6, 7, 8, 10, 12]
+    assert {epochs for _, epochs in told} == {12}
