@@ -17,13 +17,9 @@ smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched
-<<<<<<< HEAD
 following.py     which contact is which from frame to frame, and how it moves
-confidence.py    how far each pixel is to be believed
-=======
 confidence.py    why a pixel is not to be believed
 error_bounds.py  by how much nine in ten pixels are off at most
->>>>>>> dc5064e (wip)
 force.py         depth map to force and pressure
 force_file.py    its constant, in a bundle
 measures.py      what a bundle says of a frame when somebody asks
