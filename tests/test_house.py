@@ -55,7 +55,7 @@ DOORS = {
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
-        "lab/training/labelling/plate.py",
+        "lab/training/labelling/plate.py", "recording/frame_record.py",
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),

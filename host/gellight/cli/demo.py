@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gellight.cli.advice import activation
-from gellight.cli.one_sensor import Running, follow, opened
+from gellight.cli.one_sensor import Running, follow, in_words, opened
 from gellight.cli.options import AsJson, simulated_settings, with_options
 from gellight.cli.showing import show
 
@@ -28,7 +28,7 @@ def command(
         if browser and not running.frames:
             open_browser(url)
         summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
-        show(summary, as_json)
+        show(summary, as_json, in_words(summary, running.frames))
     if told := activation():
         print(told, file=sys.stderr)
 

@@ -118,7 +118,7 @@ def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json
         manager = ServiceManager()
         manager.ready()
         summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
-        show(summary, as_json)
+        show(summary, as_json, in_words(summary, running.frames))
 
 
 @contextmanager
@@ -210,6 +210,23 @@ class Summary(SensorStatus):
 
     indentation_mm: float
     """the deepest of all frames"""
+
+
+def in_words(summary: Summary, wanted: int) -> str:
+    """Return how a run went, and why it ended where that was before `wanted` frames."""
+    frames, age, touch = summary["frames"], summary["frame_age_ms"], summary["touch"]
+    of = f" of {wanted}: there were no more" if 0 < frames < wanted else ""
+    lines = [
+        f"{frames} frames{of}",
+        f"{summary['fps']:.1f} a second, {summary['lost']} lost, {summary['dropped']} dropped",
+    ]
+    if age:
+        lines[-1] += f"; depth was there after {age['median']:.0f} ms, 95 % of it after {age['p95']:.0f} ms"
+    if touch:
+        lines.append(f"the deepest touch was {summary['indentation_mm']:.3f} mm")
+    if touch and (force := touch["force"]):
+        lines[-1] += f"; the last frame feels {force['normal_n']:.2f} +- {force['error_n']:.2f} N"
+    return "\n".join(line + "." for line in lines)
 
 
 def follow(

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from gellight.base import logs
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
@@ -48,10 +49,10 @@ def command(
     """
     settings = load_settings({"sensor.url": sensor, **running.flags()})
     with opened(settings, dashboard=dashboard) as (daemon, _):
-        with (
-            Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or ()) as recorder,
-            until_interrupted(not (seconds or running.frames)),
-        ):
+        recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or ())
+        if not daemon.camera.waits:  # of a file every frame is recorded
+            logs.say(f"recording: about {recorder.bytes_a_minute() / 1e6:.0f} MB a minute")
+        with recorder, until_interrupted(not (seconds or running.frames)):
             follow(daemon, recorder, running.frames, seconds)
         show({"file": str(out), **asdict(recorder.status)}, as_json, said(out, recorder.status))
     if recorder.ended:

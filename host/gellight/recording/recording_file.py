@@ -1,7 +1,7 @@
-"""The file of a recording: MCAP in the profile of ROS 2, uncompressed, with the calibration bundle as an attachment.
+"""The file of a recording: MCAP in the profile of ROS 2, packed by Zstandard, with the bundle as an attachment.
 
     /NAME/frame                        std_msgs/String, JSON: FrameInfo
-    /NAME/image_raw[/compressed]       sensor_msgs/Image or CompressedImage: the bytes of the camera
+    /NAME/image_raw[/compressed]       sensor_msgs/Image or CompressedImage: the bytes of the camera, or a PNG
     /NAME/depth                        sensor_msgs/Image 32FC1, metres, on request
     /NAME/depth_tenth_um               sensor_msgs/Image 16UC1, tenths of a micrometre, 0 to 6.5535 mm, on request
     /NAME/pressure_mpa                 sensor_msgs/Image 32FC1, N / mm2, on request, where the bundle knows its force
@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import zstandard
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -34,9 +35,9 @@ from pydantic import ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
-from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, TactileFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance, TactileFrame
 from gellight.frames.measures import MapOnRequest
-from gellight.recording.frame_record import FrameInfo, FrameRecord
+from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
 from gellight.recording.ros_messages import (
     COMPRESSED_IMAGE,
     DEFINITIONS,
@@ -51,6 +52,8 @@ CHUNK_BYTES = 4 << 20
 MOST_RECORD_BYTES = 1 << 28
 """of one record of the file: no picture and no bundle is larger"""
 SUFFIX = ".mcap"
+ZSTD = "zstd"
+"""of a chunk, as MCAP names it; those of before are not packed"""
 FRAME, IMAGE_RAW, COMPRESSED, DEPTH, DEPTH_16, CONTACT = (
     "frame", "image_raw", "image_raw/compressed", "depth", "depth_tenth_um", "contact",
 )  # fmt: skip
@@ -99,14 +102,14 @@ class RecordingWriter:
             raise InputError(f"{path} exists: choose another name") from None
         except OSError as error:
             raise InputError(f"{path} cannot be written ({error.strerror}): choose another folder") from error
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library="gellight")
         self._channels: dict[str, int] = {}
         self._zeros: set[str] = set()
 
-    def add(self, frame: CameraFrame, stamp: CaptureStamp) -> None:
+    def add(self, frame: CameraFrame, stamp: CaptureStamp, *, packed: bool = True) -> None:
         """Write a camera frame, and the bundle it was taken under, once. OSError where the disk is full."""
-        record = FrameRecord.of(frame, stamp)
+        record = FrameRecord.of(frame, stamp, packed=packed)
         if record.info.zero not in self._zeros:
             self._zeros.add(record.info.zero)
             name, now_ns = f"{_ATTACHED}{record.info.zero}.gelcal", time.time_ns()
@@ -121,28 +124,29 @@ class RecordingWriter:
 
     def add_felt(self, frame: TactileFrame) -> None:
         """Write contact, depth and maps of a frame, as far as they were asked for. OSError where the disk is full."""
-        provenance, contact = frame.provenance, frame.contact
+        provenance = frame.provenance
         if not self.of_tactile_frames or provenance is None:
             return
-        info = ContactInfo(
-            sequence=frame.camera_frame.sequence,
-            calibration=provenance.calibration,
-            zero=provenance.zero,
-            indentation_mm=contact.indentation_mm,
-            area_mm2=contact.area_mm2,
-            centroid_mm=contact.centroid_mm,
-            force_n=frame.force.normal_n if frame.force else None,
-            force_error_n=frame.force.error_n if frame.force else None,
-            contacts=frame.contacts,
+        stamp = FrameStamp(sequence=frame.camera_frame.sequence, unix_s=provenance.unix_s)
+        self._put(CONTACT, stamp, encode_string(_contact_info(frame, provenance).model_dump_json()))
+        for topic, image in self._images(frame).items():
+            self._put(topic, stamp, image.encode(provenance.unix_s, self.name))
+
+    def bytes_of(self, frame: TactileFrame) -> int:
+        """Return what is written of a camera frame and its maps, but for some figures."""
+        taken = frame.camera_frame
+        picture = taken.encoded.data if taken.encoded else packed_picture(taken.image)
+        return sum(
+            len(zstandard.compress(one)) for one in (picture, *(map_.data for map_ in self._images(frame).values()))
         )
+
+    def _images(self, frame: TactileFrame) -> dict[str, RosImage]:
+        """Return depth and maps as messages, by topic, as far as they were asked for."""
         images = {name: _map_image(values) for name, values in frame.maps_on_request(self.maps).items()}
         if self.depth is not DepthKind.NONE:
             topic = DEPTH if self.depth is DepthKind.FLOAT32 else DEPTH_16
             images[topic] = depth_image(frame.depth_mm, self.depth)
-        stamp = FrameStamp(sequence=info.sequence, unix_s=provenance.unix_s)
-        self._put(CONTACT, stamp, encode_string(info.model_dump_json()))
-        for topic, image in images.items():
-            self._put(topic, stamp, image.encode(provenance.unix_s, self.name))
+        return images
 
     def _put(self, topic: str, stamp: "FrameInfo | FrameStamp", content: bytes) -> None:
         if topic not in self._channels:
@@ -195,6 +199,21 @@ def depth_image(depth_mm: NDArray[np.float32], kind: DepthKind) -> RosImage:
         encoding, size = "16UC1", 2
     height, width = depth_mm.shape
     return RosImage(height=height, width=width, encoding=encoding, step=size * width, data=values.tobytes())
+
+
+def _contact_info(frame: TactileFrame, provenance: Provenance) -> ContactInfo:
+    contact = frame.contact
+    return ContactInfo(
+        sequence=frame.camera_frame.sequence,
+        calibration=provenance.calibration,
+        zero=provenance.zero,
+        indentation_mm=contact.indentation_mm,
+        area_mm2=contact.area_mm2,
+        centroid_mm=contact.centroid_mm,
+        force_n=frame.force.normal_n if frame.force else None,
+        force_error_n=frame.force.error_n if frame.force else None,
+        contacts=frame.contacts,
+    )
 
 
 def _map_image(values: NDArray[np.generic]) -> RosImage:
@@ -322,7 +341,7 @@ class Recording:
                 raise InputError(f"{self.path} is no MCAP file: give a recording of `gellight record`") from None
             except (StopIteration, EndOfFile, struct.error):
                 return
-            except (McapError, ValueError, KeyError, UnicodeDecodeError) as error:
+            except (McapError, zstandard.ZstdError, ValueError, KeyError, UnicodeDecodeError) as error:
                 raise self._damaged(error) from None
 
     def _opened(self, record: McapRecord) -> list[McapRecord]:
@@ -332,6 +351,8 @@ class Recording:
             )
         if not isinstance(record, Chunk):
             return [record]
-        if record.compression:
-            raise InputError(f"{self.path} is compressed: undo that with `mcap compress --compression none`")
+        if record.compression not in ("", ZSTD):
+            raise InputError(f"{self.path} is packed by {record.compression}: give `mcap compress --compression zstd`")
+        if record.compression and not 0 <= zstandard.frame_content_size(record.data) <= MOST_RECORD_BYTES:
+            raise ValueError("a chunk says a size that none has")
         return breakup_chunk(record, validate_crc=True)

@@ -161,13 +161,13 @@ class RosImage:
         return cls(height=height, width=width, encoding=encoding, step=reader.take("I"), data=reader.blob())
 
 
-def encode_compressed(data: bytes, unix_s: float, frame_id: str) -> bytes:
-    """Return sensor_msgs/CompressedImage of a JPEG."""
-    return CdrWriter().header(unix_s, frame_id).string("jpeg").blob(data).finish()
+def encode_compressed(data: bytes, unix_s: float, frame_id: str, kind: str) -> bytes:
+    """Return sensor_msgs/CompressedImage; kind: jpeg or png."""
+    return CdrWriter().header(unix_s, frame_id).string(kind).blob(data).finish()
 
 
 def decode_compressed(content: bytes) -> bytes:
-    """Return the JPEG of sensor_msgs/CompressedImage; ValueError where it is damaged."""
+    """Return the picture of sensor_msgs/CompressedImage; ValueError where it is damaged."""
     reader = CdrReader(content)
     reader.header()
     reader.string()

@@ -26,6 +26,10 @@ BACKLOG = 64
 RESERVE_BYTES = 100 << 20
 """left free on the disk: the recording ends before, whole"""
 LOOK_S = 1.0
+PATIENCE_S = 10.0
+RATE_FRAMES = 8
+LATE_S = 1.0
+"""a frame that waited so long is not packed: this computer is too slow for that"""
 POLL_S = 0.05
 SHORT_S = 600.0
 """room for less than this is warned of"""
@@ -81,6 +85,16 @@ class Recorder:
         self._first: int | None = None
         """sequence number of the first frame that was written"""
         self._ended = threading.Event()
+
+    def bytes_a_minute(self) -> float:
+        """Return how large the recording becomes, by a frame that is not recorded; it waits for some frames."""
+        first = self._daemon.next_frame(-1, PATIENCE_S)
+        frame = first
+        while frame.camera_frame.sequence < first.camera_frame.sequence + RATE_FRAMES:
+            frame = self._daemon.next_frame(frame.camera_frame.sequence, PATIENCE_S)
+        taken, before = frame.camera_frame, first.camera_frame
+        period_s = (taken.time_s - before.time_s) / (taken.sequence - before.sequence)
+        return self._writer.bytes_of(frame) * 60 / max(period_s, 1e-3)
 
     def __enter__(self) -> Self:
         """Start."""
@@ -147,7 +161,7 @@ class Recorder:
             return number
         self.status.lost += taken - number - 1
         assert frame.stamp is not None, "a daemon stamps every frame"
-        self._writer.add(frame, frame.stamp)
+        self._writer.add(frame, frame.stamp, packed=time.monotonic() - frame.time_s < LATE_S)
         self._first = frame.sequence if self._first is None else self._first
         self.status.frames += 1
         return taken

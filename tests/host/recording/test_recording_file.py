@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -218,13 +219,13 @@ def test_it_opens_as_a_bag_of_ros_2(record: Record) -> None:
     assert set(seen) == {
         f"/left_finger/{part}" for part in ("frame", "image_raw", "image_raw/compressed", "depth", "contact")
     }
-    stamp, image = seen["/left_finger/image_raw"][0]
-    assert (image.height, image.width, image.encoding, image.step) == (48, 64, "rgb8", 192)
-    assert np.array_equal(image.data.reshape(48, 64, 3), picture(1))
+    stamp, image = seen["/left_finger/image_raw/compressed"][0]
+    assert image.format == "png"
+    assert np.array_equal(cv2.imdecode(image.data, cv2.IMREAD_COLOR_RGB), picture(1)), "nothing is lost"
     assert image.header.stamp.sec * 10**9 + image.header.stamp.nanosec == stamp
     assert image.header.frame_id == "left finger"
-    assert seen["/left_finger/image_raw/compressed"][0][1].format == "jpeg"
-    assert seen["/left_finger/image_raw"][1][1].encoding == "yuv422_yuy2"
+    assert seen["/left_finger/image_raw/compressed"][1][1].format == "jpeg"
+    assert seen["/left_finger/image_raw"][0][1].encoding == "yuv422_yuy2"
     depth = seen["/left_finger/depth"][0][1]
     assert depth.encoding == "32FC1"
     assert np.abs(depth.data.view("<f4") * 1e3 - full_frame().depth_mm.ravel()).max() < 1e-6, "metres"
@@ -242,10 +243,11 @@ def test_a_topic_is_one_that_ros_allows(name: str, topic: str) -> None:
 # ---- what is not right ----
 
 
-def test_a_recording_that_was_cut_short_gives_its_whole_chunks(record: Record) -> None:
+def test_a_recording_that_was_cut_short_gives_its_whole_chunks(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 1 << 20)
     path = record([plain(number) for number in range(2000)])
     content = path.read_bytes()
-    assert len(content) > 16e6
+    assert len(content) > 8e6
     path.write_bytes(content[: len(content) // 2])
     recording = Recording(path)
     numbers = [one.info.sequence for one in recording.frames()]
@@ -267,7 +269,7 @@ def test_a_chunk_can_be_read_as_soon_as_it_is_finished(
     monkeypatch.setattr(recording_file, "CHUNK_BYTES", 8 * len(plain(0).image.tobytes()))
     writer = RecordingWriter(tmp_path / "killed.mcap", "finger")
     for number in range(60):
-        writer.add(plain(number), CaptureStamp(zeroed=bundle, unix_s=1e9 + number))
+        writer.add(plain(number), CaptureStamp(zeroed=bundle, unix_s=1e9 + number), packed=False)
         if number >= 8:
             recording = Recording(tmp_path / "killed.mcap")  # nothing more is written in its place
             assert len(list(recording.frames())) > number - 8
@@ -300,16 +302,48 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
         Recording(tmp_path / "a.mcap")
 
 
-def test_a_compressed_recording_is_refused_with_the_remedy(tmp_path: Path) -> None:
-    """What it unpacks to is said by the file itself, and may be anything."""
+def test_a_recording_packed_otherwise_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file, compression=CompressionType.LZ4)
+        writer.start(library="gellight")
+        schema = writer.register_schema("x", "", b"")
+        writer.add_message(writer.register_channel("/x", "cdr", schema), 0, bytes(10**6), 0)
+        writer.finish()
+    with pytest.raises(InputError, match=r"is packed by lz4.*compress --compression zstd"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_a_chunk_that_unpacks_to_more_than_any_has_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """How much it unpacks to is said by the file itself, and may be anything."""
+    monkeypatch.setattr(recording_file, "MOST_RECORD_BYTES", 10**6)
     with (tmp_path / "a.mcap").open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(library="gellight")
         schema = writer.register_schema("x", "", b"")
         writer.add_message(writer.register_channel("/x", "cdr", schema), 0, bytes(10**6), 0)
         writer.finish()
-    with pytest.raises(InputError, match="is compressed"):
+    assert (tmp_path / "a.mcap").stat().st_size < 1000
+    with pytest.raises(InputError, match=r"damaged .a chunk says a size"):
         Recording(tmp_path / "a.mcap")
+
+
+def test_a_recording_of_before_which_is_not_packed_is_read(
+    tmp_path: Path, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_file, "CompressionType", SimpleNamespace(ZSTD=CompressionType.NONE))
+    with RecordingWriter(tmp_path / "a.mcap", "finger") as writer:
+        writer.add(plain(1), CaptureStamp(zeroed=bundle, unix_s=1e9), packed=False)
+    assert plain(1).image.tobytes() in (tmp_path / "a.mcap").read_bytes()
+    assert np.array_equal(Recording(tmp_path / "a.mcap").first.image("a"), plain(1).image)
+
+
+def test_a_frame_that_came_too_late_to_be_packed_is_the_same(tmp_path: Path, bundle: Bundle) -> None:
+    with RecordingWriter(tmp_path / "a.mcap", "finger") as writer:
+        for packed in (False, True):
+            writer.add(plain(1), CaptureStamp(zeroed=bundle, unix_s=1e9), packed=packed)
+    raw, packed = Recording(tmp_path / "a.mcap").frames()
+    assert (raw.info.letters, packed.info.letters) == ("RGB3", "PNG")
+    assert np.array_equal(raw.image("a"), packed.image("a"))
 
 
 def test_an_existing_file_is_not_replaced(record: Record) -> None:

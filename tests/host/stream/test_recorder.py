@@ -77,7 +77,7 @@ def test_frames_that_wait_for_the_disk_keep_the_zero_that_they_were_taken_under(
         after = before.with_reference(before.reference + 1, frames=before.manifest.reference_frames)
         with Recorder(sensor.daemon, tmp_path / "a.mcap", depth=DepthKind.UINT16) as recorder:
             add, disk = recorder._writer.add, threading.Event()
-            monkeypatch.setattr(recorder._writer, "add", lambda *frame: (disk.wait(60), add(*frame)))
+            monkeypatch.setattr(recorder._writer, "add", lambda *frame, packed: (disk.wait(60), add(*frame)))
             first, _ = sensor.daemon.captured.take(0, 20)
             number = first
             while number < first + 5:
@@ -102,9 +102,9 @@ def test_what_is_recorded_of_one_frame_has_one_time(recording: Path) -> None:
     with AnyReader([recording], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         times = {
             topic: {time_ns for connection, time_ns, _ in reader.messages() if connection.topic == topic}
-            for topic in ("/sim/image_raw", "/sim/depth")
+            for topic in ("/sim/image_raw/compressed", "/sim/depth")
         }
-    assert set() != times["/sim/depth"] <= times["/sim/image_raw"]
+    assert set() != times["/sim/depth"] <= times["/sim/image_raw/compressed"]
 
 
 def test_a_disk_that_is_nearly_full_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +135,7 @@ def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch:
 def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, packed: bool) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with gellight.connect("sim://?object=BALL&depth=1&fps=5") as sensor:
@@ -155,12 +155,27 @@ def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
 # ---- the verbs ----
 
 
+def test_pictures_take_two_fifths_of_their_bytes_at_most(recording: Path) -> None:
+    """With the noise of the simulated camera, 1 grey level; nothing is lost."""
+    sizes = [(len(frame.data), frame.image("a").nbytes) for frame in Recording(recording).frames()]
+    assert sum(packed for packed, _ in sizes) < 0.4 * sum(raw for _, raw in sizes)
+
+
 def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
     done = children.gellight("replay", recording, "--speed", "0", "--loop", "--frames", "4", "--no-dashboard", "--json")
     assert done.returncode == 0, done.stderr
     status = json.loads(done.stdout)
     assert status["indentation_mm"] == pytest.approx(1.0, abs=0.05)
     assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
+
+
+def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
+    there = len(list(Recording(recording).frames()))
+    done = children.gellight("replay", recording, "--speed", "0", "--frames", "999", "--no-dashboard")
+    assert done.returncode == 0, done.stderr
+    assert f"{there} frames of 999: there were no more." in done.stdout
+    assert re.search(r"deepest touch was (0\.9|1\.0)\d+ mm; the last frame feels 1\.\d\d \+- 0\.06 N\.", done.stdout)
+    assert "{" not in done.stdout
 
 
 def test_a_recording_is_exported_as_arrays_and_surfaces(recording: Path, tmp_path: Path) -> None:
