@@ -170,10 +170,9 @@ def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
 
 
 def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
-    there = len(list(Recording(recording).frames()))
     done = children.gellight("replay", recording, "--speed", "0", "--frames", "999", "--no-dashboard")
     assert done.returncode == 0, done.stderr
-    assert f"{there} frames of 999: there were no more." in done.stdout
+    assert re.match(r"\d+ frames of 999: there were no more\.\n", done.stdout)
     assert re.search(r"deepest touch was (0\.9|1\.0)\d+ mm; the last frame feels 1\.\d\d \+- 0\.06 N\.", done.stdout)
     assert "{" not in done.stdout
 
