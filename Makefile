@@ -15,7 +15,7 @@ REAL   := tests/data/real/three_lights
 # Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check lint types pytest bench clean
+.PHONY: demo test check lint types pytest bench docs dist clean
 
 demo: $(VENV)/.host
 	@$(BIN)/gellight demo $(ARGS)
@@ -36,6 +36,16 @@ pytest: $(VENV)/.dev | tools
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
+
+# The site, in build/site: strict, so a link that leads nowhere ends it.
+docs: $(VENV)/.dev
+	$(BIN)/python -m mkdocs build --strict
+
+# What a package index takes, in dist/.
+dist: $(VENV)/.dev
+	rm -rf dist
+	$(BIN)/python -m hatchling build
+	$(BIN)/twine check --strict dist/*
 
 # How far pip is: it shows that itself on a terminal; in a log, a line every ten seconds. $(1): what to install,
 # $(2): packages that are there at the end.

