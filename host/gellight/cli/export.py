@@ -15,14 +15,13 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson
 from gellight.cli.reconstruct import maps_file
 from gellight.cli.showing import show
-from gellight.frames.camera import EndOfStream
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.lab.report.video import VideoFile
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording.array_files import write_arrays
 from gellight.recording.recording_file import Recording
-from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
 
 VIDEO = "video.mp4"
 FPS_FRAMES = 30
@@ -36,18 +35,23 @@ class Kind(StrEnum):
     PNG = "png"
     PLY = "ply"
     VIDEO = "video"
+    HDF5 = "hdf5"
+    ZARR = "zarr"
+
+
+ONE_FILE = {Kind.HDF5: "frames.h5", Kind.ZARR: "frames.zarr"}
 
 
 def command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of `gellight record`.")],
     out: Annotated[Path, typer.Option(help="Folder for the files; created if need be.")],
-    kind: Annotated[Kind, typer.Option("--as", help="Arrays, pictures, surfaces, or one video.")] = Kind.NPZ,
+    kind: Annotated[Kind, typer.Option("--as", help="A file a frame, one video, or one file of arrays.")] = Kind.NPZ,
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     as_json: AsJson = False,
 ) -> None:
-    """Turn a recording into arrays, pictures, surfaces or a video.
+    """Turn a recording into arrays, pictures, surfaces, a video, or one file of arrays.
 
     Depth is computed from the recorded pictures. A file is named after the sequence number of its frame; .npz files
     have what those of `gellight reconstruct` have, .ply files are surfaces in mm.
@@ -56,9 +60,15 @@ def command(
     frames = islice(felt_frames(recording, load_bundle(calibration) if calibration else None), 0, None, every)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        count = _video(frames, out, depth_scale_um, fps_of(recording) / every) if kind is Kind.VIDEO else sum(
-            _written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames
-        )  # fmt: skip
+        match kind:
+            case Kind.VIDEO:
+                count = _video(frames, out, depth_scale_um, fps_of(recording) / every)
+            case Kind.HDF5 | Kind.ZARR:
+                used = recording.bundle
+                known = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
+                count = write_arrays(frames, out / ONE_FILE[kind], **known)
+            case _:
+                count = sum(_written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames)
     except OSError as error:
         raise InputError(f"{out} cannot be written ({error.strerror}): choose another folder, or free space") from error
     if not recording.whole:
@@ -69,16 +79,16 @@ def command(
 def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
     """Yield the tactile frames of a recording, by `bundle` or by the one that was in use at each frame."""
     reconstructor: Reconstructor | None = None
-    camera = ReplayCamera(recording, url=str(recording.path), chosen=ReplayUrl.model_validate({"speed": 0}))
-    while True:
-        try:
-            frame = camera.read()
-        except EndOfStream:
-            return
-        wanted = bundle or recording.bundles[camera.zero]
+    for record in recording.frames():
+        info, source = record.info, str(recording.path)
+        wanted = bundle or recording.bundles[info.zero]
         if reconstructor is None or reconstructor.bundle is not wanted:
             reconstructor = Reconstructor(wanted)
-        yield reconstructor.reconstruct(frame)
+        stamp = CaptureStamp(zeroed=wanted, unix_s=info.unix_s)
+        image = record.image(source)
+        yield reconstructor.reconstruct(
+            CameraFrame(image=image, time_s=info.time_s, sequence=info.sequence, source=source, stamp=stamp)
+        )
 
 
 def fps_of(recording: Recording) -> float:

@@ -20,9 +20,11 @@ from rosbags.typesys import Stores, get_typestore
 import gellight
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import extend_bundle
+from gellight.frames.frames import CameraFrame
 from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import library
 from gellight.reconstruction.pipeline import Reconstructor
+from gellight.recording.array_files import STEP, write_arrays
 from gellight.recording.recording_file import CHUNK_BYTES, DepthKind, Recording, depth_image
 from gellight.recording.replay_camera import open_replay
 from gellight.stream import recorder as recorder_module
@@ -190,6 +192,36 @@ def test_a_recording_is_exported_as_arrays_and_surfaces(recording: Path, tmp_pat
     assert (len(vertices["z"]), len(triangles)) == (307200, 2 * 639 * 479)
     assert vertices["z"].max() == pytest.approx(maps["depth_mm"].max(), abs=0.02)
     assert np.ptp(vertices["x"]) == pytest.approx(639 * gellight.load_bundle("synthetic").pixel_size_mm[0], 1e-5)
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "zarr"])
+def test_a_recording_becomes_one_file_of_arrays(recording: Path, tmp_path: Path, kind: str) -> None:
+    reader = pytest.importorskip({"hdf5": "h5py"}.get(kind, kind))
+    done = children.gellight("export", recording, "--out", tmp_path, "--as", kind, "--json")
+    assert done.returncode == 0, done.stderr
+    file = reader.File(tmp_path / "frames.h5") if kind == "hdf5" else reader.open_group(tmp_path / "frames.zarr")
+    taken = list(Recording(recording).frames())
+    assert file["image"].shape[0] == json.loads(done.stdout)["frames"] == len(taken)
+    assert np.array_equal(file["image"][2], taken[2].image("a"))
+    assert file["figures/unix_s"][:].tolist() == [frame.info.unix_s for frame in taken]
+    camera_frame = CameraFrame(image=taken[2].image("a"), time_s=0.0, sequence=2)
+    felt = gellight.Reconstructor(Recording(recording).bundle).reconstruct(camera_frame)
+    assert np.abs(file["depth_mm"][2] - felt.depth_mm).max() <= STEP / 2 + 1e-7
+    assert np.abs(file["gradient_map"][2] - felt.gradient_map).max() <= STEP / 2 + 1e-7
+    assert np.array_equal(file["contact"][2], felt.contact.mask)
+    assert file["figures/force_n"][2] == pytest.approx(felt.force.normal_n)
+    assert file.attrs["depth_step_mm"] == STEP
+    again = children.gellight("export", recording, "--out", tmp_path, "--as", kind)
+    assert (again.returncode, "exists: choose another" in again.stderr) == (2, True)
+
+
+def test_without_the_library_of_arrays_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("h5py", "zarr"):
+        monkeypatch.setitem(sys.modules, package, None)
+    for name in ("a.h5", "a.zarr"):
+        with pytest.raises(InputError, match=r"gellight\[arrays\]"):
+            write_arrays([], tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_force_pressure_and_confidence_are_recorded_and_are_the_same_when_exported(tmp_path: Path) -> None:
