@@ -69,6 +69,39 @@ def find_contact(
     )
 
 
+def without_untouched(
+    contact: Contact,
+    touched: NDArray[np.bool_],
+    depth_mm: NDArray[np.floating],
+    pixel_size_mm: float | tuple[float, float],
+) -> Contact:
+    """Return the contact without the parts in which nothing is touched: they got their depth from afar.
+
+    touched: (H, W) where the picture says so. A gel that moved in its frame is seen in one place, and its slopes, which
+    are gentle everywhere, add up to a depth in another.
+    """
+    if not np.any(contact.mask & ~touched):
+        return contact
+    part = bounding_box(contact.mask)
+    labels, count = ndimage.label(contact.mask[part], structure=_NEIGHBOURS)
+    felt = np.bincount(labels[touched[part]], minlength=count + 1) > 0
+    felt[0] = False
+    if felt[1:].all():
+        return contact
+    mask = np.zeros_like(contact.mask)
+    mask[part] = felt[labels]
+    size_x, size_y = pixel_size_xy(pixel_size_mm)
+    if not mask.any():
+        return Contact(mask=mask, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
+    x, y = (_mean_place(np.count_nonzero(mask, axis=axis)) for axis in (0, 1))
+    return Contact(
+        mask=mask,
+        area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
+        indentation_mm=float(_second_largest_of_blocks(np.where(mask, depth_mm, 0.0)).max()),
+        centroid_mm=(x * size_x, y * size_y),
+    )
+
+
 def measure_patches(
     mask: NDArray[np.bool_],
     depth_mm: NDArray[np.floating],

@@ -76,7 +76,8 @@ class NumpyPath:
         gradient_map = self._smoother.of_surface(depth_mm, self._bundle.pixel_size_mm, slopes, noise, where=where)
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
-        return tactile_frame(camera_frame, difference, gradient_map, depth_mm, self._bundle.pixel_size_mm, stages)
+        pixels = self._bundle.pixel_size_mm
+        return tactile_frame(camera_frame, difference, gradient_map, depth_mm, pixels, stages, touched=where)
 
     def _slopes(self, difference: Floats, cells: Bools, touched: Bools) -> Floats:
         if not self._masked:

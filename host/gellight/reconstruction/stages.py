@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, TactileFrame
 from gellight.frames.measures import FrameMeasures
-from gellight.reconstruction.contact import find_contact, measure_patches
+from gellight.reconstruction.contact import find_contact, measure_patches, without_untouched
 from gellight.reconstruction.integration import normals
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
@@ -99,11 +99,17 @@ def tactile_frame(
     stages: Stages,
     exposures: ExposureReport | None = None,
     measures: FrameMeasures | None = None,
+    touched: NDArray[np.bool_] | None = None,
 ) -> TactileFrame:
-    """Do the last two stages, normals and contact, and put the frame together."""
+    """Do the last two stages, normals and contact, and put the frame together.
+
+    touched: (H, W) where the picture says so; None: contact may be anywhere.
+    """
     normal_map = normals(gradient_map)
     stages.end("normals")
     contact = find_contact(depth_mm, pixel_size_mm)
+    if touched is not None:
+        contact = without_untouched(contact, touched, depth_mm, pixel_size_mm)
     contacts = measure_patches(contact.mask, depth_mm, gradient_map, pixel_size_mm)
     stages.end("contact")
     return TactileFrame(

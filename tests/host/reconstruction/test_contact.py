@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from gellight.reconstruction.contact import find_contact, measure_patches
+from gellight.reconstruction.contact import find_contact, measure_patches, without_untouched
 from tests.helpers import fem_presses
 from tests.helpers.analytic_surfaces import centred_grid, gaussian, smooth_cap
 
@@ -71,6 +71,22 @@ def test_each_region_is_measured_by_its_own_depth() -> None:
     assert np.count_nonzero(left) == pytest.approx(np.count_nonzero(right), rel=0.01)
     assert contact.indentation_mm == pytest.approx(1.0, rel=0.01)
     assert contact.centroid_mm == pytest.approx((0, 0), abs=0.01)
+
+
+def test_what_nothing_touches_is_no_contact_however_deep() -> None:
+    deep, shallow = (smooth_cap((240, 320), 60, (x, 0), height=height).depth for x, height in ((-80, 1.0), (80, 0.1)))
+    depth = deep + shallow
+    contact, touched = find_contact(depth, 0.05), np.zeros(depth.shape, np.bool_)
+    touched[120, 240] = True
+    felt = without_untouched(contact, touched, depth, 0.05)
+    assert not felt.mask[:, :160].any()
+    np.testing.assert_array_equal(felt.mask[:, 160:], contact.mask[:, 160:])
+    assert felt.indentation_mm == pytest.approx(0.1, rel=0.02)
+    assert felt.area_mm2 == pytest.approx(contact.area_mm2 / 2, rel=0.01)
+    assert felt.centroid_mm == pytest.approx((80 * 0.05, 0), abs=0.05)
+    assert without_untouched(contact, contact.mask, depth, 0.05) is contact
+    nowhere = without_untouched(contact, np.zeros_like(touched), depth, 0.05)
+    assert (nowhere.area_mm2, nowhere.indentation_mm, nowhere.centroid_mm) == (0.0, 0.0, None)
 
 
 def test_a_lone_pixel_is_neither_contact_nor_indentation() -> None:

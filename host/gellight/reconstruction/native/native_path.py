@@ -16,7 +16,7 @@ from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.frames.pixel_grid import bounding_box, spread_blocks
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
-from gellight.reconstruction.contact import THRESHOLD_MM, measure_patches
+from gellight.reconstruction.contact import THRESHOLD_MM, measure_patches, without_untouched
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
@@ -101,7 +101,7 @@ class NativePath:
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
         stages.end("normals")
-        contact = self._contact(depth_mm)
+        contact = self._felt(self._contact(depth_mm), depth_mm, touched_pixels)
         contacts = measure_patches(contact.mask, depth_mm, gradient_map, self._bundle.pixel_size_mm)
         stages.end("contact")
         return TactileFrame(
@@ -259,6 +259,12 @@ class NativePath:
             indentation_mm=deepest,
             centroid_mm=centroid and (centroid[0] * size_x, centroid[1] * size_y),
         )
+
+    def _felt(self, contact: Contact, depth_mm: Floats, touched: NDArray[np.bool_] | None) -> Contact:
+        """Return the contact without what nothing touches; touched: pixels, where the lens moved them."""
+        if touched is None:
+            touched = spread_blocks(self._m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+        return without_untouched(contact, touched, depth_mm, self._bundle.pixel_size_mm)
 
     def _run(self, function: str, *arguments: NDArray[Any] | float) -> int:
         """Call a function of the library with arrays and numbers, then width and height."""
