@@ -17,7 +17,10 @@ VERBS = lazy_group(
         "service": ("service:app", "Let systemd run the sensor of this user."),
         "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
-        "export": ("export:command", "Turn a recording into arrays, pictures, point clouds or a video."),
+        "export": (
+            "export:command",
+            "Turn a recording into arrays, pictures, surfaces, a video, or one file of arrays.",
+        ),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
         "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
