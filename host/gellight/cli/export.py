@@ -51,7 +51,7 @@ def command(
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     as_json: AsJson = False,
 ) -> None:
-    """Turn a recording into arrays, pictures, surfaces, a video, or one file of arrays.
+    """Turn a recording into arrays, pictures, surfaces or a video.
 
     Depth is computed from the recorded pictures. A file is named after the sequence number of its frame; .npz files
     have what those of `gellight reconstruct` have, .ply files are surfaces in mm.

@@ -19,7 +19,7 @@ VERBS = lazy_group(
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
         "export": (
             "export:command",
-            "Turn a recording into arrays, pictures, surfaces, a video, or one file of arrays.",
+            "Turn a recording into arrays, pictures, surfaces or a video.",
         ),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
         "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
