@@ -30,6 +30,8 @@ MOST_ROWS = 3000
 """of a press, evenly chosen: more change nothing"""
 NEAR = 1.5
 """times the reach of a press: nearer, what was pressed says more than the teacher"""
+WORTH = 5
+"""presses: the teacher's rows are as many as these have, and no more, for it knows less than many presses"""
 REST_SHARE = 0.3
 REST_SPREAD = 0.02
 """of the root mean square of the colours: as far an untouched pixel may change by noise"""
@@ -92,13 +94,16 @@ def fit_teacher(table: Table, untouched: Floats) -> Teacher:
 
 
 def with_taught(table: Table, untouched: Floats, random: np.random.Generator) -> Table:
-    """Return the table with more rows, at random places that are not near a press: up to as many, and 0.3 times, again.
+    """Return the table with more rows, at random places that are not near a press.
 
-    The first have the colours of the presses and the slopes that `Teacher` answers; the others are of a gel at rest.
+    Up to as many as `WORTH` presses have, and no more than there are, have the colours of the presses and the slopes
+    that `Teacher` answers; up to 0.3 times as many as there are are of a gel at rest.
     """
     colours, width = table.pixels[:, :3], np.array(table.image_size) - 1
-    of = random.integers(0, len(colours), round((1 + REST_SHARE) * len(colours)))
-    taught, rest = of[: len(colours)], of[len(colours) :]
+    share = min(1.0, WORTH / len(np.unique(table.image)))
+    count = round(share * len(colours))
+    of = random.integers(0, len(colours), count + round(REST_SHARE * len(colours)))
+    taught, rest = of[:count], of[count:]
     noise = REST_SPREAD * float(np.sqrt((colours**2).mean())) * random.standard_normal((len(rest), 3))
     places = random.integers(0, width + 1, (len(of), 2))
     pixels = np.concatenate([np.concatenate([colours[taught], noise]), places], axis=1, dtype=np.float32)

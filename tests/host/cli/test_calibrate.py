@@ -293,8 +293,7 @@ def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     assert figures["normal_error_deg"]["mean"] < 6.8
     assert figures["refined"]["normal_error_deg"]["mean"] < 5.4
     assert figures["contact_iou"] > 0.75
-    # Learnt in the same folds: within 3 % of the best simpler model by circles of a hand, 10 % by those of the light.
-    for baseline in figures["baselines"].values():
-        assert figures["normal_error_deg"]["mean"] < 1.03 * baseline["normal_error_deg"]["mean"]
-    for baseline in figures["refined"]["baselines"].values():
-        assert figures["refined"]["normal_error_deg"]["mean"] < 1.1 * baseline["normal_error_deg"]["mean"]
+    # Learnt in the same folds: better than every simpler model, by circles of a hand and by those of the light.
+    for judged in (figures, figures["refined"]):
+        for baseline in judged["baselines"].values():
+            assert judged["normal_error_deg"]["mean"] < baseline["normal_error_deg"]["mean"]
