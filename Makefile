@@ -38,8 +38,8 @@ bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
 
 # The site, in build/site: strict, so a link that leads nowhere ends it.
-docs: $(VENV)/.dev
-	$(BIN)/python -m mkdocs build --strict
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 # What a package index takes, in dist/.
 dist: $(VENV)/.dev
@@ -57,10 +57,15 @@ define install
 	    $(BIN)/pip install --quiet $(1); ended=$$?; kill $$beat; exit $$ended; fi
 endef
 
-# A stamp says what is installed: `host` is what a user runs, `dev` adds PyTorch and the test tools.
+# A stamp says what is installed: `host` is what a user runs, `docs` adds what makes the site, `dev` PyTorch
+# and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and 46 packages that it needs into $(VENV): 700 MB, one to three minutes, once"
 	$(call install,--editable .,49)
+	@touch $@
+
+$(VENV)/.docs: pyproject.toml | $(VENV)/.host
+	$(call install,--editable ".[docs]",80)
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
