@@ -15,6 +15,9 @@ THRESHOLD_MM = 0.02
 SMALLEST_PATCH_PX = 16
 """what is smaller is a crumb that noise broke off the rim of a patch"""
 
+MOST_PATCHES = 100
+"""the deepest; cloth or foam has more, and who follows a contact means none of those"""
+
 LEVELS = 32
 """into so many levels of depth a region is divided, and"""
 _RIMS = slice(6, 26)
@@ -111,7 +114,8 @@ def measure_patches(
     """Measure each connected part of a contact patch, the deepest first.
 
     mask: (H, W) the contact patch. depth_mm: (H, W) mm. gradient_map: (H, W, 2). Pixels that touch at a corner are
-    connected. Parts smaller than `SMALLEST_PATCH_PX` are left out. NaN in depth or slope is left out of the figures.
+    connected. Parts smaller than `SMALLEST_PATCH_PX` are left out, and all but the `MOST_PATCHES` deepest.
+    NaN in depth or slope is left out of the figures.
     """
     if not mask.any():
         return []
@@ -143,7 +147,7 @@ def measure_patches(
                 slope_rad=math.atan(math.sqrt(np.nanmax(slopes_x**2 + slopes_y**2))),
             )
         )
-    return sorted(patches, key=lambda patch: -patch.depth_mm)
+    return sorted(patches, key=lambda patch: -patch.depth_mm)[:MOST_PATCHES]
 
 
 def _check(depth_mm: NDArray[np.floating], threshold_mm: float) -> None:

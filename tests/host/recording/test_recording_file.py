@@ -24,6 +24,7 @@ from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording import recording_file
+from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import (
     ContactInfo,
     DepthKind,
@@ -344,6 +345,14 @@ def test_a_frame_that_came_too_late_to_be_packed_is_the_same(tmp_path: Path, bun
     raw, packed = Recording(tmp_path / "a.mcap").frames()
     assert (raw.info.letters, packed.info.letters) == ("RGB3", "PNG")
     assert np.array_equal(raw.image("a"), packed.image("a"))
+
+
+@pytest.mark.parametrize("damage", [b"", b"PNG", b"huge"])
+def test_a_picture_that_is_damaged_is_refused(damage: bytes, bundle: Bundle) -> None:
+    whole = FrameRecord.of(plain(1), CaptureStamp(zeroed=bundle, unix_s=1e9))
+    data = {b"huge": whole.data[:16] + b"\x7f\xff\xff\xff" * 2 + whole.data[24:]}.get(damage, damage)
+    with pytest.raises(InputError, match=r"here: frame 1 cannot be decoded: record it again"):
+        FrameRecord(info=whole.info, data=data).image("here")
 
 
 def test_an_existing_file_is_not_replaced(record: Record) -> None:

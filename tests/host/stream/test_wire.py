@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frames.measures import STEEP, MapOnRequest
+from gellight.reconstruction.contact import MOST_PATCHES, measure_patches
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.stream.wire import PLANE, PREFIX, decode, encode
@@ -52,6 +53,17 @@ def test_a_frame_of_a_daemon_that_knew_no_contacts_is_read() -> None:
     old = re.sub(rb'"contacts":\[.*?\}\],', lambda found: b" " * len(found[0]), encode(full_frame()))
     assert b"contacts" not in old
     assert decode(old, no_bundle).contacts == ()
+
+
+def test_the_contacts_of_cloth_are_not_too_many_for_a_message() -> None:
+    depth, gradient = np.zeros((480, 640)), np.full((480, 640, 2), 0.123456789)
+    for row in range(2, 470, 8):
+        depth[row : row + 5, np.arange(640) % 8 < 5] = 0.5 + row / 1000
+    contacts = measure_patches(depth > 0, depth, gradient, 0.0588)
+    assert len(contacts) == MOST_PATCHES
+    assert contacts[-1].depth_mm > 0.9, "the deepest"
+    followed = tuple(replace(one, number=2**31, age_s=1 / 3, velocity_mm_s=(1 / 3, -1 / 3)) for one in contacts)
+    assert decode(encode(replace(full_frame(), contacts=followed)), no_bundle).contacts == followed
 
 
 def test_the_provenance_arrives_with_the_ages_of_the_journey() -> None:
