@@ -23,7 +23,6 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
-from gellight.recording.recording_file import CHUNK_BYTES
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
 from tests.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
@@ -271,8 +270,9 @@ class Soak:
 
     def _full_disk(self, fault: PlannedFault, shift: Shift) -> None:
         """Let files grow no more, which a program learns as it learns of a full disk: its write fails."""
-        if not self._within(lambda: shift.recorder.path.stat().st_size > CHUNK_BYTES):
-            self.judge.broken(Invariant.RECORDING, f"{CHUNK_BYTES >> 20} MB were not recorded in {GIVE_UP_S:g} s")
+        size = shift.recorder.path.stat().st_size
+        if not self._within(lambda: shift.recorder.path.stat().st_size > size):
+            self.judge.broken(Invariant.RECORDING, f"no chunk was recorded in {GIVE_UP_S:g} s")
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (shift.recorder.path.stat().st_size + 1, limits[1]))
         try:
