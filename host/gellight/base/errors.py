@@ -35,3 +35,8 @@ class StreamError(GellightError):
 
 class BoardError(GellightError):
     """The board of the light ring cannot be reached, speaks another protocol, or refuses what was asked."""
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of what another library's error says, or its name where it says nothing."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

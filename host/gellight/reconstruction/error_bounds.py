@@ -59,7 +59,7 @@ class ErrorRecord(BundleFile):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Patches:
     """Each pixel's contact: the one it lies in, or the nearest."""
 

@@ -11,7 +11,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, first_line
 
 Floats = NDArray[np.float32]
 
@@ -76,7 +76,7 @@ def _session(content: bytes, threads: int, source: str) -> onnxruntime.Inference
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime has no base class for its errors
-        reason = str(error).splitlines()[0][:200]
+        reason = first_line(error)[:200]
         raise BundleError(f"{source}: the network cannot be loaded ({reason}): {REMEDY}") from error
 
 

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from gellight.base.allowed import StrictModel
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance, TactileFrame
 from gellight.frames.measures import MapOnRequest
@@ -300,7 +300,7 @@ class Recording:
             raise self._damaged(error) from None
 
     def _damaged(self, error: Exception) -> InputError:
-        return InputError(f"{self.path} is damaged ({str(error).splitlines()[0]}): copy or record it again")
+        return InputError(f"{self.path} is damaged ({first_line(error)}): copy or record it again")
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         """Yield what a message is of, and its content; note the bundles on the way."""

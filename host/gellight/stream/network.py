@@ -16,7 +16,7 @@ from urllib.parse import quote, unquote, urlsplit
 
 import zenoh
 
-from gellight.base.errors import StreamError
+from gellight.base.errors import StreamError, first_line
 
 LAN_PORT, LAN_PORTS = 7447, 16
 """where daemons listen for other computers: the first free one of this number of ports"""
@@ -137,15 +137,12 @@ def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Sessio
         return zenoh.open(settings)
     except zenoh.ZError as error:
         endpoints = given.get("connect/endpoints") or given["listen/endpoints"]
+        reason = first_line(error).split(" at /")[0]
         raise StreamError(
-            f"no connection at {endpoints} ({_first_line(error)}): is the daemon there? has another program the port?"
+            f"no connection at {endpoints} ({reason}): is the daemon there? has another program the port?"
         ) from error
 
 
 def _free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as probe:
         return int(probe.getsockname()[1])
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).split(" at /")[0].splitlines()[0]

@@ -97,7 +97,7 @@ def _figures(errors: Sequence[PressError]) -> dict[str, object]:
     }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
     """Pixels of a press that was not learnt from: what tells their error, and the error."""
 
